@@ -1,0 +1,27 @@
+"""The one family of errors that a user may meet.
+
+Every message says what is wrong, where, what was found and expected, and what to do. The command line prints it as
+one line and exits with code 2; a library user catches `WrenchgapError`.
+"""
+
+from __future__ import annotations
+
+
+class WrenchgapError(Exception):
+    """Base of everything that wrenchgap raises on purpose."""
+
+
+class LogError(WrenchgapError):
+    """A log that cannot be read, or lacks what was asked of it."""
+
+
+class ModelError(WrenchgapError):
+    """A model file, vehicle or effect that is not usable as given."""
+
+
+class FitError(WrenchgapError):
+    """Data from which the asked-for quantity cannot be estimated, or a fitted model that does not belong here."""
+
+
+class UsageError(WrenchgapError):
+    """A command or call whose arguments contradict each other."""

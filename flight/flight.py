@@ -1,0 +1,178 @@
+"""What a flight is: series of stamped values, one per role, on one time base.
+
+A *role* is what a topic means to the analysis, whatever its name and type. A `Flight` holds at most one series per
+role. Times are seconds since `Flight.start_ns`, strictly increasing within a series. All values are SI; frames are E
+(inertial, z up) and B (body, x forward, y left, z up); quaternions are scalar first and take B to E.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+"""Order of a wrench's six components, everywhere."""
+
+ROLES = ("commanded", "desired", "actuators", "imu", "odometry", "reference", "battery")
+"""What a topic can mean: see `Flight` for each."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """An interval between two samples that is too long to be bridged."""
+
+    start: float  # s
+    stop: float  # s
+
+
+@dataclass(frozen=True)
+class Series:
+    """Samples of one role. `time` (N,) [s] is strictly increasing.
+
+    `gaps` are the intervals that no computation may interpolate over. `dropped` counts samples that the reader left
+    out, by reason, e.g. `{"not finite": 3, "stamp not increasing": 1}`.
+    """
+
+    topic: str
+    time: Array
+    gaps: tuple[Gap, ...] = field(default=(), kw_only=True)
+    dropped: dict[str, int] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def period(self) -> float:
+        """Median interval between samples [s]."""
+        return float(np.median(np.diff(self.time)))
+
+
+@dataclass(frozen=True)
+class WrenchSeries(Series):
+    """`wrench_B` (N, 6): force [N] then torque [Nm], in B, about the vehicle's (believed) centre of mass."""
+
+    wrench_B: Array
+
+
+@dataclass(frozen=True)
+class ActuatorSeries(Series):
+    """`tilt` (N, A) [rad] and `rotor_speed` (N, R) [rad/s], as commanded; either may have no columns."""
+
+    tilt: Array
+    rotor_speed: Array
+
+
+@dataclass(frozen=True)
+class ImuSeries(Series):
+    """`omega_B` (N, 3) [rad/s] and `specific_force_B` (N, 3) [m/s^2] (an accelerometer's reading: +g up at rest)."""
+
+    omega_B: Array
+    specific_force_B: Array
+
+
+@dataclass(frozen=True)
+class OdometrySeries(Series):
+    """Pose and, where known, velocity of the body.
+
+    `position_E` (N, 3) [m], `quat_EB` (N, 4), `velocity_E` (N, 3) [m/s] or None, `omega_B` (N, 3) [rad/s] or None.
+    """
+
+    position_E: Array
+    quat_EB: Array
+    velocity_E: Array | None = None
+    omega_B: Array | None = None
+
+
+@dataclass(frozen=True)
+class ReferenceSeries(Series):
+    """The trajectory that was asked for; D is the reference's body frame.
+
+    `position_E` (N, 3), `quat_ED` (N, 4), `velocity_E` (N, 3) or None, `omega_D` (N, 3) or None; `acceleration_E`
+    (N, 3) [m/s^2] and `omega_dot_D` (N, 3) [rad/s^2] where the log has them.
+    """
+
+    position_E: Array
+    quat_ED: Array
+    velocity_E: Array | None = None
+    omega_D: Array | None = None
+    acceleration_E: Array | None = None
+    omega_dot_D: Array | None = None
+
+
+@dataclass(frozen=True)
+class BatterySeries(Series):
+    """`voltage` (N,) [V]."""
+
+    voltage: Array
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One recorded flight. Roles that the log does not play are None.
+
+    commanded  what the controller sent to the allocation, after any compensation
+    desired    what the controller wanted before compensation
+    actuators  commanded tilt angles and rotor speeds
+    imu        gyroscope and accelerometer
+    odometry   pose and velocity (motion capture, estimator or simulator)
+    reference  the trajectory that was asked for
+    battery    its voltage
+
+    `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was
+    assumed, repaired or left out.
+    """
+
+    name: str
+    path: Path
+    content_hash: str
+    start_ns: int
+    commanded: WrenchSeries | None = None
+    desired: WrenchSeries | None = None
+    actuators: ActuatorSeries | None = None
+    imu: ImuSeries | None = None
+    odometry: OdometrySeries | None = None
+    reference: ReferenceSeries | None = None
+    battery: BatterySeries | None = None
+    notes: tuple[str, ...] = ()
+
+    def series(self) -> dict[str, Series]:
+        """The roles that this flight plays, in the order of `ROLES`."""
+        found = ((role, getattr(self, role)) for role in ROLES)
+        return {role: series for role, series in found if series is not None}
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A contiguous stretch of a flight on one uniform clock: N samples, `time` (N,) [s since Flight.start_ns].
+
+    There is no gap inside. Commands are what the plant held on average around each instant (see
+    `flight.resample`). What the log lacks is None.
+
+    wrench_cmd_B      (N, 6)  commanded wrench
+    wrench_des_B      (N, 6)  desired wrench, before compensation
+    tilt_cmd          (N, A)  [rad]
+    rotor_speed_cmd   (N, R)  [rad/s]
+    omega_B           (N, 3)  gyroscope, or odometry's rate where there is no IMU
+    specific_force_B  (N, 3)  accelerometer, or from differentiated odometry velocity
+    position_E, velocity_E (N, 3), quat_EB (N, 4)
+    voltage           (N,)
+    """
+
+    flight: str
+    time: Array
+    dt: float
+    omega_B: Array
+    specific_force_B: Array
+    wrench_cmd_B: Array | None = None
+    wrench_des_B: Array | None = None
+    tilt_cmd: Array | None = None
+    rotor_speed_cmd: Array | None = None
+    position_E: Array | None = None
+    velocity_E: Array | None = None
+    quat_EB: Array | None = None
+    voltage: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)

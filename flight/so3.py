@@ -1,0 +1,138 @@
+"""Rotations: unit quaternions `quat_wxyz` and matrices, vectorised over leading axes.
+
+Convention: `quat_EB` and `R_EB` take B components to E components, `v_E = R_EB @ v_B`. Quaternions are Hamilton's,
+scalar first. Readers convert to this order; nothing inside uses another.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def normalise(quat_wxyz: Array) -> Array:
+    """Unit quaternion(s), shape (..., 4); the sign is kept."""
+    return np.asarray(quat_wxyz / np.linalg.norm(quat_wxyz, axis=-1, keepdims=True))
+
+
+def continuous(quat_wxyz: Array) -> Array:
+    """The same rotations, shape (N, 4), with signs chosen so that neighbours never jump to the antipode."""
+    flips = np.sum(quat_wxyz[1:] * quat_wxyz[:-1], axis=-1) < 0
+    sign = np.concatenate(([1.0], np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)))
+    return np.asarray(quat_wxyz * sign[:, None])
+
+
+def multiply(p_wxyz: Array, q_wxyz: Array) -> Array:
+    """Hamilton product p q, shapes (..., 4): first rotate by q, then by p."""
+    pw, px, py, pz = np.moveaxis(p_wxyz, -1, 0)
+    qw, qx, qy, qz = np.moveaxis(q_wxyz, -1, 0)
+    return np.stack(
+        (
+            pw * qw - px * qx - py * qy - pz * qz,
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+        ),
+        axis=-1,
+    )
+
+
+def conjugate(quat_wxyz: Array) -> Array:
+    """The inverse rotation of unit quaternion(s), shape (..., 4)."""
+    return np.asarray(quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def exp(rotation_vector: Array) -> Array:
+    """Quaternion of a rotation vector [rad], shape (..., 3) to (..., 4)."""
+    angle = np.linalg.norm(rotation_vector, axis=-1, keepdims=True)
+    half = 0.5 * angle
+    sinc = 0.5 * np.sinc(half / np.pi)  # sin(half) / angle, finite at zero
+    return np.concatenate((np.cos(half), sinc * rotation_vector), axis=-1)
+
+
+def log(quat_wxyz: Array) -> Array:
+    """Rotation vector [rad] of unit quaternion(s), shape (..., 4) to (..., 3); norm at most pi."""
+    q = np.where(quat_wxyz[..., :1] < 0, -quat_wxyz, quat_wxyz)
+    norm = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(norm, q[..., :1])
+    safe = np.where(norm > 1e-12, norm, 1.0)
+    return np.asarray(np.where(norm > 1e-12, angle / safe, 2.0) * q[..., 1:])
+
+
+def matrix(quat_wxyz: Array) -> Array:
+    """Rotation matrix R_EB of quat_EB, shape (..., 4) to (..., 3, 3)."""
+    w, x, y, z = np.moveaxis(quat_wxyz, -1, 0)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def from_matrix(R: Array) -> Array:
+    """Unit quaternion(s) of rotation matrices, shape (..., 3, 3) to (..., 4), scalar part not negative.
+
+    Shepperd's method: divides by the largest of the four candidates, so no loss near 180 deg.
+    """
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
+    candidates = np.concatenate((trace[..., None], diagonal), axis=-1)
+    choice = np.argmax(candidates, axis=-1)
+    q = np.empty((*R.shape[:-2], 4))
+    yz, xz, xy = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    sxy, sxz, syz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    forms = np.stack(
+        (
+            np.stack((1 + trace, yz, xz, xy), axis=-1),
+            np.stack((yz, 1 + 2 * diagonal[..., 0] - trace, sxy, sxz), axis=-1),
+            np.stack((xz, sxy, 1 + 2 * diagonal[..., 1] - trace, syz), axis=-1),
+            np.stack((xy, sxz, syz, 1 + 2 * diagonal[..., 2] - trace), axis=-1),
+        ),
+        axis=-2,
+    )
+    q = np.take_along_axis(forms, choice[..., None, None], axis=-2)[..., 0, :]
+    q = normalise(q)
+    return np.asarray(np.where(q[..., :1] < 0, -q, q))
+
+
+def rotate(quat_wxyz: Array, vector: Array) -> Array:
+    """v_E = R_EB v_B for quat_EB, shapes (..., 4) and (..., 3)."""
+    w, u = quat_wxyz[..., :1], quat_wxyz[..., 1:]
+    t = 2.0 * np.cross(u, vector)
+    return np.asarray(vector + w * t + np.cross(u, t))
+
+
+def rotate_inverse(quat_wxyz: Array, vector: Array) -> Array:
+    """v_B = R_EB^T v_E for quat_EB, shapes (..., 4) and (..., 3)."""
+    return rotate(conjugate(quat_wxyz), vector)
+
+
+def interpolate(time: Array, knots: Array, quat_wxyz: Array) -> Array:
+    """Constant-rate (slerp) interpolation of attitudes at `knots` (K,), quat (K, 4), to `time` (N,)."""
+    index = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
+    fraction = np.clip((time - knots[index]) / (knots[index + 1] - knots[index]), 0.0, 1.0)
+    start = quat_wxyz[index]
+    return multiply(start, exp(fraction[:, None] * log(multiply(conjugate(start), quat_wxyz[index + 1]))))
+
+
+def hat(vector: Array) -> Array:
+    """Cross-product matrix, hat(a) @ b = a x b, shape (..., 3) to (..., 3, 3)."""
+    x, y, z = np.moveaxis(vector, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
+
+
+def vee(S: Array) -> Array:
+    """Inverse of `hat`; takes the skew part, shape (..., 3, 3) to (..., 3)."""
+    return np.asarray(
+        0.5
+        * np.stack((S[..., 2, 1] - S[..., 1, 2], S[..., 0, 2] - S[..., 2, 0], S[..., 1, 0] - S[..., 0, 1]), axis=-1)
+    )
+
+
+def tilt_angle(quat_wxyz: Array) -> Array:
+    """Angle [rad] between body z and inertial z, shape (..., 4) to (...)."""
+    return np.arccos(np.clip(matrix(quat_wxyz)[..., 2, 2], -1.0, 1.0))

@@ -1,0 +1,129 @@
+"""What an effect is: an equation with parameters that acts at one of five places.
+
+place       signature of `apply`                                             examples
+commands    (commands, theta, context, dt, memory) -> (commands, memory)     lags, delay, tilt offset
+thrusts     (actuation, theta, context) -> thrust (N, R)                     gains, coaxial loss, wakes
+wrench      (actuation or None, wrench_B, theta, context) -> wrench_B (N, 6) drag, constant wrench, thrust scale
+body        (body, theta) -> body                                            centre of mass, inertia, mass
+sensor      (motion, theta, context) -> motion                               misalignment, lever arm
+
+`theta` (P,) are the values of `parameters(vehicle)`, in that order. Zero is always "no effect": the identification
+starts there, and a test asserts it. The same `apply` serves identification (N samples) and simulation (N = 1, called
+again and again); what must be remembered between calls travels in `memory`, None at the start.
+
+Effects at one place commute or are applied in the order of `order` then `name`, never in the order in which they
+were added, so that a model does not depend on its history.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.state import Actuation, Commands, Motion, State
+from plant.vehicle import Body, Vehicle
+
+Array = NDArray[np.float64]
+Place = Literal["commands", "thrusts", "wrench", "body", "sensor"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect. Zero means "not there".
+
+    `low` and `high` bound what is physically plausible; `scale` is a typical size (prior standard deviation), which
+    also sets the step of numerical derivatives. `start` is where a search begins when the derivative at zero is
+    not informative (a lag, a width); zero for parameters that enter smoothly.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    scale: float
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class Context:
+    """What an effect may look at: the vehicle and the state (N samples)."""
+
+    vehicle: Vehicle
+    state: State
+
+
+class Effect(ABC):
+    """Base of all effects. A subclass is one file: equation and source in its docstring, and two methods."""
+
+    name: ClassVar[str]
+    place: ClassVar[Place]
+    excited_by: ClassVar[str]
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    order: ClassVar[int] = 0
+    needs_rotors: ClassVar[bool] = False
+    needs_voltage: ClassVar[bool] = False
+    needs_pose: ClassVar[bool] = False
+
+    @abstractmethod
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Names, units, plausible ranges of the parameters for this vehicle."""
+
+
+class CommandEffect(Effect):
+    """Acts on what the controller sends, before it becomes thrust: lags, delays, offsets."""
+
+    place = "commands"
+
+    @abstractmethod
+    def apply(
+        self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any
+    ) -> tuple[Commands, Any]:
+        """Commands as they arrive, and the memory to hand to the next call. Samples are `dt` [s] apart."""
+
+
+class ThrustEffect(Effect):
+    """Changes the rotor thrusts: gains, losses, interference."""
+
+    place = "thrusts"
+    needs_rotors = True
+
+    @abstractmethod
+    def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
+        """Rotor thrusts (N, R) [N] with the effect."""
+
+
+class WrenchEffect(Effect):
+    """Adds to the wrench on the body: drag, bias, scale."""
+
+    place = "wrench"
+
+    @abstractmethod
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The *added* wrench (N, 6) about O, in B. `wrench_B` is what the rotors make, before any wrench effect."""
+
+
+class BodyEffect(Effect):
+    """Changes the mass properties."""
+
+    place = "body"
+
+    @abstractmethod
+    def apply(self, body: Body, theta: Array) -> Body:
+        """The body as it is."""
+
+
+class SensorEffect(Effect):
+    """Changes what the IMU reads."""
+
+    place = "sensor"
+
+    @abstractmethod
+    def apply(self, motion: Motion, theta: Array, context: Context) -> Motion:
+        """The motion as the nominal processing will believe it to be (at O)."""
+
+
+AnyEffect = CommandEffect | ThrustEffect | WrenchEffect | BodyEffect | SensorEffect

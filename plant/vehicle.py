@@ -1,0 +1,106 @@
+"""The vehicle: arms that may tilt, rotors on them, mass properties, limits.
+
+Geometry of one arm, in B, origin at the body origin O (vehicle.md; L = arm length, g = azimuth):
+
+    p_arm   hub point                         (L cos g, L sin g, 0) for a planar star
+    a       tilt axis, unit, outward          (cos g, sin g, 0)
+    n_0     thrust direction at zero tilt     e_z
+    n(alpha) = cos(alpha) n_0 + sin(alpha) (a x n_0)          right-handed tilt about a
+
+A rotor on arm i sits at `p_arm + offset n(alpha)` and makes the thrust `T = c_f Omega^2` along n and the drag torque
+`-spin kappa T n` (spin +1: turns counter-clockwise about n, so its drag torque points along -n).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.errors import ModelError
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body: `mass` [kg], `inertia` (3, 3) [kg m^2] about its centre of mass, `com_B` (3,) [m] from O."""
+
+    mass: float
+    inertia: Array
+    com_B: Array
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise ModelError(f"vehicle.mass: got {self.mass}, expected a positive number of kilograms")
+        eigenvalues = np.linalg.eigvalsh(self.inertia)
+        if not np.allclose(self.inertia, self.inertia.T) or eigenvalues[0] <= 0:
+            raise ModelError(f"vehicle.inertia: {self.inertia.tolist()} is not symmetric positive definite [kg m^2]")
+
+
+@dataclass(frozen=True)
+class Arms:
+    """A arms. Positions (A, 3) [m], unit tilt axes (A, 3), unit thrust directions at zero tilt (A, 3).
+
+    `tilts` (A,) bool says which can tilt; limits (A,) in rad and rad/s.
+    """
+
+    position_B: Array
+    axis_B: Array
+    normal_B: Array
+    tilts: NDArray[np.bool_]
+    tilt_min: Array
+    tilt_max: Array
+    tilt_rate_max: Array
+
+    def __len__(self) -> int:
+        return len(self.position_B)
+
+
+@dataclass(frozen=True)
+class Rotors:
+    """R rotors. `arm` (R,) index of the arm that carries each, `offset` (R,) [m] along n, `spin` (R,) +1 or -1,
+    `c_f` (R,) [N s^2], `kappa` (R,) [m], `radius` (R,) [m], speed limits (R,) [rad/s].
+    """  # noqa: D205
+
+    arm: NDArray[np.intp]
+    offset: Array
+    spin: Array
+    c_f: Array
+    kappa: Array
+    radius: Array
+    speed_min: Array
+    speed_max: Array
+
+    def __len__(self) -> int:
+        return len(self.arm)
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A vehicle as its designer believes it to be.
+
+    `arms` and `rotors` are None for a vehicle of which only the wrench is known. `imu_position_B` (3,) [m] is the
+    accelerometer's place, from O.
+    """
+
+    name: str
+    body: Body
+    arms: Arms | None
+    rotors: Rotors | None
+    imu_position_B: Array
+
+    @property
+    def has_rotors(self) -> bool:
+        """Whether thrusts can be computed, i.e. the geometry is known."""
+        return self.rotors is not None
+
+    def geometry(self) -> tuple[Arms, Rotors]:
+        """Arms and rotors; raises ModelError where the model file gives none."""
+        if self.arms is None or self.rotors is None:
+            raise ModelError(f"{self.name}: this needs arms and rotors, and the model file has none; add [[arms]]")
+        return self.arms, self.rotors
