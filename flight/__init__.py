@@ -1,0 +1,1 @@
+"""What a flight is, and how it is read and written; no physics."""

@@ -1,0 +1,1 @@
+"""From flights to models: measured wrench, residuals, parameters of effects, Gaussian processes."""

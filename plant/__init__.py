@@ -1,0 +1,1 @@
+"""The physics: vehicle, actuation, effects, rigid body, sensors, controller, closed-loop simulation."""

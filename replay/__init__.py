@@ -1,0 +1,1 @@
+"""The application: replay, counterfactuals, comparison, reports and the command line."""
