@@ -1,1 +1,70 @@
-"""The catalogue of physical effects: one file for each, at one of five places."""
+"""The catalogue: every effect in this folder, and those that other packages offer.
+
+An effect is one file here with one subclass of `Effect`; it is found by being here. Another package offers effects
+through the entry point group `wrenchgap.effects`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from functools import cache
+from importlib.metadata import entry_points
+
+from flight.errors import ModelError
+from plant.effects.effect import (
+    AnyEffect,
+    BodyEffect,
+    CommandEffect,
+    Context,
+    Effect,
+    Parameter,
+    SensorEffect,
+    ThrustEffect,
+    WrenchEffect,
+)
+
+__all__ = [
+    "AnyEffect",
+    "BodyEffect",
+    "CommandEffect",
+    "Context",
+    "Effect",
+    "Parameter",
+    "SensorEffect",
+    "ThrustEffect",
+    "WrenchEffect",
+    "catalogue",
+    "find",
+]
+
+_PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
+
+
+@cache
+def catalogue() -> dict[str, AnyEffect]:
+    """Every known effect by name, sorted."""
+    classes: list[type[Effect]] = []
+    for module in pkgutil.iter_modules(__path__):
+        members = inspect.getmembers(importlib.import_module(f"{__name__}.{module.name}"), inspect.isclass)
+        classes += [c for _, c in members if c.__module__ == f"{__name__}.{module.name}" and issubclass(c, _PLACES)]
+    classes += [point.load() for point in entry_points(group="wrenchgap.effects")]
+    found: dict[str, AnyEffect] = {}
+    for cls in classes:
+        if inspect.isabstract(cls):
+            continue
+        if not issubclass(cls, _PLACES):
+            raise ModelError(f"effect {cls.__name__}: expected a subclass of one of the five kinds of plant.effects")
+        if cls.name in found:
+            raise ModelError(f"effect {cls.name}: two classes have this name; rename one")
+        found[cls.name] = cls()
+    return dict(sorted(found.items()))
+
+
+def find(name: str) -> AnyEffect:
+    """The effect of this name; raises ModelError that lists the others."""
+    known = catalogue()
+    if name not in known:
+        raise ModelError(f"effect {name!r} is not in the catalogue; known effects: {', '.join(known)}")
+    return known[name]

@@ -27,6 +27,26 @@ from numpy.typing import NDArray
 from plant.state import Actuation, Commands, Motion, State
 from plant.vehicle import Body, Vehicle
 
+__all__ = [
+    "Actuation",
+    "Any",
+    "AnyEffect",
+    "Array",
+    "Body",
+    "BodyEffect",
+    "CommandEffect",
+    "Commands",
+    "Context",
+    "Effect",
+    "Motion",
+    "Parameter",
+    "SensorEffect",
+    "State",
+    "ThrustEffect",
+    "Vehicle",
+    "WrenchEffect",
+]
+
 Array = NDArray[np.float64]
 Place = Literal["commands", "thrusts", "wrench", "body", "sensor"]
 
@@ -79,9 +99,7 @@ class CommandEffect(Effect):
     place = "commands"
 
     @abstractmethod
-    def apply(
-        self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any
-    ) -> tuple[Commands, Any]:
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Commands as they arrive, and the memory to hand to the next call. Samples are `dt` [s] apart."""
 
 

@@ -1,0 +1,37 @@
+"""Air drag of the airframe."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flight.so3 import rotate_inverse
+from plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
+from plant.vehicle import Vehicle
+
+
+class BodyDrag(WrenchEffect):
+    """Drag on the body, linear and quadratic in the velocity through still air, axis by axis in B.
+
+        F = -D_1 v_B - D_2 v_B |v_B|          (componentwise, at the centre of mass, no torque)
+
+    Source: reference effects.md, "body drag"; Faessler et al., RA-L 2018 (rotor drag, linear), Hoerner, "Fluid-Dynamic
+    Drag", 1965 (quadratic).
+    """
+
+    name = "body_drag"
+    excited_by = "translation faster than about 1 m/s, in every body direction"
+    confused_with = ("wind", "rotor_drag")
+    needs_pose = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Linear and quadratic coefficients along body x, y and z; typical: a tenth of the weight at 5 m/s."""
+        weight = vehicle.body.mass * 9.81
+        linear = tuple(Parameter(f"linear_{a}", "N s/m", 0.0, 0.2 * weight, 0.02 * weight) for a in "xyz")
+        squared = tuple(Parameter(f"quadratic_{a}", "N s^2/m^2", 0.0, 0.04 * weight, 0.004 * weight) for a in "xyz")
+        return linear + squared
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """Drag force about the nominal centre of mass, moved to O."""
+        velocity_B = rotate_inverse(context.state.quat_EB, context.state.velocity_E)
+        force = -theta[:3] * velocity_B - theta[3:] * velocity_B * np.abs(velocity_B)
+        return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)

@@ -1,0 +1,40 @@
+"""Centre of mass away from where the model has it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from plant.effects.effect import Array, BodyEffect, Parameter
+from plant.vehicle import Body, Vehicle
+
+
+class ComOffset(BodyEffect):
+    """The centre of mass sits r_c away from its nominal place.
+
+    Thrust F then makes a torque about it, and an accelerometer that stays where it is feels a lever arm:
+
+        M_c = M_O - r_c x F,    f_O = F/m - domega x r_c - omega x (omega x r_c)
+
+    Source: Newton-Euler about a point that is not the centre of mass; reference effects.md, "centre-of-mass offset".
+    """
+
+    name = "com_offset"
+    excited_by = "hover shows r_x and r_y; r_z needs tilt; force in two body directions shows all three"
+    confused_with = ("rotor_thrust", "constant_wrench", "rotor_interference")
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Offset along body x, y and z."""
+        size = _span(vehicle)
+        return tuple(Parameter(axis, "m", -0.1 * size, 0.1 * size, 0.02 * size) for axis in "xyz")
+
+    def apply(self, body: Body, theta: Array) -> Body:
+        """The body with its centre of mass moved; mass and inertia about the centre of mass stay."""
+        return replace(body, com_B=body.com_B + theta)
+
+
+def _span(vehicle: Vehicle) -> float:
+    """A length [m] to measure offsets by: the longest arm, or what mass and inertia suggest."""
+    if vehicle.arms is not None:
+        return float(max((vehicle.arms.position_B**2).sum(axis=1)) ** 0.5)
+    body = vehicle.body
+    return float((1.5 * body.inertia.trace() / body.mass) ** 0.5)

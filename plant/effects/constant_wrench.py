@@ -1,0 +1,32 @@
+"""A force and torque that never change, fixed in the body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
+from plant.vehicle import Vehicle
+
+
+class ConstantWrench(WrenchEffect):
+    """A constant wrench in B, about O: trim, a bias of the IMU or of the actuators taken together.
+
+    Source: reference effects.md, "constant wrench".
+    """
+
+    name = "constant_wrench"
+    excited_by = "always there; tilt separates it from forces fixed in E, thrust changes from gains"
+    confused_with = ("tilt_offset", "com_offset", "tether")
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Force and torque along the body axes; scaled to the vehicle's weight and size."""
+        body = vehicle.body
+        force = 0.02 * body.mass * 9.81
+        length = float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
+        forces = tuple(Parameter(f"force_{a}", "N", -10 * force, 10 * force, force) for a in "xyz")
+        torque = force * length
+        return forces + tuple(Parameter(f"torque_{a}", "Nm", -10 * torque, 10 * torque, torque) for a in "xyz")
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The added wrench, the same in every sample."""
+        return np.broadcast_to(theta, wrench_B.shape)

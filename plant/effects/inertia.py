@@ -1,0 +1,45 @@
+"""Inertia other than the model's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flight.errors import ModelError
+from plant.effects.effect import Array, BodyEffect, Parameter
+from plant.vehicle import Body, Vehicle
+
+_PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+class Inertia(BodyEffect):
+    """The inertia about the centre of mass differs by a symmetric dJ.
+
+    In terms of the nominal processing the torque residual is, to first order, -dJ domega - omega x dJ omega.
+    Source: Euler's equation; reference effects.md, "inertia error".
+    """
+
+    name = "inertia"
+    excited_by = "angular acceleration on every axis (multisine)"
+    confused_with = ("thrust_scale", "servo_lag", "motor_lag", "command_delay")
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """The six independent entries of dJ."""
+        J = vehicle.body.inertia
+        names = ("xx", "yy", "zz", "xy", "xz", "yz")
+        size = [float(np.sqrt(J[i, i] * J[k, k])) for i, k in _PLACES]
+        return tuple(
+            Parameter(name, "kg m^2", -0.4 * s, 0.4 * s, (0.1 if i == k else 0.03) * s)
+            for name, s, (i, k) in zip(names, size, _PLACES, strict=True)
+        )
+
+    def apply(self, body: Body, theta: Array) -> Body:
+        """The body with J + dJ."""
+        dJ = np.zeros((3, 3))
+        for value, (i, k) in zip(theta, _PLACES, strict=True):
+            dJ[i, k] = dJ[k, i] = value
+        try:
+            return replace(body, inertia=body.inertia + dJ)
+        except ModelError as error:
+            raise ModelError(f"effect inertia: the change {theta.tolist()} kg m^2 is too large; {error}") from None

@@ -1,0 +1,52 @@
+"""The first-order lag and the delay that the command effects share.
+
+A sequence of samples stands for a signal that is linear between them. For dy/dt = (u - y)/tau the samples then obey
+exactly
+
+    y[k] = a y[k-1] + b_0 u[k-1] + b_1 u[k],    a = exp(-dt/tau),  q = (1 - a) tau/dt,  b_0 = q - a,  b_1 = 1 - q
+
+(first-order hold; Astrom and Wittenmark, "Computer-Controlled Systems", 3rd ed., 8.3). The memory (u, y) makes N calls
+with one sample the same as one call with N.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+LagMemory = tuple[Array, Array]
+
+
+def first_order(signal: Array, tau: float, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
+    """Lagged samples (N, D) of `signal` (N, D), starting in equilibrium where there is no memory."""
+    if tau <= 0.0:
+        return signal, (signal[-1], signal[-1])
+    before, state = (signal[0], signal[0]) if memory is None else memory
+    a = float(np.exp(-dt / tau))
+    q = (1.0 - a) * tau / dt
+    b0, b1 = q - a, 1.0 - q
+    if len(signal) == 1:
+        out = (a * state + b0 * before + b1 * signal[0])[None]
+    else:
+        start = (a * state + b0 * before)[None]
+        out, _ = lfilter([b1, b0], [1.0, -a], signal, axis=0, zi=start)
+    return out, (signal[-1], out[-1])
+
+
+def delay(signal: Array, seconds: float, dt: float, memory: Array | None) -> tuple[Array, Array]:
+    """Samples (N, D) of `signal` as they were `seconds` ago, linear in between; the first sample came before."""
+    if seconds <= 0.0:
+        return signal, signal[-1:]
+    steps = int(np.ceil(seconds / dt)) + 1
+    past = np.repeat(signal[:1], steps, axis=0) if memory is None else memory
+    if len(past) < steps:
+        past = np.vstack((np.repeat(past[:1], steps - len(past), axis=0), past))
+    joined = np.vstack((past, signal))
+    whole = int(np.floor(seconds / dt))
+    part = seconds / dt - whole
+    first = len(past) - whole
+    late = joined[first : first + len(signal)]
+    later = joined[first - 1 : first - 1 + len(signal)]
+    return (1.0 - part) * late + part * later, joined[-steps:]

@@ -1,0 +1,28 @@
+"""Single rotors stronger or weaker than the model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
+from plant.vehicle import Vehicle
+
+
+class RotorThrust(ThrustEffect):
+    """Rotor r makes (1 + e_r) times its nominal thrust: T_r = (1 + e_r) c_f Omega_r^2.
+
+    Damage, wear, a wrong pitch. Source: reference effects.md, "per-arm / per-rotor thrust".
+    """
+
+    name = "rotor_thrust"
+    excited_by = "tilt about two axes; force and torque together tell it from a centre-of-mass offset"
+    confused_with = ("com_offset", "thrust_scale", "coaxial_loss")
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """One relative change per rotor."""
+        _, rotors = vehicle.geometry()
+        return tuple(Parameter(f"rotor_{r}", "1", -0.6, 0.2, 0.05) for r in range(len(rotors)))
+
+    def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
+        """Thrusts (N, R) times their gains."""
+        return np.asarray(actuation.thrust * (1.0 + theta))

@@ -1,0 +1,36 @@
+"""Tilt servos that follow late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flight.errors import ModelError
+from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from plant.effects.lag import first_order
+from plant.vehicle import Vehicle
+
+
+class ServoLag(CommandEffect):
+    """Every tilt angle follows its command as a first-order lag: dalpha/dt = (alpha_cmd - alpha) / tau.
+
+    Source: reference vehicle.md (servo 15-90 ms); effects.md, "servo lag".
+    """
+
+    name = "servo_lag"
+    excited_by = "fast tilt; torque about z first, since tilting the arms makes it"
+    confused_with = ("command_delay", "motor_lag", "rotational_drag")
+    order = 10
+    needs_rotors = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """The time constant."""
+        arms, _ = vehicle.geometry()
+        if not arms.tilts.any():
+            raise ModelError(f"{vehicle.name}: effect servo_lag needs arms that tilt, and none does")
+        return (Parameter("tau", "s", 0.0, 0.3, 0.03, start=0.02),)
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Tilt angles, lagged."""
+        assert commands.tilt is not None
+        tilt, memory = first_order(commands.tilt, float(theta[0]), dt, memory)
+        return replace(commands, tilt=tilt), memory

@@ -1,0 +1,38 @@
+"""Arms that stand at another angle than commanded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flight.errors import ModelError
+from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from plant.vehicle import Vehicle
+
+
+class TiltOffset(CommandEffect):
+    """Arm i stands at alpha_i + d_i: servo zero, horn spline, bent arm.
+
+    To first order dW = sum_i d_i T_i dn_i/dalpha with its lever arms, linear in W_cmd under the pseudo-inverse.
+    Source: reference effects.md, "tilt offset, per arm or common".
+    """
+
+    name = "tilt_offset"
+    excited_by = "every tilt; in hover a common offset is a yaw torque"
+    confused_with = ("constant_wrench", "com_offset", "arm_twist", "imu_misalignment")
+    order = 30
+    needs_rotors = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """One angle per tilting arm."""
+        arms, _ = vehicle.geometry()
+        if not arms.tilts.any():
+            raise ModelError(f"{vehicle.name}: effect tilt_offset needs arms that tilt, and none does")
+        return tuple(Parameter(f"arm_{i}", "rad", -0.15, 0.15, 0.02) for i in range(len(arms)) if arms.tilts[i])
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Tilt angles plus their offsets."""
+        arms, _ = context.vehicle.geometry()
+        assert commands.tilt is not None
+        tilt = commands.tilt.copy()
+        tilt[:, arms.tilts] += theta
+        return replace(commands, tilt=tilt), None
