@@ -1,0 +1,54 @@
+# Every target sets up what it needs: .venv from requirements.lock, once, and again when the lock changes.
+# PYTHON=/path/to/python3 chooses another interpreter than python3.11; DEMO="..." passes options to the demo.
+
+VENV := .venv/bin/python
+export PYTHON
+
+# One BLAS thread: the matrices are small, and threads that fight for cores make a fit forty times slower.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+export MKL_NUM_THREADS = 1
+export NUMBA_NUM_THREADS = 1
+export MPLBACKEND = Agg
+
+.PHONY: help setup demo test check format bench docs lock wheel clean
+.DEFAULT_GOAL := help
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## the environment in .venv, pinned by requirements.lock
+	@bash scripts/setup_env.sh
+
+demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show the error fall
+	$(VENV) -m replay.cli demo $(DEMO)
+
+test: setup ## the everyday test suite
+	$(VENV) -m pytest -m "not slow" $(TEST)
+
+check: setup ## format, lint, types, layers
+	$(VENV) -m ruff format --check .
+	$(VENV) -m ruff check .
+	$(VENV) -m mypy
+	$(VENV) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
+
+format: setup ## rewrite the sources in the house format
+	$(VENV) -m ruff format .
+	$(VENV) -m ruff check --fix .
+
+bench: setup ## run benchmarks/*.py
+	@set -e; for file in $(wildcard benchmarks/*.py); do echo "== $$file"; $(VENV) $$file; done
+
+docs: setup ## renew docs/effects/README.md, check every link, run every Python example
+	$(VENV) scripts/effects_index.py
+	$(VENV) scripts/check_docs.py
+
+lock: setup ## renew requirements.lock: newest versions that suit Python 3.11 and later
+	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \
+	  --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
+
+wheel: setup ## build the wheel and try it in a new environment outside the repository
+	$(VENV) scripts/try_wheel.py
+
+clean: ## remove what the other targets made
+	rm -rf .venv dist build site demo-output .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

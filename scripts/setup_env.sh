@@ -1,0 +1,85 @@
+#!/usr/bin/env bash
+# Makes or renews .venv from requirements.lock; does nothing when it is up to date.
+#
+# PYTHON=/path/to/python3 chooses the interpreter (default: python3.11, else any python3 that is at least 3.11).
+# The environment is renewed when the lock, pyproject.toml, its place or the chosen interpreter changes.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+PIP_VERSION=26.3 # --build-constraint needs 25.3 or newer
+ENV=$PWD/.venv
+STAMP=$ENV/wrenchgap-setup
+
+say() { echo "setup: $*" >&2; }
+fail() {
+  say "$*"
+  exit 1
+}
+
+is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
+
+find_python() {
+  local candidate
+  if [ -n "${PYTHON:-}" ]; then
+    is_new_enough "$PYTHON" || fail "PYTHON=$PYTHON does not run or is older than Python 3.11; give another"
+    echo "$PYTHON"
+    return
+  fi
+  for candidate in python3.11 python3 python3.12 python3.13; do
+    if is_new_enough "$candidate"; then
+      command -v "$candidate"
+      return
+    fi
+  done
+  fail "no Python 3.11 or newer found; sudo apt-get install python3, or name one with PYTHON=/path/to/python3"
+}
+
+# Debian ships the standard library's venv without the pip that it puts into an environment.
+can_make_venv() { "$1" -c 'import ensurepip, venv' >/dev/null 2>&1; }
+
+venv_package() { # the default python3's package is python3-venv; another version has one of its own
+  local version='import sys; print("%d.%d" % sys.version_info[:2])'
+  local wanted default
+  wanted=$("$1" -c "$version")
+  default=$(/usr/bin/python3 -c "$version" 2>/dev/null || true)
+  if [ "$wanted" = "$default" ]; then echo python3-venv; else echo "python$wanted-venv"; fi
+}
+
+ensure_venv_module() {
+  can_make_venv "$1" && return
+  local package
+  package=$(venv_package "$1")
+  if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+    say "installing $package"
+    { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$package"; } \
+      >/dev/null </dev/null || true
+  fi
+  can_make_venv "$1" || fail "$1 cannot make virtual environments; run: sudo apt-get install $package"
+}
+
+fingerprint() {
+  { cat requirements.lock pyproject.toml scripts/setup_env.sh && echo "$ENV" && "$1" -VV; } | sha256sum | cut -d' ' -f1
+}
+
+python=$(find_python)
+wanted=$(fingerprint "$python")
+if [ "$(cat "$STAMP" 2>/dev/null)" = "$wanted" ] && "$ENV/bin/python" -c 'import numpy' 2>/dev/null; then
+  exit 0
+fi
+
+started=$SECONDS
+if ! is_new_enough "$ENV/bin/python" || [ "$("$ENV/bin/python" -VV)" != "$("$python" -VV)" ] ||
+  ! "$ENV/bin/python" -m pip --version >/dev/null 2>&1; then
+  ensure_venv_module "$python"
+  say "making .venv with $python"
+  "$python" -m venv --clear "$ENV"
+fi
+rm -f "$STAMP"
+
+pip() { "$ENV/bin/python" -m pip --disable-pip-version-check --quiet "$@" </dev/null; }
+say "installing the pinned versions of requirements.lock (a few minutes the first time)"
+pip install "pip==$PIP_VERSION"
+pip install --build-constraint requirements.lock -r requirements.lock
+pip install --build-constraint requirements.lock --no-deps -e .
+echo "$wanted" >"$STAMP"
+say "done in $((SECONDS - started)) s"
