@@ -76,7 +76,7 @@ if ! is_new_enough "$ENV/bin/python" || [ "$("$ENV/bin/python" -VV)" != "$("$pyt
 fi
 rm -f "$STAMP"
 
-pip() { "$ENV/bin/python" -m pip --disable-pip-version-check --quiet "$@" </dev/null; }
+pip() { "$ENV/bin/python" -m pip --disable-pip-version-check -qq "$@" </dev/null; }
 say "installing the pinned versions of requirements.lock (a few minutes the first time)"
 pip install "pip==$PIP_VERSION"
 pip install --build-constraint requirements.lock -r requirements.lock

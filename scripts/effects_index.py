@@ -1,0 +1,47 @@
+"""Writes docs/effects/README.md, the index of the effects, from the catalogue itself."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from plant.effects import catalogue
+
+FOLDER = Path(__file__).resolve().parent.parent / "docs" / "effects"
+
+HEAD = """\
+# Effects
+
+Written by `make docs` from the catalogue in `plant/effects`; do not edit. The five places at which an effect may act
+are explained in [the design](../design.md#five-places).
+
+| effect | acts on | what shows it | easily confused with |
+|---|---|---|---|
+"""
+
+
+def missing_pages(folder: Path = FOLDER) -> list[str]:
+    """Effects of the catalogue that no page describes."""
+    return [name for name in catalogue() if not (folder / f"{name}.md").exists()]
+
+
+def index() -> str:
+    """The index as Markdown, one row for each effect."""
+    rows = [
+        f"| [{name}]({name}.md) | {effect.place} | {effect.excited_by} | {', '.join(effect.confused_with) or '-'} |\n"
+        for name, effect in catalogue().items()
+    ]
+    return HEAD + "".join(rows)
+
+
+def main() -> int:
+    """Writes the index; fails, with their names, if effects have no page."""
+    (FOLDER / "README.md").write_text(index(), encoding="utf-8")
+    missing = missing_pages()
+    if missing:
+        print(f"docs/effects: no page for {', '.join(missing)}", file=sys.stderr)
+    return 1 if missing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

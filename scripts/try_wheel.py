@@ -1,0 +1,56 @@
+"""Builds the wheel, installs it into a new environment outside the repository and uses it there.
+
+What it shows: the command starts, a shipped model is found by its name, and nothing is imported from the repository.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import venv
+from importlib.metadata import version
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LOCK = ROOT / "requirements.lock"
+
+USE = f"""
+from pathlib import Path
+import plant, replay.cli
+from plant import model_file
+for package in (plant, replay):
+    assert not Path(package.__file__).is_relative_to({str(ROOT)!r}), package.__file__
+model = model_file.load("voliro_x")
+print(f"{{model.vehicle.name}}: {{model.vehicle.body.mass}} kg, from {{Path(plant.__file__).parent}}")
+"""
+
+
+def run(*command: str | Path, cwd: Path) -> None:
+    """Runs a command that must succeed, without the repository on Python's path."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    subprocess.run([str(part) for part in command], cwd=cwd, env=environment, check=True)
+
+
+def main() -> None:
+    """Leaves the wheel in dist/; raises CalledProcessError where a step fails."""
+    pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+    with tempfile.TemporaryDirectory(prefix="wrenchgap-wheel-") as folder:
+        outside = Path(folder)
+        run(sys.executable, *pip, "wheel", "--no-deps", "--build-constraint", LOCK, "-w", outside, ROOT, cwd=outside)
+        (wheel,) = outside.glob("wrenchgap-*.whl")
+        venv.create(outside / "env", with_pip=True)
+        python = outside / "env" / "bin" / "python"
+        run(python, *pip, "install", f"pip=={version('pip')}", cwd=outside)
+        run(python, *pip, "install", "--build-constraint", LOCK, "--constraint", LOCK, wheel, cwd=outside)
+        run(outside / "env" / "bin" / "wrenchgap", "--help", cwd=outside)
+        run(python, "-c", USE, cwd=outside)
+        (ROOT / "dist").mkdir(exist_ok=True)
+        shutil.copy(wheel, ROOT / "dist")
+        print(f"dist/{wheel.name}: installs, starts and loads a shipped model outside the repository")
+
+
+if __name__ == "__main__":
+    main()
