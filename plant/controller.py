@@ -1,0 +1,178 @@
+"""The paper's flight controller: a geometric PD law with acceleration feedforward and an attitude integral.
+
+    F_des_B = R_EB^T m [a_D - 2 zeta_p w_p (v - v_D) - w_p^2 (p - p_D) + g e_z]
+    M_des_B = J [R_EB^T R_ED omega_dot_D - omega x (R_EB^T R_ED omega_D) - 2 zeta_a w_a e_omega - w_a^2 e_R - i]
+              + omega x J omega
+    e_R     = 1/2 (R_ED^T R_EB - R_EB^T R_ED)^vee            R_EB = R_ED exp(theta^)  =>  e_R ~ +theta
+    e_omega = omega - R_EB^T R_ED omega_D
+    i       = k_i w_a^2 q,   q = int e_R dt, clamped
+
+Source: Zhang et al., RA-L 2020, eqs. (attitude_control) and (position_control), with the error signs of
+reference/paper-decisions.md, decision 1. `m` and `J` are what the controller believes; the wrench is about the believed
+centre of mass. The position loop acts on O, as if the centre of mass were there.
+
+With exact tracking of the wrench the errors obey x'' + 2 zeta w x' + w^2 x = 0 (attitude: for small angles).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from flight.errors import ModelError
+from plant.state import State
+from plant.trajectory import Reference, attitude_of_thrust, yaw_of
+from plant.vehicle import GRAVITY, Body, Vehicle
+from plant.wrench_model import cross
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ControllerGains:
+    """Gains of the controller; the defaults are the paper's.
+
+    zeta_position, omega_position   damping ratio and natural frequency [rad/s] of the position loop
+    zeta_attitude, omega_attitude   the same about body x, y, z (3,)
+    integral                        k_i [1/s]; 0 switches the integral off
+    integral_limit                  bound of |q| per axis [rad s]
+    transport                       weight of the term omega x (R_EB^T R_ED omega_D): 1 makes the law exact; 0 for
+                                    controllers that leave it out, as the one that flew the multibody logs does
+    rate_hz                         how often the law is evaluated [Hz]
+    """
+
+    zeta_position: float = 0.707
+    omega_position: float = 3.5
+    zeta_attitude: tuple[float, float, float] = (1.3, 1.3, 0.74)
+    omega_attitude: tuple[float, float, float] = (3.5, 3.5, 3.5)
+    integral: float = 0.3
+    integral_limit: float = 0.3
+    transport: float = 1.0
+    rate_hz: float = 200.0
+
+    def __post_init__(self) -> None:
+        for name in ("omega_position", "integral_limit", "rate_hz"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ModelError(f"controller.{name}: got {getattr(self, name)}, expected a positive number")
+        for name in ("zeta_position", "integral", "transport"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise ModelError(
+                    f"controller.{name}: got {getattr(self, name)}, expected a number that is not negative"
+                )
+        for name in ("zeta_attitude", "omega_attitude"):
+            values = np.asarray(getattr(self, name), dtype=float)
+            if values.shape != (3,) or not np.all(np.isfinite(values) & (values > 0)):
+                raise ModelError(f"controller.{name}: got {getattr(self, name)}, expected three positive numbers")
+
+
+def attitude_error(R_EB: Array, R_ED: Array) -> Array:
+    """e_R (..., 3) of rotation matrices (..., 3, 3): the sine of the error angle times its axis, in B."""
+    R_DB = np.swapaxes(R_ED, -1, -2) @ R_EB
+    return so3.vee(R_DB)
+
+
+def pushes_along_z_only(vehicle: Vehicle) -> bool:
+    """Whether no rotor can push away from body z: the attitude must then serve the force.
+
+    A vehicle of which only the wrench is known (no arms) is taken to be fully actuated.
+    """
+    if vehicle.arms is None or bool(np.any(vehicle.arms.tilts)):
+        return False
+    return bool(np.allclose(vehicle.arms.normal_B, [0.0, 0.0, 1.0], atol=1e-9))
+
+
+def desired_force(gains: ControllerGains, mass: float, state: State, reference: Reference) -> Array:
+    """F_des in E (N, 3) [N]: the first equation of the module, before it is turned into B."""
+    zeta, omega = gains.zeta_position, gains.omega_position
+    acceleration = (
+        reference.acceleration_E
+        - 2.0 * zeta * omega * (state.velocity_E - reference.velocity_E)
+        - omega**2 * (state.position_E - reference.position_E)
+    )
+    return np.asarray(mass * (acceleration + np.array([0.0, 0.0, GRAVITY])))
+
+
+def evaluate(
+    gains: ControllerGains,
+    body: Body,
+    state: State,
+    reference: Reference,
+    integral: Array,
+    along_z: bool = False,
+) -> tuple[Array, Array]:
+    """Desired wrench (N, 6) in B about the believed centre of mass, and e_R (N, 3), for N independent samples.
+
+    `integral` (N, 3) is q [rad s] at each sample. With `along_z` the vehicle can push along body z only: the
+    desired attitude then points that axis along F_des, keeping the reference's yaw, and the force is its projection.
+    """
+    R_EB = so3.matrix(state.quat_EB)
+    R_BE = np.swapaxes(R_EB, -1, -2)
+    force_E = desired_force(gains, body.mass, state, reference)
+    force_B = _rotate(R_BE, force_E)
+    quat_ED = reference.quat_ED
+    if along_z:
+        quat_ED = attitude_of_thrust(force_E, yaw_of(quat_ED))
+        force_B = force_B * np.array([0.0, 0.0, 1.0])
+    R_ED = so3.matrix(quat_ED)
+    R_BD = R_BE @ R_ED
+    error = attitude_error(R_EB, R_ED)
+    omega, omega_ref = state.omega_B, _rotate(R_BD, reference.omega_D)
+    zeta, frequency = np.asarray(gains.zeta_attitude), np.asarray(gains.omega_attitude)
+    omega_dot = (
+        _rotate(R_BD, reference.omega_dot_D)
+        - gains.transport * cross(omega, omega_ref)
+        - 2.0 * zeta * frequency * (omega - omega_ref)
+        - frequency**2 * (error + gains.integral * integral)
+    )
+    J = body.inertia  # symmetric, so row vectors times J are J times column vectors
+    torque_B = omega_dot @ J + cross(omega, omega @ J)
+    return np.concatenate((force_B, torque_B), axis=-1), error
+
+
+def _rotate(R: Array, vector: Array) -> Array:
+    return np.asarray((R @ vector[..., None])[..., 0])
+
+
+class Controller:
+    """The law in a loop: `step` once per control period. Holds the integral q and nothing else."""
+
+    def __init__(self, gains: ControllerGains, vehicle: Vehicle):
+        """`vehicle` is what the controller believes it flies."""
+        self.gains = gains
+        self.body = vehicle.body
+        self.along_z = pushes_along_z_only(vehicle)
+        self.integral = np.zeros(3)
+        self.frozen = False
+
+    def step(self, state: State, reference: Reference, dt: float) -> Array:
+        """Desired wrench (6,) in B from the state and reference now (N = 1); q advances by `dt` [s]."""
+        wrench, error = evaluate(self.gains, self.body, state, reference, self.integral[None, :], along_z=self.along_z)
+        if not self.frozen:
+            limit = self.gains.integral_limit
+            self.integral = np.minimum(np.maximum(self.integral + dt * error[0], -limit), limit)
+        return np.asarray(wrench[0])
+
+    def reset(self, integral: Array | None = None) -> None:
+        """Start over from q = `integral` (3,) [rad s], zero by default, and let it move."""
+        self.integral = np.zeros(3) if integral is None else np.asarray(integral, dtype=float)
+        self.frozen = False
+
+    def freeze(self) -> None:
+        """Hold q where it is, e.g. while a compensator removes the offset that it had learned."""
+        self.frozen = True
+
+
+def integrate_error(gains: ControllerGains, error: Array, dt: float, start: Array | None = None) -> Array:
+    """The integral q (N, 3) that `Controller` held when it evaluated each of N consecutive samples `dt` apart.
+
+    `error` (N, 3) is e_R, `start` (3,) the value at the first sample. Clamped exactly as in `Controller.step`.
+    """
+    integral = np.zeros_like(error)
+    q = np.zeros(3) if start is None else np.asarray(start, dtype=float)
+    for k, e in enumerate(error):
+        integral[k] = q
+        q = np.clip(q + dt * e, -gains.integral_limit, gains.integral_limit)
+    return integral

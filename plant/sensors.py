@@ -1,0 +1,89 @@
+"""Sensor models: what an IMU and a pose sensor say about a known motion.
+
+IMU, at position r from O:     gyro  = omega + bias + noise
+                               accel = f_O + omega_dot x r + omega x (omega x r) + bias + noise
+
+White noise of density n [unit/sqrt(Hz), one-sided, as datasheets give it], sampled at f_s over its full bandwidth
+f_s / 2, has the standard deviation n sqrt(f_s / 2) per sample. Pose, velocity and rate of the pose sensor carry white
+noise of a given standard deviation; the attitude error is a small rotation about random body axes.
+
+Defaults: ADIS16448 densities (reference/measurement.md) and the noise of a motion capture system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from flight.errors import ModelError
+from plant.state import Motion, State
+from plant.wrench_model import cross
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Sizes of the sensors' errors and their rates.
+
+    gyro_density, accel_density   [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
+    gyro_bias, accel_bias         (3,) constant [rad/s], [m/s^2]
+    position_std, attitude_std    pose sensor [m], [rad] per axis
+    velocity_std, rate_std        its velocity [m/s] and body rate [rad/s] per axis
+    imu_rate_hz, pose_rate_hz     [Hz]
+    """
+
+    gyro_density: float = 2.4e-4
+    accel_density: float = 2.3e-3
+    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    accel_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position_std: float = 2e-4
+    attitude_std: float = 3e-4
+    velocity_std: float = 5e-3
+    rate_std: float = 4e-3
+    imu_rate_hz: float = 200.0
+    pose_rate_hz: float = 100.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = np.asarray(getattr(self, item.name), dtype=float)
+            if not np.all(np.isfinite(value)):
+                raise ModelError(f"sensors.{item.name}: got {value.tolist()}, expected finite numbers")
+            if item.name.endswith("_bias"):
+                if value.shape != (3,):
+                    raise ModelError(f"sensors.{item.name}: got {value.tolist()}, expected three numbers")
+            elif value.shape != () or value < 0 or (item.name.endswith("_hz") and value == 0):
+                raise ModelError(f"sensors.{item.name}: got {value.tolist()}, expected a positive number")
+
+    @property
+    def silent(self) -> SensorNoise:
+        """The same rates without any error."""
+        none = (0.0, 0.0, 0.0)
+        return SensorNoise(0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, self.imu_rate_hz, self.pose_rate_hz)
+
+
+def read_imu(motion: Motion, position_B: Array, noise: SensorNoise, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Gyroscope (N, 3) [rad/s] and accelerometer (N, 3) [m/s^2] at `position_B` (3,) from O, for a motion of O."""
+    omega, omega_dot = motion.omega_B, motion.omega_dot_B
+    specific = motion.specific_force_B + cross(omega_dot, position_B) + cross(omega, cross(omega, position_B))
+    per_sample = np.sqrt(0.5 * noise.imu_rate_hz)
+    gyro = omega + np.asarray(noise.gyro_bias) + noise.gyro_density * per_sample * rng.standard_normal(omega.shape)
+    accel = specific + np.asarray(noise.accel_bias)
+    return gyro, accel + noise.accel_density * per_sample * rng.standard_normal(omega.shape)
+
+
+def read_pose(state: State, noise: SensorNoise, rng: np.random.Generator) -> State:
+    """The state (N samples) as a pose sensor with velocity output reports it."""
+    shape = state.position_E.shape
+    twist = so3.exp(noise.attitude_std * rng.standard_normal(shape))
+    return State(
+        state.time,
+        state.position_E + noise.position_std * rng.standard_normal(shape),
+        so3.multiply(state.quat_EB, twist),
+        state.velocity_E + noise.velocity_std * rng.standard_normal(shape),
+        state.omega_B + noise.rate_std * rng.standard_normal(shape),
+        state.voltage,
+    )
