@@ -1,0 +1,207 @@
+"""Fit mismatch models to samples of commands and mismatches: Gaussian processes with GPy, and straight lines.
+
+Hyperparameters maximise the marginal likelihood (ML-II) by L-BFGS from a sensible start and from random ones. They
+are bounded, in units of the standardised data, so that no start ends in a degenerate corner: lengthscales short
+enough that the GP notices when it leaves its data, and a noise that keeps the kernel matrix well conditioned.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from flight.errors import FitError, UsageError
+from learn.gp import FitSettings, GaussianProcess, MeanKind, Provenance
+from learn.subsample import subsample, thin
+from plant.mismatch import LinearMismatch, output_indices
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+"""Called with the fraction done (0 to 1) and what is being done."""
+
+LENGTHSCALE = (0.1, 20.0)
+SIGNAL_VARIANCE = (1e-3, 1e2)
+NOISE_VARIANCE = (1e-5, 2.0)
+"""Bounds of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
+
+
+@dataclass(frozen=True)
+class _Hyperparameters:
+    lengthscales: Array
+    signal_variance: float
+    noise_variance: float
+    log_likelihood: float
+
+
+def fit(
+    inputs: Array,
+    outputs: Array,
+    names: tuple[str, ...],
+    settings: FitSettings | None = None,
+    *,
+    provenance: Provenance | None = None,
+    progress: Progress | None = None,
+) -> GaussianProcess:
+    """GP of `outputs` (M, L) [N or Nm] named `names` over commands `inputs` (M, D).
+
+    All M samples set the scales, the mean function and `sigma_training`; `settings.points` of them are kept as
+    training inputs. Raises FitError where the data cannot carry a fit.
+    """
+    settings = settings or FitSettings()
+    _check(inputs, outputs, names, settings)
+    report = progress or (lambda fraction, message: None)
+    input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
+    x = (inputs - input_mean) / input_scale
+    coefficients, output_scale = _mean_function(x, outputs, settings.mean)
+    residuals = outputs / output_scale - _affine(x, coefficients)
+
+    report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
+    kept = subsample(
+        inputs,
+        settings.points,
+        method=settings.method,
+        seed=settings.seed,
+        pre_thin=settings.pre_thin,
+        scale=settings.scale,
+    )
+    found = []
+    for index, name in enumerate(names):
+        report((1 + index) / (1 + len(names)), f"fitting {name}")
+        found.append(_maximum_likelihood(x[kept], residuals[kept, index], settings, index))
+    gp = GaussianProcess(
+        outputs=tuple(names),
+        input_mean=input_mean,
+        input_scale=input_scale,
+        output_scale=output_scale,
+        mean_coefficients=coefficients,
+        inputs=x[kept],
+        residuals=residuals[kept],
+        lengthscales=np.array([one.lengthscales for one in found]),
+        signal_variance=np.array([one.signal_variance for one in found]),
+        noise_variance=np.array([one.noise_variance for one in found]),
+        sigma_training=np.zeros(len(names)),
+        mismatch_max=np.abs(outputs).max(axis=0),
+        settings=settings,
+        provenance=provenance or Provenance(),
+    )
+    seen = inputs[thin(len(inputs), settings.pre_thin, settings.seed)]
+    report(1.0, "done")
+    return replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
+
+
+def fit_linear(inputs: Array, outputs: Array, names: tuple[str, ...], *, slope: bool = True) -> LinearMismatch:
+    """Straight line g(W) = offset + gain W by least squares; without `slope`, the constant offset."""
+    _check(inputs, outputs, names, FitSettings())
+    mean, spread = inputs.mean(axis=0), _spread(inputs)
+    x = (inputs - mean) / spread
+    coefficients, scale = _mean_function(x, outputs, "linear" if slope else "constant")
+    gain = coefficients[:, 1:] * scale[:, None] / spread
+    residual = outputs - _affine(x, coefficients) * scale
+    return LinearMismatch(
+        outputs=tuple(names),
+        offset=coefficients[:, 0] * scale - gain @ mean,
+        gain=gain,
+        sigma=residual.std(axis=0),
+    )
+
+
+def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> None:
+    output_indices(tuple(names))
+    if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
+        raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
+    if settings.mean not in get_args(MeanKind):
+        raise UsageError(f"fit: unknown mean {settings.mean!r}; available: {', '.join(get_args(MeanKind))}")
+    if settings.points < 2 or settings.restarts < 0:
+        raise UsageError(f"fit: got {settings.points} points, {settings.restarts} restarts; expected >= 2 and >= 0")
+    if len(inputs) < 2 * inputs.shape[1]:
+        raise FitError(f"fit: {len(inputs)} samples, expected at least {2 * inputs.shape[1]}; use a longer log")
+    for what, array in (("inputs", inputs), ("outputs", outputs)):
+        if not np.isfinite(array).all():
+            bad = int((~np.isfinite(array)).any(axis=1).sum())
+            raise FitError(f"fit: {bad} of {len(array)} {what} are not finite; drop them")
+    if not (np.ptp(inputs, axis=0) > 0).any():
+        raise FitError("fit: the command never changes, so nothing can be learnt from it; excite the vehicle")
+
+
+def _spread(inputs: Array) -> Array:
+    """Standard deviation of each column, one where a column is constant."""
+    spread = inputs.std(axis=0)
+    return np.where(spread > 1e-12 * (1 + np.abs(inputs).max(axis=0)), spread, 1.0)
+
+
+def _mean_function(x: Array, outputs: Array, kind: MeanKind) -> tuple[Array, Array]:
+    """Standardised coefficients (L, 1 + D) of m(x), and the rms (L,) of what m leaves."""
+    coefficients = np.zeros((outputs.shape[1], 1 + x.shape[1]))
+    if kind == "constant":
+        coefficients[:, 0] = outputs.mean(axis=0)
+    if kind == "linear":
+        regressors = np.column_stack([np.ones(len(x)), x])
+        coefficients = np.linalg.lstsq(regressors, outputs, rcond=None)[0].T
+    rms = np.sqrt(np.mean((outputs - _affine(x, coefficients)) ** 2, axis=0))
+    scale = np.maximum(rms, 1e-6 * np.abs(outputs).max(axis=0) + 1e-12)
+    return coefficients / scale[:, None], scale
+
+
+def _affine(x: Array, coefficients: Array) -> Array:
+    return np.asarray(coefficients[:, 0] + x @ coefficients[:, 1:].T)
+
+
+def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -> _Hyperparameters:
+    """Best of the searches from one fixed and `restarts` random starts, for standardised data x (N, D), z (N,)."""
+    rng = np.random.default_rng([settings.seed, index])
+    starts = [(np.full(x.shape[1], 2.0), 1.0, 0.05)]
+    for _ in range(settings.restarts):
+        lengthscales = np.exp(rng.uniform(np.log(0.5), np.log(8.0), x.shape[1]))
+        starts.append((lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
+    with _quiet_gpy() as gpy:
+        found = [_search(gpy, x, z, *start) for start in starts]
+    usable = [one for one in found if np.isfinite(one.log_likelihood)]
+    if not usable:
+        raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
+    return max(usable, key=lambda one: one.log_likelihood)
+
+
+def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, noise: float) -> _Hyperparameters:
+    """One L-BFGS search of GPy."""
+    kernel = gpy.kern.RBF(x.shape[1], variance=signal, lengthscale=lengthscales, ARD=True)
+    model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=noise)
+    kernel.lengthscale.constrain_bounded(*LENGTHSCALE, warning=False)
+    kernel.variance.constrain_bounded(*SIGNAL_VARIANCE, warning=False)
+    model.Gaussian_noise.variance.constrain_bounded(*NOISE_VARIANCE, warning=False)
+    try:
+        model.optimize("lbfgsb", max_iters=500)
+        likelihood = float(model.log_likelihood())
+    except (np.linalg.LinAlgError, FloatingPointError):
+        likelihood = -np.inf
+    return _Hyperparameters(
+        lengthscales=np.array(kernel.lengthscale, dtype=float),
+        signal_variance=float(kernel.variance[0]),
+        noise_variance=float(model.Gaussian_noise.variance[0]),
+        log_likelihood=likelihood,
+    )
+
+
+@contextmanager
+def _quiet_gpy() -> Iterator[Any]:
+    """GPy, imported late (it takes seconds), with one BLAS thread (thirty times faster) and without its chatter."""
+    loggers = [logging.getLogger(name) for name in ("GP", "GPy", "paramz", "root")]
+    levels = [logger.level for logger in loggers]
+    with warnings.catch_warnings(), np.errstate(all="ignore"), threadpool_limits(1):
+        warnings.simplefilter("ignore")
+        for logger in loggers:
+            logger.setLevel(logging.ERROR)
+        try:
+            import GPy
+
+            yield GPy
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

@@ -1,0 +1,136 @@
+"""What is known about the gap between commanded and real wrench, as a function of the command.
+
+    W = W_cmd + g(W_cmd)                                    (paper, 'Learning model-plant mismatch')
+
+A *mismatch model* estimates some components of g together with a standard deviation. `learn` makes them from logs,
+`compensate` inverts them, simulations fly with them; none needs to know which kind it holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.errors import ModelError
+from flight.flight import AXES
+
+Array = NDArray[np.float64]
+
+
+class MismatchModel(Protocol):
+    """Estimate of g(W_cmd), evaluated at N commands at once. Inputs are wrenches (N, 6) in B [N, Nm].
+
+    `outputs` are the L components of g that the model knows, names out of `flight.flight.AXES`; the others are taken
+    to be zero.
+    """
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the L components that the model estimates."""
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        """Expected mismatch (N, L) [N or Nm]."""
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        """Standard deviation of a measured mismatch about `mean` (N, L), noise included."""
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        """Derivative of `mean` (N, L, 6)."""
+
+
+@runtime_checkable
+class Linearises(Protocol):
+    """A mismatch model that gives mean and Jacobian together for less than the price of both."""
+
+    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
+        """`mean` (N, L) and `jacobian` (N, L, 6)."""
+
+
+@runtime_checkable
+class KnowsItsData(Protocol):
+    """A mismatch model that can say how near a command is to what it has seen."""
+
+    @property
+    def sigma_training(self) -> Array:
+        """99th percentile of `std` over the training inputs (L,)."""
+
+    @property
+    def sigma_prior(self) -> Array:
+        """`std` infinitely far from the training inputs (L,)."""
+
+    @property
+    def mismatch_max(self) -> Array:
+        """Largest absolute mismatch in the training data (L,)."""
+
+
+def output_indices(outputs: tuple[str, ...]) -> NDArray[np.intp]:
+    """Places (L,) of the named components in a wrench; raises ModelError on a name that is none or comes twice."""
+    for name in outputs:
+        if name not in AXES:
+            raise ModelError(f"mismatch model: unknown output {name!r}; available: {', '.join(AXES)}")
+    if not outputs or len(set(outputs)) != len(outputs):
+        raise ModelError(f"mismatch model: outputs {list(outputs)} must be one to six different names of a wrench")
+    return np.array([AXES.index(name) for name in outputs], dtype=np.intp)
+
+
+@dataclass(frozen=True)
+class LinearMismatch:
+    """g(W) = offset + gain W: exact for fixed tilt and gain errors, which the pseudo-inverse keeps linear in W.
+
+    `offset` (L,), `gain` (L, 6), `sigma` (L,) the residual's standard deviation. With `gain` zero this is the
+    constant-offset baseline.
+    """
+
+    outputs: tuple[str, ...]
+    offset: Array
+    gain: Array
+    sigma: Array
+
+    def __post_init__(self) -> None:
+        count = len(output_indices(self.outputs))
+        for name, value, shape in (
+            ("offset", self.offset, (count,)),
+            ("gain", self.gain, (count, len(AXES))),
+            ("sigma", self.sigma, (count,)),
+        ):
+            if np.shape(value) != shape:
+                raise ModelError(f"linear mismatch: {name} has shape {np.shape(value)}, expected {shape}")
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        """Expected mismatch (N, L)."""
+        return np.asarray(self.offset + wrench_cmd @ self.gain.T)
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        """The same standard deviation everywhere (N, L): a straight line does not know where its data ends."""
+        return np.broadcast_to(self.sigma, (len(wrench_cmd), len(self.sigma))).copy()
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        """`gain` at every command (N, L, 6)."""
+        return np.broadcast_to(self.gain, (len(wrench_cmd), *self.gain.shape)).copy()
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """How well W_des = W_cmd + mu(W_cmd) can be solved for W_cmd, at N commands.
+
+    With A = I + dmu/dW on the output axes: `real_min` (N,) is the smallest real part of A's eigenvalues, `singular_min`
+    (N,) its smallest singular value. Near zero no correction exists or it is enormous; below zero the model claims
+    that more command gives less wrench, which in closed-loop logs is mostly the trap z = -W_cmd (the measured wrench
+    hardly varies, so the regression finds slope -1): the command was not excited independently of the mismatch.
+    """
+
+    real_min: Array
+    singular_min: Array
+
+
+def conditioning(model: MismatchModel, wrench_cmd: Array) -> Conditioning:
+    """Eigenvalues and singular values of I + dmu/dW along `wrench_cmd` (N, 6)."""
+    rows = output_indices(model.outputs)
+    plant_gain = np.eye(len(rows)) + model.jacobian(wrench_cmd)[:, :, rows]
+    return Conditioning(
+        real_min=np.linalg.eigvals(plant_gain).real.min(axis=1),
+        singular_min=np.linalg.svd(plant_gain, compute_uv=False)[:, -1],
+    )
