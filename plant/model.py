@@ -1,0 +1,94 @@
+"""A model: a vehicle, its controller and sensors, its topics, and a list of effects with values.
+
+A model is never changed in place: `with_effects` returns a new one. `plant.model_file` reads and writes it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from flight.errors import ModelError
+from plant.controller import ControllerGains
+from plant.effects import find
+from plant.sensors import SensorNoise
+from plant.vehicle import Vehicle
+from plant.wrench_model import ModelEffect, WrenchModel
+
+
+@dataclass(frozen=True)
+class Model:
+    """A vehicle and what is known about it.
+
+    `topics` maps roles to topics for logs of this vehicle. `text` is the file's own text (empty for a model made in
+    code), kept so that comments survive a rewrite.
+    """
+
+    vehicle: Vehicle
+    effects: tuple[ModelEffect, ...] = ()
+    controller: ControllerGains = field(default_factory=ControllerGains)
+    sensors: SensorNoise = field(default_factory=SensorNoise)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    path: Path | None = None
+    text: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name for tables: the file's stem, or the vehicle's name."""
+        return self.path.stem if self.path is not None else self.vehicle.name
+
+    @property
+    def wrench_model(self) -> WrenchModel:
+        """The model ready for evaluation."""
+        return WrenchModel(self.vehicle, self.effects)
+
+    @property
+    def nominal(self) -> Model:
+        """The same vehicle without any effect."""
+        return replace(self, effects=())
+
+    def effect(self, name: str) -> ModelEffect | None:
+        """The effect of this name, None if the model does not have it."""
+        return next((e for e in self.effects if e.name == name), None)
+
+    def with_effects(self, effects: Iterable[ModelEffect]) -> Model:
+        """A copy with exactly these effects, sorted by name; raises ModelError if one comes twice."""
+        listed = sorted(effects, key=lambda e: e.name)
+        for first, second in itertools.pairwise(listed):
+            if first.name == second.name:
+                raise ModelError(f"effect {first.name}: it is in the model twice; remove one")
+        return replace(self, effects=tuple(listed))
+
+    def without(self, names: Iterable[str]) -> Model:
+        """A copy without these effects; raises ModelError if the model lacks one."""
+        names = tuple(names)
+        for name in names:
+            if self.effect(name) is None:
+                have = ", ".join(e.name for e in self.effects) or "none"
+                raise ModelError(f"{self.name}: has no effect {name!r} to remove; its effects: {have}")
+        return replace(self, effects=tuple(e for e in self.effects if e.name not in names))
+
+
+def make_effect(vehicle: Vehicle, name: str, values: Mapping[str, float] | Iterable[float]) -> ModelEffect:
+    """An effect of the catalogue with values, by parameter name (the rest are zero) or in order."""
+    effect = find(name)
+    parameters = effect.parameters(vehicle)
+    names = [p.name for p in parameters]
+    if isinstance(values, Mapping):
+        unknown = [n for n in values if n not in names]
+        if unknown:
+            raise ModelError(f"effect {name}: no parameter {unknown[0]!r}; its parameters: {', '.join(names)}")
+        theta = np.array([float(values.get(p.name, p.start)) for p in parameters])
+    else:
+        theta = np.array([float(v) for v in values])
+        if theta.shape != (len(names),):
+            raise ModelError(
+                f"effect {name}: got {theta.size} values, expected {len(names)} in the order {', '.join(names)}"
+            )
+    if not np.all(np.isfinite(theta)):
+        raise ModelError(f"effect {name}: a parameter is not a finite number: {theta.tolist()}")
+    return ModelEffect(effect, theta)
