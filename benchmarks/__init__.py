@@ -1,0 +1,1 @@
+"""Programs that measure wrenchgap; development only."""
