@@ -1,0 +1,230 @@
+"""Which clock a flight is told in.
+
+A message has up to two times: the header's stamp, given where it was made, and the log's, given where it was recorded.
+The stamp is the better one, unless it belongs to another clock than the other topics' stamps. Such clocks occur: a
+simulator at half real time, a microcontroller that counts from its start. The relation between a topic's stamps and
+its log times tells:
+
+    stamp = offset + rate * log time - delay,    delay >= 0
+
+so the upper edge of (stamp - line) is where the delay was least. A foreign clock is mapped along that edge, which may
+bend: simulators do not keep a constant rate.
+
+Velocities and accelerations are only right in the clock of the motion. Where that clock runs at another rate than the
+log's, the flight is told in the motion's clock and everything else is mapped to it; otherwise in the log's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.flight import Array
+from flight.formats import Table
+
+Stamps = NDArray[np.int64]
+
+SAME_OFFSET = 1.0  # s, stamps that far from the log's clock are still of that clock: transport delay
+SAME_RATE = 0.01  # relative, a difference in rate that is a drift and not another kind of time
+SHORT = 2.0  # s, a topic that is shorter has no rate worth the name
+EDGE_WINDOW = 0.5  # s, a foreign clock's map has one knot per window
+STRAIGHT = 0.002  # s, a relation with smaller residual is a line
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How a topic's stamps relate to its log times: `rate` (stamp seconds per log second), median `offset` [s].
+
+    `residual` [s] is the standard deviation of the stamps from the best line: jitter of the transport, or the bends
+    of a clock that is not steady.
+    """
+
+    rate: float
+    offset: float
+    residual: float
+
+    @property
+    def same_rate(self) -> bool:
+        """Whether the stamps advance as the log's clock does."""
+        return abs(self.rate - 1.0) <= SAME_RATE
+
+    @property
+    def same(self) -> bool:
+        """Whether the stamps are of the log's clock."""
+        return self.same_rate and abs(self.offset) <= SAME_OFFSET
+
+
+def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
+    """Fit stamps against log times, robustly: two rounds without the points further than 5 median deviations out."""
+    x, y = _seconds(log_time_ns), _seconds(header_ns)
+    offset = float(np.median((header_ns - log_time_ns) * 1e-9))
+    if len(x) < 3 or x[-1] - x[0] < SHORT:
+        return Relation(1.0, offset, float(np.std(y - x)))
+    rate, _, inliers = _line(x, y)
+    fit = np.polyval(np.polyfit(x[inliers], y[inliers], 1), x[inliers])
+    return Relation(rate, offset, float(np.std(y[inliers] - fit)))
+
+
+@dataclass(frozen=True)
+class ClockMap:
+    """Maps log times to another clock: piecewise linear between knots, straight on at `rate` outside."""
+
+    log_origin_ns: int
+    origin_ns: int
+    log_knots: Array  # s since log_origin_ns
+    knots: Array  # s since origin_ns
+    rate: float
+
+    def __call__(self, log_time_ns: Stamps) -> Stamps:
+        """Stamps [ns] of the other clock."""
+        x = (log_time_ns - self.log_origin_ns) * 1e-9
+        y = np.interp(x, self.log_knots, self.knots)
+        y = y + self.rate * (np.minimum(x - self.log_knots[0], 0.0) + np.maximum(x - self.log_knots[-1], 0.0))
+        return self.origin_ns + np.round(y * 1e9).astype(np.int64)
+
+    def inverse(self, stamps_ns: Stamps) -> Stamps:
+        """Log times [ns] of stamps of the other clock."""
+        y = (stamps_ns - self.origin_ns) * 1e-9
+        x = np.interp(y, self.knots, self.log_knots)
+        x = x + (np.minimum(y - self.knots[0], 0.0) + np.maximum(y - self.knots[-1], 0.0)) / self.rate
+        return self.log_origin_ns + np.round(x * 1e9).astype(np.int64)
+
+
+def clock_map(log_time_ns: Stamps, header_ns: Stamps) -> ClockMap:
+    """The map along the edge of least delay; a straight line where the relation is one."""
+    x, y = _seconds(log_time_ns), _seconds(header_ns)
+    rate, offset, inliers = _line(x, y)
+    x, y = x[inliers], y[inliers]
+    residual = y - offset - rate * x
+    if np.std(residual) < STRAIGHT:
+        ends = np.array([x[0], x[-1]])
+        return ClockMap(int(log_time_ns[0]), int(header_ns[0]), ends, offset + rate * ends, rate)
+    window = np.floor((x - x[0]) / EDGE_WINDOW).astype(int)
+    best = [members[np.argmax(residual[members])] for members in _groups(window)]
+    log_knots, knots = x[best], np.maximum.accumulate(y[best])
+    keep = np.concatenate(([True], (np.diff(knots) > 0) & (np.diff(log_knots) > 0)))
+    return ClockMap(int(log_time_ns[0]), int(header_ns[0]), log_knots[keep], knots[keep], rate)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Stamps [ns] by topic on the flight's one clock, and what had to be done to get there."""
+
+    stamps: dict[str, Stamps]
+    relations: dict[str, Relation]
+    notes: tuple[str, ...]
+
+
+def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing:
+    """Put all `tables` on one clock; `motion` are topics whose clock is that of the vehicle's motion, best first."""
+    relations = {
+        topic: relation(table.log_time_ns, table.header_ns)
+        for topic, table in tables.items()
+        if table.header_ns is not None
+    }
+    base = next((topic for topic in motion if topic in relations and not relations[topic].same_rate), None)
+    stamps, notes = (_in_log_clock if base is None else _in_clock_of(base))(tables, relations)
+    unstamped = [topic for topic in tables if topic not in relations]
+    if unstamped and base is None:
+        notes.append(f"Log time is used for {', '.join(unstamped)}: no header stamps.")
+    return Timing(stamps, relations, tuple(notes))
+
+
+def _in_log_clock(tables: Mapping[str, Table], relations: Mapping[str, Relation]) -> tuple[dict[str, Stamps], list[str]]:
+    foreign = [topic for topic, found in relations.items() if not found.same]
+    stamped_alone = len(foreign) == len(tables) and _agree([relations[topic] for topic in foreign])
+    stamps: dict[str, Stamps] = {}
+    notes: list[str] = []
+    for topic, table in tables.items():
+        if table.header_ns is None:
+            stamps[topic] = table.log_time_ns
+        elif topic in foreign and not stamped_alone:
+            stamps[topic] = clock_map(table.log_time_ns, table.header_ns).inverse(table.header_ns)
+            notes.append(f"Two clocks: {topic} {_describe(relations[topic])}; its stamps were mapped to log time.")
+        else:
+            stamps[topic] = table.header_ns
+    if stamped_alone and foreign:
+        notes.append(f"Header stamps are used; they run apart from log time: {_describe(relations[foreign[0]])}.")
+    return stamps, notes
+
+
+class _in_clock_of:  # noqa: N801 - a function with one argument bound
+    def __init__(self, base: str) -> None:
+        self.base = base
+
+    def __call__(
+        self, tables: Mapping[str, Table], relations: Mapping[str, Relation]
+    ) -> tuple[dict[str, Stamps], list[str]]:
+        reference = tables[self.base]
+        assert reference.header_ns is not None
+        to_base = clock_map(reference.log_time_ns, reference.header_ns)
+        stamps: dict[str, Stamps] = {}
+        mapped: list[str] = []
+        for topic, table in tables.items():
+            if table.header_ns is not None and not relations[topic].same and _agree(
+                [relations[self.base], relations[topic]]
+            ):
+                stamps[topic] = table.header_ns
+            else:
+                stamps[topic] = to_base(_log_times(table, relations.get(topic)))
+                mapped.append(topic)
+        notes = [f"Two clocks: {self.base} {_describe(relations[self.base])}. The flight is told in that clock"]
+        notes[0] += f"; mapped to it: {', '.join(mapped)}." if mapped else "."
+        residual = relations[self.base].residual
+        if residual > STRAIGHT and mapped:
+            notes.append(
+                f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map follows its "
+                f"bends every {EDGE_WINDOW} s; expect tens of ms of error between topics of different clocks."
+            )
+        return stamps, notes
+
+
+def _log_times(table: Table, found: Relation | None) -> Stamps:
+    """Log times; better, stamps of the same clock; or foreign stamps mapped to it."""
+    if found is None or table.header_ns is None:
+        return table.log_time_ns
+    if found.same:
+        return table.header_ns
+    return clock_map(table.log_time_ns, table.header_ns).inverse(table.header_ns)
+
+
+def _agree(relations: list[Relation]) -> bool:
+    """Whether several topics' stamps are of one clock."""
+    first = relations[0] if relations else None
+    return all(
+        first is not None
+        and abs(other.rate - first.rate) <= SAME_RATE
+        and abs(other.offset - first.offset) <= SAME_OFFSET + 5 * (first.residual + other.residual)
+        + abs(1.0 - first.rate) * 10.0
+        for other in relations
+    )
+
+
+def _describe(found: Relation) -> str:
+    rate = "" if found.same_rate else f" at {found.rate:.4g} times its rate"
+    return f"carries stamps {found.offset:+.6g} s from log time{rate} (residual {1e3 * found.residual:.2g} ms)"
+
+
+def _seconds(stamps_ns: Stamps) -> Array:
+    return np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
+
+
+def _line(x: Array, y: Array) -> tuple[float, float, NDArray[np.bool_]]:
+    """Slope, intercept and inliers of a robust straight line."""
+    inliers = np.ones(len(x), dtype=bool)
+    slope, intercept = 1.0, float(np.median(y - x))
+    for _ in range(3):
+        if np.ptp(x[inliers]) > 0 and inliers.sum() > 2:
+            slope, intercept = (float(value) for value in np.polyfit(x[inliers], y[inliers], 1))
+        residual = np.abs(y - intercept - slope * x)
+        inliers = residual <= 5.0 * np.median(residual) + 1e-6
+    return slope, intercept, inliers
+
+
+def _groups(labels: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Indices of equal neighbours in ascending labels."""
+    cuts = np.flatnonzero(np.diff(labels)) + 1
+    return np.split(np.arange(len(labels)), cuts)

@@ -1,0 +1,248 @@
+"""Messages to columns: every numeric field of N messages becomes one array, read for all N at once.
+
+A serialised message has no table of offsets: where a field lies follows from the definition and from the counters of
+the strings and sequences before it. Messages whose counters agree have the same layout, so their bytes, stacked to
+(N, length), are cut in columns. Where a counter differs, the messages are parted by its value and each part is read by
+itself.
+
+CDR (ROS 2; OMG CDR 1): a 4-byte header whose second byte tells the byte order, then every primitive aligned to its
+size. ROS 1: little-endian, nothing aligned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+
+from flight.formats.reader import Channel
+
+Columns = dict[str, NDArray[Any]]
+Definitions = Mapping[str, tuple[Any, Any]]
+
+DTYPES = {
+    "bool": "u1",
+    "byte": "u1",
+    "char": "u1",
+    "octet": "u1",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "int64": "i8",
+    "uint64": "u8",
+    "float32": "f4",
+    "float64": "f8",
+}
+
+ACTUATORS = {
+    "actuator_msgs/msg/Actuators": "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized",
+    "mav_msgs/msg/Actuators": (
+        "std_msgs/Header header\nfloat64[] angles\nfloat64[] angular_velocities\nfloat64[] normalized"
+    ),
+}
+"""Common types that no ROS distribution ships, for files without definitions."""
+
+
+class UndecodableError(Exception):
+    """The messages do not fit their definition; the text says how."""
+
+
+class _Uneven(Exception):
+    """A counter differs between messages: `counts` (N,)."""
+
+    def __init__(self, counts: NDArray[Any]) -> None:
+        self.counts = counts
+
+
+def definitions_of(channel: Channel) -> Definitions:
+    """Field definitions by type name: the file's own first, then the distribution's."""
+    store = Stores.ROS1_NOETIC if channel.encoding == "ros1" else Stores.ROS2_HUMBLE
+    found = dict(get_typestore(store).fielddefs)
+    for name, text in ACTUATORS.items():
+        found |= get_types_from_msg(text, name)
+    if channel.definition:
+        try:
+            found |= _parsed(channel)
+        except (TypesysError, AssertionError, ValueError) as error:
+            raise UndecodableError(f"its definition of {channel.type} cannot be read: {error}") from error
+    if channel.type not in found:
+        raise UndecodableError(f"type {channel.type} is neither defined in the file nor known")
+    return found
+
+
+def _parsed(channel: Channel) -> Definitions:
+    text = channel.definition or ""
+    if channel.definition_format == "msg":
+        return get_types_from_msg(text, channel.type)
+    found: dict[str, tuple[Any, Any]] = {}
+    for part in text.split("=" * 80 + "\n"):
+        body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
+        if body.strip():
+            found |= get_types_from_idl(body)
+    return found
+
+
+def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str]:
+    """Dotted names of a type's fields, e.g. twist.linear.x; sequences of messages are not entered."""
+    names: list[str] = []
+    for name, (node, payload) in definitions[kind][1]:
+        if node == Nodetype.NAME and depth and payload in definitions:
+            names += [f"{name}.{inner}" for inner in flat_fields(payload, definitions, depth - 1)]
+        else:
+            names.append(name)
+    return names
+
+
+@dataclass
+class Decoder:
+    """Gathers the columns of one channel, batch by batch.
+
+    Covariances are left out: they are most of an odometry message and nothing here reads them.
+    """
+
+    channel: Channel
+    definitions: Definitions
+    parts: list[tuple[NDArray[np.intp], Columns]] = field(default_factory=list)
+    count: int = 0
+    malformed: int = 0
+
+    def add(self, payloads: list[bytes]) -> None:
+        """Decode some messages; those that do not fit their definition are counted in `malformed`."""
+        lengths = np.fromiter(map(len, payloads), dtype=np.intp, count=len(payloads))
+        for length in np.unique(lengths):
+            index = np.flatnonzero(lengths == length)
+            raw = b"".join([payloads[i] for i in index]) if len(index) < len(payloads) else b"".join(payloads)
+            rows = np.frombuffer(raw, dtype=np.uint8).reshape(len(index), length)
+            self._add_rows(index + self.count, rows)
+        self.count += len(payloads)
+
+    def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8]) -> None:
+        try:
+            for order, part in _by_byte_order(rows, self.channel.encoding):
+                walk = _Walk(rows[part], self.definitions, self.channel.encoding, order)
+                walk.message("", self.channel.type)
+                self.parts.append((index[part], walk.columns))
+        except _Uneven as uneven:
+            for value in np.unique(uneven.counts):
+                chosen = uneven.counts == value
+                self._add_rows(index[chosen], rows[chosen])
+        except UndecodableError:
+            self.malformed += len(index)
+
+    def columns(self) -> Columns:
+        """All columns, (count,) or (count, K). Where lengths differ, the shorter are filled with NaN (text: empty)."""
+        names = dict.fromkeys(name for _, columns in self.parts for name in columns)
+        return {name: self._joined(name) for name in names}
+
+    def _joined(self, name: str) -> NDArray[Any]:
+        parts = [(index, columns[name]) for index, columns in self.parts if name in columns]
+        shape = np.max([values.shape[1:] for _, values in parts], axis=0).astype(int)
+        dtype = np.result_type(*{values.dtype for _, values in parts})
+        complete = sum(len(i) for i, v in parts if v.shape[1:] == tuple(shape)) == self.count
+        if not complete and dtype.kind != "S":
+            dtype = np.dtype(float)
+        out = np.zeros((self.count, *shape), dtype=dtype)
+        if not complete and dtype.kind == "f":
+            out[:] = np.nan
+        for index, values in parts:
+            out[(index, *(slice(0, k) for k in values.shape[1:]))] = values
+        return out
+
+
+def _by_byte_order(rows: NDArray[np.uint8], encoding: str) -> list[tuple[str, NDArray[np.intp]]]:
+    """Rows of each byte order; CDR's header names it: 0 big-endian, 1 little-endian."""
+    every = np.arange(len(rows))
+    if encoding != "cdr":
+        return [("<", every)]
+    if rows.shape[1] < 4:
+        raise UndecodableError("shorter than the CDR header")
+    kinds = rows[:, 1]
+    if np.any(rows[:, 0]) or np.any(kinds > 1):
+        raise UndecodableError("not plain CDR")
+    parts = [("<", np.flatnonzero(kinds == 1)), (">", np.flatnonzero(kinds == 0))]
+    return [(order, index) for order, index in parts if len(index)]
+
+
+class _Walk:
+    """Reads the fields of N equally laid out messages, `rows` (N, length), one after another."""
+
+    def __init__(self, rows: NDArray[np.uint8], definitions: Definitions, encoding: str, order: str) -> None:
+        self.rows = rows
+        self.definitions = definitions
+        self.aligned = encoding == "cdr"
+        self.origin = self.position = 4 if self.aligned else 0
+        self.order = order
+        self.columns: Columns = {}
+
+    def message(self, prefix: str, kind: str) -> None:
+        if kind not in self.definitions:
+            raise UndecodableError(f"type {kind} is not defined")
+        for name, description in self.definitions[kind][1]:
+            self.value(f"{prefix}{name}", description)
+
+    def value(self, path: str, description: Any) -> None:
+        node, payload = description
+        if node == Nodetype.BASE:
+            self.base(path, payload[0])
+        elif node == Nodetype.NAME:
+            self.message(f"{path}.", payload)
+        else:
+            inner, number = payload
+            self.several(path, inner, int(number) if node == Nodetype.ARRAY else self.counter())
+
+    def base(self, path: str, kind: str) -> None:
+        if kind == "string":
+            self.columns[path] = self.text()
+        else:
+            self.columns[path] = self.numbers(kind, 1)[:, 0]
+
+    def several(self, path: str, inner: Any, number: int) -> None:
+        node, payload = inner
+        if node == Nodetype.BASE and payload[0] != "string":
+            values = self.numbers(payload[0], number)
+            if not path.endswith("covariance"):
+                self.columns[path] = values
+        elif node == Nodetype.BASE:
+            texts = [self.text() for _ in range(number)]
+            self.columns[path] = np.stack(texts, axis=1) if texts else np.zeros((len(self.rows), 0), dtype="S1")
+        else:
+            for i in range(number):
+                self.value(f"{path}.{i}", inner)
+
+    def numbers(self, kind: str, number: int) -> NDArray[Any]:
+        """`number` primitives (N, number), after alignment."""
+        if kind not in DTYPES:
+            raise UndecodableError(f"fields of type {kind} are not read")
+        dtype = np.dtype(DTYPES[kind]).newbyteorder(self.order)  # type: ignore[arg-type]
+        if self.aligned and number:
+            self.position += -(self.position - self.origin) % dtype.itemsize
+        raw = self.take(dtype.itemsize * number)
+        return raw.view(dtype).reshape(len(self.rows), number).astype(dtype.newbyteorder("="), copy=False)
+
+    def counter(self) -> int:
+        counts = self.numbers("uint32", 1)[:, 0]
+        if np.any(counts != counts[0]):
+            raise _Uneven(counts)
+        return int(counts[0])
+
+    def text(self) -> NDArray[Any]:
+        raw = self.take(self.counter())
+        width = raw.shape[1]
+        return raw.view(f"S{width}")[:, 0] if width else np.zeros(len(self.rows), dtype="S1")
+
+    def take(self, size: int) -> NDArray[np.uint8]:
+        """The next `size` bytes of each message."""
+        stop = self.position + size
+        if stop > self.rows.shape[1]:
+            raise UndecodableError("shorter than its definition")
+        raw = np.ascontiguousarray(self.rows[:, self.position : stop])
+        self.position = stop
+        return raw

@@ -1,0 +1,93 @@
+"""What every log format offers to the rest: channels, and their messages in batches of raw bytes.
+
+A format is one file with one subclass of `Reader` and one line in `flight.formats.READERS`. A reader knows nothing of
+flights: it finds channels and hands out bytes. `flight.formats.decode` turns them into columns.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+BATCH = 8192
+"""Messages that a reader gathers before it hands them on, at most."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A stream of messages of one type.
+
+    `encoding` is that of the messages: "cdr" (ROS 2), "ros1", or another, which is listed but not decoded.
+    `definition` is the text that came with the file, or None; `definition_format` is "msg" or "idl".
+    """
+
+    topic: str
+    type: str  # normalised, e.g. sensor_msgs/msg/Imu
+    encoding: str
+    definition: str | None = None
+    definition_format: str = "msg"
+
+
+class Batch(NamedTuple):
+    """Some messages of one channel: log times [ns] and payloads, which are empty where none was wanted."""
+
+    channel: Channel
+    log_time_ns: list[int]
+    payloads: list[bytes]
+
+
+Wanted = Callable[[Channel], bool]
+"""Says which channels are worth reading; of the others only the log times are kept."""
+
+
+@dataclass
+class Reader(ABC):
+    """One log. `notes` grow while it is read: what was damaged, missing or skipped."""
+
+    path: Path
+    notes: list[str] = field(default_factory=list)
+
+    name: ClassVar[str]
+    """What the format is called, for `inspect` and messages."""
+
+    @classmethod
+    @abstractmethod
+    def accepts(cls, path: Path, head: bytes) -> bool:
+        """Whether this is the format of the existing `path`, whose first bytes are `head` (b"" for a folder)."""
+
+    @abstractmethod
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """Go through the log once; raises `LogError` where nothing can be read."""
+
+    def data_files(self) -> list[Path]:
+        """The files whose bytes are the log's content, in the order in which they are hashed."""
+        return [self.path]
+
+
+def normalised_type(name: str) -> str:
+    """ROS 2 spelling of a message type: sensor_msgs/Imu becomes sensor_msgs/msg/Imu."""
+    package, _, rest = name.partition("/")
+    return name if not rest or "/" in rest else f"{package}/msg/{rest}"
+
+
+@dataclass
+class Gatherer:
+    """Sorts messages by channel while a reader walks through a file."""
+
+    pending: dict[Channel, tuple[list[int], list[bytes]]] = field(default_factory=dict)
+
+    def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Batch | None:
+        """Keep one message; returns a batch when its channel has gathered enough."""
+        times, payloads = self.pending.setdefault(channel, ([], []))
+        times.append(log_time_ns)
+        payloads.append(payload)
+        return Batch(channel, *self.pending.pop(channel)) if len(times) >= BATCH else None
+
+    def flush(self) -> Iterator[Batch]:
+        """Hand out what is left."""
+        for channel, (times, payloads) in self.pending.items():
+            yield Batch(channel, times, payloads)
+        self.pending = {}

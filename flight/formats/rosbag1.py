@@ -1,0 +1,51 @@
+"""ROS 1 bags (`.bag`, format 2.0), through rosbags' reader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as BagReader
+from rosbags.rosbag1 import ReaderError
+
+from flight.errors import LogError
+from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type
+
+MAGIC = b"#ROSBAG V"
+
+
+@dataclass
+class Rosbag1Reader(Reader):
+    """Reads one ROS 1 bag."""
+
+    name: ClassVar[str] = "ROS 1 bag"
+
+    @classmethod
+    def accepts(cls, path: Path, head: bytes) -> bool:
+        """Whether the file begins as every bag does."""
+        return head.startswith(MAGIC)
+
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """Go through the bag in order of time."""
+        gathered = Gatherer()
+        try:
+            with BagReader(self.path) as bag:
+                channels = {connection.id: _channel(connection) for connection in bag.connections}
+                for connection, log_time_ns, payload in bag.messages():
+                    channel = channels[connection.id]
+                    batch = gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
+                    if batch is not None:
+                        yield batch
+        except (ReaderError, ValueError, OSError, EOFError, RuntimeError, AssertionError) as error:
+            raise LogError(
+                f"{self.path}: not a readable ROS 1 bag ({str(error).rstrip('.')}); "
+                "a bag that was cut short is repaired by `rosbag reindex`"
+            ) from error
+        yield from gathered.flush()
+
+
+def _channel(connection: Connection) -> Channel:
+    return Channel(connection.topic, normalised_type(connection.msgtype), "ros1", connection.msgdef.data or None)

@@ -1,0 +1,164 @@
+"""ROS 2 bags: a folder of SQLite or MCAP files, or one `.db3` file by itself.
+
+`metadata.yaml` is only asked which files belong to the bag: everything else is in the files themselves. Messages or
+files that were compressed by `ros2 bag record --compression-mode` are recognised by zstd's magic bytes, which no CDR
+payload begins with.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import zstandard
+
+from flight.errors import LogError
+from flight.formats.mcap import McapReader
+from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type
+
+SQLITE_MAGIC = b"SQLite format 3\x00"
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+STORAGE = {".db3": "sqlite3", ".mcap": "mcap"}
+
+
+@dataclass
+class Rosbag2SqliteReader(Reader):
+    """Reads one SQLite file of a ROS 2 bag."""
+
+    name: ClassVar[str] = "ROS 2 bag file (sqlite3)"
+
+    @classmethod
+    def accepts(cls, path: Path, head: bytes) -> bool:
+        """Whether the file is an SQLite database."""
+        return head.startswith(SQLITE_MAGIC)
+
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """Go through the table of messages in order of log time."""
+        gathered = Gatherer()
+        try:
+            database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            try:
+                channels = _channels(database)
+                rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id")
+                for identifier, log_time_ns, payload in rows:
+                    channel = channels.get(identifier)
+                    if channel is None:
+                        continue
+                    batch = gathered.add(channel, log_time_ns, _payload(payload) if wanted(channel) else b"")
+                    if batch is not None:
+                        yield batch
+            finally:
+                database.close()
+        except sqlite3.DatabaseError as error:
+            if not gathered.pending:
+                raise LogError(
+                    f"{self.path}: not a readable ROS 2 bag ({error}); expected an SQLite file with the tables "
+                    "topics and messages"
+                ) from error
+            self.notes.append(f"{self.path.name} is damaged ({error}): read as far as it goes.")
+        yield from gathered.flush()
+
+
+@dataclass
+class Rosbag2FolderReader(Reader):
+    """Reads a ROS 2 bag folder with one or more files."""
+
+    name: ClassVar[str] = "ROS 2 bag folder"
+
+    @classmethod
+    def accepts(cls, path: Path, head: bytes) -> bool:
+        """Any folder; one without a bag's files is refused with a reason."""
+        return path.is_dir()
+
+    def data_files(self) -> list[Path]:
+        """The bag's files in the order of their numbers; metadata.yaml's list, where there is one, is respected."""
+        listed = _listed_files(self.path / "metadata.yaml")
+        found = sorted((p for p in self.path.iterdir() if _storage(p)), key=_natural)
+        if not found:
+            raise LogError(f"{self.path}: the folder holds no .db3 or .mcap file; expected a ROS 2 bag folder or a file")
+        if listed is None:
+            stems = {re.sub(r"(_\d+)?\..*$", "", p.name) for p in found}
+            if len(stems) > 1:
+                raise LogError(
+                    f"{self.path}: a folder with {len(found)} logs and no metadata.yaml; name one of its files"
+                )
+            return found
+        return [p for p in found if p.name in listed or p.name.removesuffix(".zstd") in listed] or found
+
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """Go through the files one after another."""
+        files = self.data_files()
+        self._compare_with_metadata(files)
+        for path in files:
+            with tempfile.TemporaryDirectory() as scratch:
+                plain = _unpacked(path, Path(scratch))
+                reader: Reader = (McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader)(plain)
+                if plain.stat().st_size == 0:
+                    self.notes.append(f"{path.name} is empty.")
+                    continue
+                yield from reader.batches(wanted)
+                self.notes += reader.notes
+
+    def _compare_with_metadata(self, files: list[Path]) -> None:
+        listed = _listed_files(self.path / "metadata.yaml")
+        if listed is None:
+            self.notes.append("The folder has no metadata.yaml: its files were read without.")
+            return
+        present = {p.name for p in files} | {p.name.removesuffix(".zstd") for p in files}
+        missing = sorted(listed - present)
+        if missing:
+            self.notes.append(f"metadata.yaml lists {', '.join(missing)}, which the folder does not hold.")
+
+
+def _channels(database: sqlite3.Connection) -> dict[int, Channel]:
+    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    definitions = {}
+    if "message_definitions" in tables:
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        definitions = {name: (encoding, text) for name, encoding, text in database.execute(query)}
+    channels = {}
+    for identifier, topic, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+        definition_encoding, text = definitions.get(kind, ("ros2msg", None))
+        definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
+        channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
+    return channels
+
+
+def _payload(data: bytes) -> bytes:
+    return zstandard.decompress(data) if data.startswith(ZSTD_MAGIC) else data
+
+
+def _storage(path: Path) -> str | None:
+    return STORAGE.get(Path(path.name.removesuffix(".zstd")).suffix)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sorts bag_10.db3 after bag_9.db3."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]
+
+
+def _unpacked(path: Path, scratch: Path) -> Path:
+    """The file itself, or its decompressed copy."""
+    if path.suffix != ".zstd":
+        return path
+    plain = scratch / path.name.removesuffix(".zstd")
+    with path.open("rb") as source, plain.open("wb") as target:
+        shutil.copyfileobj(zstandard.ZstdDecompressor().stream_reader(source), target)
+    return plain
+
+
+def _listed_files(metadata: Path) -> set[str] | None:
+    """Names under `relative_file_paths:` of metadata.yaml; None without that file."""
+    if not metadata.is_file():
+        return None
+    block = re.search(
+        r"^\s*relative_file_paths:\s*\n((?:\s*-\s*\S.*\n?)*)", metadata.read_text(errors="replace"), flags=re.MULTILINE
+    )
+    names = re.findall(r"-\s*(\S.*?)\s*$", block.group(1), flags=re.MULTILINE) if block else []
+    return {Path(name.strip("'\"")).name for name in names}

@@ -1,0 +1,429 @@
+"""From a log file to a `Flight`: roles, one clock, clean series in SI and in the frames of `flight.flight`."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from flight.clocks import Stamps, Timing, one_clock
+from flight.derivative import angular_velocity, smooth
+from flight.errors import LogError
+from flight.flight import (
+    ActuatorSeries,
+    Array,
+    BatterySeries,
+    Flight,
+    Gap,
+    ImuSeries,
+    OdometrySeries,
+    ReferenceSeries,
+    WrenchSeries,
+)
+from flight.formats import Log, Table, read_log
+from flight.roles import PART_QUANTITY, Assignment, Source, propose, selection
+
+GAP_FACTOR = 2.5
+"""An interval longer than this many median periods is a gap."""
+
+VECTORS: dict[str, tuple[str, ...]] = {
+    "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
+    "imu": tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
+    "pose": (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw")),
+    "twist": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
+    "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
+}
+"""Fields of a quantity, in the order of its columns."""
+
+
+def load(path: str | Path, topics: Mapping[str, str] | None = None) -> Flight:
+    """Read a log.
+
+    `topics` overrides what role a topic plays, by role or part, e.g. `{"imu": "/my/imu", "tilt": "/plot/tilt[0:6]"}`
+    (see `flight.roles`). What was assumed, repaired or left out is in the flight's `notes`.
+
+    Raises
+    ------
+    LogError
+        The file is no log, cannot be read, or plays no role at all.
+    UsageError
+        `topics` is not understood.
+    """
+    path = Path(path)
+    log = read_log(path, selection(topics or {}))
+    return build(log, propose(log.tables, topics, str(path)))[0]
+
+
+def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
+    """The flight that a log holds under an assignment of roles, and how its clocks relate."""
+    if not assignment.sources:
+        found = ", ".join(f"{topic} ({table.type})" for topic, table in log.tables.items())
+        raise LogError(
+            f"{log.path}: no topic plays a role; topics: {found}. Map one with --topic imu=/your/topic, and see "
+            "`wrenchgap inspect`"
+        )
+    sources = assignment.sources
+    used = {source.topic: log.tables[source.topic] for source in sources.values()}
+    motion = [sources[part].topic for part in ("imu", "pose", "twist") if part in sources]
+    timing = one_clock(used, motion)
+    start_ns = min(int(np.min(stamps[stamps > 0], initial=np.iinfo(np.int64).max)) for stamps in timing.stamps.values())
+    builder = _Builder(log, assignment, timing, start_ns)
+    flight = Flight(
+        name=_name(log.path),
+        path=log.path,
+        content_hash=log.content_hash,
+        start_ns=start_ns,
+        commanded=builder.wrench("commanded"),
+        desired=builder.wrench("desired"),
+        actuators=builder.actuators(),
+        imu=builder.imu(),
+        odometry=builder.odometry(),
+        reference=builder.reference(),
+        battery=builder.battery(),
+        notes=(),
+    )
+    notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
+    if not flight.series():
+        raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(notes)}")
+    return Flight(**{**flight.__dict__, "notes": notes}), timing
+
+
+def _name(path: Path) -> str:
+    return path.name if path.is_dir() else path.name.removesuffix(path.suffix)
+
+
+@dataclass
+class _Part:
+    """Clean samples of one part: stamps (N,) [ns], increasing; values (N, K)."""
+
+    source: Source
+    stamps: Stamps
+    values: Array
+    dropped: dict[str, int]
+
+
+@dataclass
+class _Builder:
+    log: Log
+    assignment: Assignment
+    timing: Timing
+    start_ns: int
+    notes: list[str] = field(default_factory=list)
+
+    def part(self, name: str) -> _Part | None:
+        """The clean samples of one part, or None."""
+        source = self.assignment.sources.get(name)
+        if source is None:
+            return None
+        table = self.log.tables[source.topic]
+        values = vector(table, source, PART_QUANTITY[name], str(self.log.path))
+        if table.problem:
+            self._note(f"{source.topic}: {table.problem}.")
+        if not np.isfinite(values).any():
+            self._note(f"{source.topic} plays {name}, but none of its values is a number: left out.")
+            return None
+        absent = _absent_half(values, name)
+        stamps = self.timing.stamps[source.topic]
+        finite = np.isfinite(np.delete(values, absent, axis=1)).all(axis=1)
+        dropped: Counter[str] = Counter({"not finite": int((~finite).sum()), "no stamp": int((stamps <= 0).sum())})
+        keep = np.flatnonzero(finite & (stamps > 0))
+        if name in ("pose", "reference_pose"):
+            norm = np.linalg.norm(values[keep, 3:7], axis=1)
+            dropped["zero quaternion"] = int((norm < 0.5).sum())
+            repaired = int(((np.abs(norm - 1.0) > 1e-3) & (norm >= 0.5)).sum())
+            if repaired:
+                self._note(f"{source.topic}: {repaired} quaternions were not of unit length; normalised.")
+            keep = keep[norm >= 0.5]
+        increasing, reasons = _increasing(stamps[keep])
+        keep, dropped = keep[increasing], dropped + Counter(reasons)
+        counted = {reason: count for reason, count in dropped.items() if count}
+        if counted:
+            listed = ", ".join(f"{count} {reason}" for reason, count in counted.items())
+            self._note(f"{source.topic}: {sum(counted.values())} of {len(stamps)} samples left out ({listed}).")
+        if len(keep) < 2:
+            self._note(f"{source.topic} plays {name}, but only {len(keep)} of its samples are usable: left out.")
+            return None
+        return _Part(source, stamps[keep], values[keep], counted)
+
+    def wrench(self, name: str) -> WrenchSeries | None:
+        """The commanded or desired wrench."""
+        part = self.part(name)
+        return part and WrenchSeries(*self._series(part), part.values, gaps=self._gaps(part), dropped=part.dropped)
+
+    def imu(self) -> ImuSeries | None:
+        """Gyroscope and accelerometer."""
+        part = self.part("imu")
+        if part is None:
+            return None
+        omega_B, force_B = part.values[:, :3], part.values[:, 3:]
+        return ImuSeries(*self._series(part), omega_B, force_B, gaps=self._gaps(part), dropped=part.dropped)
+
+    def battery(self) -> BatterySeries | None:
+        """The battery's voltage."""
+        part = self.part("battery")
+        return part and BatterySeries(
+            *self._series(part), part.values[:, 0], gaps=self._gaps(part), dropped=part.dropped
+        )
+
+    def actuators(self) -> ActuatorSeries | None:
+        """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
+        tilt, speed = self.part("tilt"), self.part("rotor_speed")
+        main = tilt or speed
+        if main is None:
+            return None
+        if tilt is not None and speed is not None and tilt.source.topic != speed.source.topic:
+            main, tilt, speed = self._joined_commands(tilt, speed)
+        elif tilt is not None and speed is not None and len(tilt.stamps) != len(speed.stamps):
+            main, tilt, speed = self._joined_commands(tilt, speed)
+        empty = np.zeros((len(main.stamps), 0))
+        words = main.source.topic if tilt is None or speed is None else _both(tilt.source, speed.source)
+        self._say_whose_speeds(speed)
+        return ActuatorSeries(
+            words,
+            self._seconds(main.stamps),
+            empty if tilt is None else tilt.values,
+            empty if speed is None else speed.values,
+            gaps=self._gaps(main),
+            dropped=main.dropped,
+        )
+
+    def _say_whose_speeds(self, speed: _Part | None) -> None:
+        if speed is not None and not _says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
+            self._note(
+                f"{speed.source.topic} does not say whether its rotor speeds are commanded or measured; "
+                "they are taken as commanded."
+            )
+
+    def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part, _Part]:
+        """Two topics of commands at the stamps of the first; each with the other's nearest sample."""
+        nearest = _nearest(first.stamps, second.stamps)
+        apart = np.abs(second.stamps[nearest] - first.stamps)
+        allowed = 0.5 * max(np.median(np.diff(first.stamps)), np.median(np.diff(second.stamps)))
+        keep = np.flatnonzero(apart <= allowed)
+        if len(keep) < 2:
+            self._note(f"{second.source.topic} has no samples at the times of {first.source.topic}: left out.")
+            return first, first, _Part(second.source, first.stamps, np.zeros((len(first.stamps), 0)), {})
+        alone = len(apart) - len(keep)
+        dropped = first.dropped | ({"no partner": alone} if alone else {})
+        if alone:
+            self._note(f"{alone} samples of {first.source.topic} have no partner in {second.source.topic}: left out.")
+        joined = _Part(first.source, first.stamps[keep], first.values[keep], dropped)
+        return joined, joined, _Part(second.source, joined.stamps, second.values[nearest[keep]], dropped)
+
+    def odometry(self) -> OdometrySeries | None:
+        """Pose, with the velocity taken to E and the rate to B, whatever frames the log has them in."""
+        pose = self.part("pose")
+        if pose is None:
+            return None
+        quat_EB = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
+        motion = self._motion(pose, quat_EB, "twist", "B")
+        return OdometrySeries(
+            self._topics("pose", "twist"),
+            self._seconds(pose.stamps),
+            pose.values[:, :3],
+            quat_EB,
+            *motion,
+            gaps=self._gaps(pose),
+            dropped=pose.dropped,
+        )
+
+    def reference(self) -> ReferenceSeries | None:
+        """The reference, with velocity and acceleration in E and rates in D."""
+        pose = self.part("reference_pose")
+        if pose is None:
+            return None
+        quat_ED = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
+        velocity_E, omega_D = self._motion(pose, quat_ED, "reference_twist", "D")
+        acceleration_E, omega_dot_D = self._acceleration(pose, quat_ED, velocity_E)
+        return ReferenceSeries(
+            self._topics("reference_pose", "reference_twist"),
+            self._seconds(pose.stamps),
+            pose.values[:, :3],
+            quat_ED,
+            velocity_E,
+            omega_D,
+            acceleration_E,
+            omega_dot_D,
+            gaps=self._gaps(pose),
+            dropped=pose.dropped,
+        )
+
+    def _motion(self, pose: _Part, quat: Array, name: str, frame: str) -> tuple[Array | None, Array | None]:
+        """velocity_E and omega in the body frame at the pose's stamps; `frame` is the body frame's letter."""
+        twist = self.part(name)
+        if twist is None:
+            return None, None
+        values = self._at(pose, twist)
+        topic = twist.source.topic
+        in_body = "Odometry" in self.log.tables[topic].type
+        time = self._seconds(pose.stamps)
+        linear, angular = values[:, :3], values[:, 3:]
+        velocity_E = omega = None
+        if np.isfinite(linear).all():
+            truth = smooth(time, pose.values[:, :3], derivative=1)
+            readings = {frame: so3.rotate(quat, linear), "E": linear}
+            velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, frame if in_body else "E")
+        if np.isfinite(angular).all():
+            truth = angular_velocity(time, quat)
+            readings = {frame: angular, "E": so3.rotate_inverse(quat, angular)}
+            # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
+            omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
+        return velocity_E, omega
+
+    def _acceleration(
+        self, pose: _Part, quat_ED: Array, velocity_E: Array | None
+    ) -> tuple[Array | None, Array | None]:
+        part = self.part("reference_acceleration")
+        if part is None:
+            return None, None
+        values = self._at(pose, part)
+        in_body = "Accel" in self.log.tables[part.source.topic].type
+        linear, angular = values[:, :3], values[:, 3:]
+        time = self._seconds(pose.stamps)
+        acceleration_E = None
+        if np.isfinite(linear).all():
+            readings = {"D": so3.rotate(quat_ED, linear), "E": linear}
+            default = "D" if in_body else "E"
+            velocity = smooth(time, pose.values[:, :3], derivative=1) if velocity_E is None else velocity_E
+            truth = smooth(time, velocity, derivative=1)
+            acceleration_E = self._in_frame(part.source.topic, "acceleration", readings, truth, time, default)
+        return acceleration_E, angular if np.isfinite(angular).all() else None
+
+    def _in_frame(
+        self, topic: str, what: str, readings: dict[str, Array], truth: Array, time: Array, default: str
+    ) -> Array:
+        """The reading that agrees with the derivative of the pose; the convention's unless another is clearly better."""
+        inside = _away_from_gaps(time)
+        misfit = {
+            frame: float(np.sqrt(np.mean((smooth(time, values)[inside] - truth[inside]) ** 2)))
+            for frame, values in readings.items()
+        }
+        best = min(misfit, key=lambda frame: misfit[frame])
+        scale = float(np.sqrt(np.mean(truth[inside] ** 2)))
+        if misfit[best] < 0.5 * misfit[default] and misfit[default] > 0.03 * scale:
+            self._note(
+                f"{topic}: its {what} is in frame {best}, not {default} as its type suggests (rms difference from "
+                f"the differentiated pose {misfit[best]:.2g} against {misfit[default]:.2g}); read as {best}."
+            )
+            return readings[best]
+        return readings[default]
+
+    def _at(self, pose: _Part, other: _Part) -> Array:
+        """Values of another topic at the pose's stamps: the same rows, or interpolated (no further than its ends)."""
+        if len(pose.stamps) == len(other.stamps) and np.array_equal(pose.stamps, other.stamps):
+            return other.values
+        x, knots = self._seconds(pose.stamps), self._seconds(other.stamps)
+        return np.stack([np.interp(x, knots, column) for column in other.values.T], axis=1)
+
+    def _topics(self, *parts: str) -> str:
+        sources = self.assignment.sources
+        return " + ".join(dict.fromkeys(sources[part].topic for part in parts if part in sources))
+
+    def _series(self, part: _Part) -> tuple[str, Array]:
+        return part.source.topic, self._seconds(part.stamps)
+
+    def _seconds(self, stamps: Stamps) -> Array:
+        return np.asarray((stamps - self.start_ns) / 1e9)
+
+    def _gaps(self, part: _Part) -> tuple[Gap, ...]:
+        return gaps_of(self._seconds(part.stamps))
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
+
+
+def vector(table: Table, source: Source, quantity: str, where: str = "log") -> Array:
+    """A quantity's numbers (N, K) from a table: the columns of an array, or the named fields of a message."""
+    array = table.columns.get(source.field)
+    if array is not None:
+        values = np.asarray(array, dtype=float).reshape(len(table), -1)
+        chosen = values if source.columns is None else values[:, list(source.columns)]
+        expected = len(VECTORS.get(quantity, ())) or (1 if quantity == "voltage" else chosen.shape[1])
+        if chosen.shape[1] != expected:
+            raise LogError(f"{where}: {source} gives {chosen.shape[1]} columns, but a {quantity} has {expected}")
+        return chosen
+    prefix = f"{source.field}." if source.field else ""
+    names = [prefix + name for name in VECTORS.get(quantity, ())]
+    if quantity == "pose" and names[0] not in table.columns:
+        names = [name.replace("position.", "translation.").replace("orientation.", "rotation.") for name in names]
+    missing = [name for name in names if name not in table.columns]
+    if missing or not names:
+        raise LogError(f"{where}: {source.topic} ({table.type}) has no field {(missing or [source.field])[0]!r}")
+    return np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
+
+
+def gaps_of(time: Array) -> tuple[Gap, ...]:
+    """Intervals longer than `GAP_FACTOR` median periods."""
+    steps = np.diff(time)
+    if len(steps) < 2:
+        return ()
+    return tuple(
+        Gap(float(time[i]), float(time[i + 1])) for i in np.flatnonzero(steps > GAP_FACTOR * float(np.median(steps)))
+    )
+
+
+def _increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
+    """Indices of the longest strictly increasing run of stamps that leaves out the fewest, and why others are not in it.
+
+    One wrong stamp in the future costs one sample, not all that follow.
+    """
+    if np.all(np.diff(stamps) > 0):
+        return np.arange(len(stamps)), {}
+    tails: list[int] = []
+    last: list[int] = []
+    before = np.full(len(stamps), -1)
+    for i, stamp in enumerate(stamps.tolist()):
+        place = bisect_left(tails, stamp)
+        before[i] = last[place - 1] if place else -1
+        if place == len(tails):
+            tails.append(stamp)
+            last.append(i)
+        else:
+            tails[place], last[place] = stamp, i
+    chain = []
+    at = last[-1]
+    while at >= 0:
+        chain.append(at)
+        at = int(before[at])
+    keep = np.array(chain[::-1], dtype=np.intp)
+    others = np.delete(stamps, keep)
+    duplicates = int(np.isin(others, stamps[keep]).sum())
+    return keep, {"duplicate stamp": duplicates, "stamp not increasing": len(others) - duplicates}
+
+
+def _absent_half(values: Array, name: str) -> list[int]:
+    """Columns of a twist or acceleration that the log leaves empty (all NaN): its linear or its angular half."""
+    if PART_QUANTITY[name] not in ("twist", "acceleration"):
+        return []
+    return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]
+
+
+def _nearest(wanted: Stamps, stamps: Stamps) -> NDArray[np.intp]:
+    """Index of the nearest of `stamps` to each of `wanted`."""
+    right = np.clip(np.searchsorted(stamps, wanted), 1, len(stamps) - 1)
+    return right - (wanted - stamps[right - 1] < stamps[right] - wanted)
+
+
+def _away_from_gaps(time: Array, margin: float = 0.3) -> NDArray[np.bool_]:
+    """Samples at which a smoothed derivative means something."""
+    inside = (time > time[0] + margin) & (time < time[-1] - margin)
+    for gap in gaps_of(time):
+        inside &= (time < gap.start - margin) | (time > gap.stop + margin)
+    return inside if inside.sum() > 10 else np.ones(len(time), dtype=bool)
+
+
+def _both(first: Source, second: Source) -> str:
+    return " + ".join(dict.fromkeys((first.topic, second.topic)))
+
+
+def _says_command(topic: str, kind: str) -> bool:
+    from flight.roles import _COMMAND, _DESIRED, name_words
+
+    return "Actuators" in kind or bool(name_words(topic) & (_COMMAND | _DESIRED))

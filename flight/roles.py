@@ -1,0 +1,408 @@
+"""Which topic plays which role.
+
+A role is made of one or more *parts*, each played by one topic: a pose and a twist make an odometry, tilt angles and
+rotor speeds make the actuators. A message type offers *quantities* (wrench, pose, twist, ...); a part needs one.
+Among the topics that offer it, words in the topic's name decide; ties go to the topic whose name shares most with the
+topics already chosen, then to the one with more messages.
+
+Overrides: `{"imu": "/my/imu"}`. The topic may be followed by a field and by columns, for arrays:
+
+    tilt=/plot/tilt_angle                  all columns of the array
+    rotor_speed=/esc[3,2,1,0]              columns in this order
+    rotor_speed=/state.velocity[6:18]      columns 6 to 17 of the field `velocity`
+    commanded=/debug.data[0:6]             force x y z, torque x y z
+    desired=none                           nobody plays this role
+
+Columns of a vector that is taken from an array: wrench = force, torque; imu = angular velocity, specific force;
+pose = position x y z, quaternion x y z w; twist and acceleration = linear, angular.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from flight.errors import LogError, UsageError
+from flight.flight import ROLES
+from flight.formats import Table
+
+ROLE_PARTS: dict[str, tuple[str, ...]] = {
+    "commanded": ("commanded",),
+    "desired": ("desired",),
+    "actuators": ("tilt", "rotor_speed"),
+    "imu": ("imu",),
+    "odometry": ("pose", "twist"),
+    "reference": ("reference_pose", "reference_twist", "reference_acceleration"),
+    "battery": ("battery",),
+}
+"""The parts of every role, in the order in which they are chosen."""
+
+PART_QUANTITY: dict[str, str] = {
+    "commanded": "wrench",
+    "desired": "wrench",
+    "tilt": "tilt",
+    "rotor_speed": "rotor_speed",
+    "imu": "imu",
+    "pose": "pose",
+    "twist": "twist",
+    "reference_pose": "pose",
+    "reference_twist": "twist",
+    "reference_acceleration": "acceleration",
+    "battery": "voltage",
+}
+
+TYPES: dict[str, dict[str, str]] = {
+    "geometry_msgs/msg/Wrench": {"wrench": ""},
+    "geometry_msgs/msg/WrenchStamped": {"wrench": "wrench"},
+    "sensor_msgs/msg/Imu": {"imu": ""},
+    "nav_msgs/msg/Odometry": {"pose": "pose.pose", "twist": "twist.twist"},
+    "geometry_msgs/msg/Pose": {"pose": ""},
+    "geometry_msgs/msg/PoseStamped": {"pose": "pose"},
+    "geometry_msgs/msg/PoseWithCovarianceStamped": {"pose": "pose.pose"},
+    "geometry_msgs/msg/TransformStamped": {"pose": "transform"},
+    "geometry_msgs/msg/Twist": {"twist": ""},
+    "geometry_msgs/msg/TwistStamped": {"twist": "twist"},
+    "geometry_msgs/msg/TwistWithCovarianceStamped": {"twist": "twist.twist"},
+    "geometry_msgs/msg/AccelStamped": {"acceleration": "accel"},
+    "geometry_msgs/msg/AccelWithCovarianceStamped": {"acceleration": "accel.accel"},
+    "trajectory_msgs/msg/MultiDOFJointTrajectory": {
+        "pose": "points.0.transforms.0",
+        "twist": "points.0.velocities.0",
+        "acceleration": "points.0.accelerations.0",
+    },
+    "actuator_msgs/msg/Actuators": {"tilt": "position", "rotor_speed": "velocity"},
+    "mav_msgs/msg/Actuators": {"tilt": "angles", "rotor_speed": "angular_velocities"},
+    "sensor_msgs/msg/JointState": {"tilt": "position", "rotor_speed": "velocity"},
+    "sensor_msgs/msg/BatteryState": {"voltage": "voltage"},
+    "std_msgs/msg/Float64MultiArray": {"tilt": "data", "rotor_speed": "data"},
+    "std_msgs/msg/Float32MultiArray": {"tilt": "data", "rotor_speed": "data"},
+    "std_msgs/msg/Float64": {"voltage": "data"},
+    "std_msgs/msg/Float32": {"voltage": "data"},
+}
+"""Quantities that a message type offers, and the field in which each lies."""
+
+SPEED_FIELDS = ("motor_speed", "motor_speeds", "rotor_speed", "rotor_speeds", "angular_velocities")
+"""Array fields by which a custom type is recognised as rotor speeds, e.g. RotorS' mav_msgs/MotorSpeed."""
+
+_COMMAND = frozenset({"command", "commands", "commanded", "cmd", "control", "controller", "ctrl", "actuation", "out"})
+_DESIRED = frozenset({"desired", "des", "setpoint", "sp", "ref", "reference", "target", "goal", "trajectory", "planned"})
+_FOREIGN = frozenset({"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias"})
+_NOT_COMMAND = frozenset(
+    {"collision", "collisions", "contact", "contacts", "external", "ext", "sensor", "ft", "measured", "meas"}
+    | {"estimated", "estimate", "disturbance", "wind", "residual", "predicted", "correction", "interaction", "error"}
+)
+_TRUTH = frozenset({"odometry", "odom", "state", "truth", "gt", "mocap", "vicon", "optitrack", "vrpn", "estimate", "vehicle"})
+_TILT = frozenset({"tilt", "tilts", "alpha", "servo", "servos", "angle", "angles", "arm", "arms"})
+_ROTOR = frozenset({"motor", "motors", "rotor", "rotors", "speed", "speeds", "rpm", "omega", "esc", "propeller", "velocities"})
+_BATTERY = frozenset({"battery", "voltage", "vbat", "power"})
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a part's numbers come from: a topic, a field of its messages, and columns of that field (None: all)."""
+
+    topic: str
+    field: str
+    columns: tuple[int, ...] | None = None
+
+    def __str__(self) -> str:
+        chosen = "" if self.columns is None else f"[{','.join(map(str, self.columns))}]"
+        return f"{self.topic}{chosen}"
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Who plays what. `sources` by part; `candidates` by part are the other topics that could, best first."""
+
+    sources: dict[str, Source]
+    candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def parts_of(self, topic: str) -> tuple[str, ...]:
+        """Parts that a topic plays."""
+        return tuple(part for part, source in self.sources.items() if source.topic == topic)
+
+    def roles_of(self, topic: str) -> tuple[str, ...]:
+        """Roles to which a topic contributes."""
+        parts = set(self.parts_of(topic))
+        return tuple(role for role in ROLES if parts & set(ROLE_PARTS[role]))
+
+    def as_topics(self) -> dict[str, str]:
+        """The assignment in the syntax of overrides, for a model file."""
+        topics = {}
+        for part, source in self.sources.items():
+            columns = "" if source.columns is None else f"[{','.join(map(str, source.columns))}]"
+            topics[part] = f"{source.topic}{columns}"
+        return topics
+
+
+def quantities(kind: str, fields: list[str]) -> dict[str, str]:
+    """Quantities that a type offers, with their fields; custom types are recognised by their field names."""
+    if kind in TYPES:
+        return TYPES[kind]
+    speeds = [name for name in SPEED_FIELDS if name in fields]
+    return {"rotor_speed": speeds[0]} if speeds else {}
+
+
+def selection(topics: Mapping[str, str]) -> _Selection:
+    """What to decode of a log: topics that offer something, and those that are named."""
+    return _Selection(frozenset(_topic_of(value) for value in topics.values()))
+
+
+@dataclass(frozen=True)
+class _Selection:
+    named: frozenset[str]
+
+    def __call__(self, topic: str, kind: str, fields: list[str]) -> bool:
+        return topic in self.named or bool(quantities(kind, fields))
+
+
+def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None, where: str = "log") -> Assignment:
+    """Choose a topic for every part that the log can play; `topics` overrides by role or by part.
+
+    Raises
+    ------
+    UsageError
+        An override names no role.
+    LogError
+        An override names a topic that the log lacks, or one that cannot play the role.
+    """
+    named = _overrides(topics or {}, tables, where)
+    proposer = _Proposer(tables, {part: source for part, source in named.items() if source is not None})
+    for part in PART_QUANTITY:
+        if part not in named:
+            proposer.choose(part)
+    proposer.one_wrench(closed=set(named))
+    return Assignment(
+        {part: proposer.sources[part] for part in PART_QUANTITY if part in proposer.sources},
+        proposer.candidates,
+        tuple(proposer.notes),
+    )
+
+
+class _Proposer:
+    def __init__(self, tables: Mapping[str, Table], named: dict[str, Source]) -> None:
+        self.tables = tables
+        self.sources = dict(named)
+        self.candidates: dict[str, tuple[str, ...]] = {}
+        self.notes: list[str] = []
+
+    def choose(self, part: str) -> None:
+        """Give a part to the best topic, if any is good enough."""
+        scored = []
+        for topic, table in self.tables.items():
+            place = _offered(table, part)
+            if place is not None:
+                score = _score(part, topic, table.type)
+                scored.append((score + self._kinship(part, topic), len(table), topic, place))
+        scored.sort(key=lambda entry: (-entry[0], -entry[1], entry[2]))
+        good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
+        if good:
+            _, _, topic, place = good[0]
+            self.sources[part] = Source(topic, place)
+        others = tuple(entry[2] for entry in scored if not good or entry[2] != good[0][2])
+        if others:
+            self.candidates[part] = others
+
+    def _free(self, part: str, topic: str) -> bool:
+        """The vehicle's motion and its reference are different topics; so are commanded and desired wrench."""
+        apart = {"desired": ("commanded",), "reference_pose": ("pose",), "reference_twist": ("twist",)}
+        if any(self.sources[p].topic == topic for p in apart.get(part, ()) if p in self.sources):
+            return False
+        if part in ("reference_twist", "reference_acceleration"):
+            return "reference_pose" in self.sources
+        return part != "twist" or "pose" in self.sources
+
+    def _kinship(self, part: str, topic: str) -> float:
+        """Up to one point for a shared name: a twist belongs to its pose, a vehicle's topics to one another."""
+        partner = {"twist": "pose", "reference_twist": "reference_pose", "reference_acceleration": "reference_pose"}
+        chosen = self.sources.get(partner.get(part, ""))
+        if chosen is not None and chosen.topic == topic:
+            return 3.0
+        roots = [_namespace(source.topic) for source in ([chosen] if chosen else self.sources.values())]
+        return sum(0.5 for root in roots if root and root == _namespace(topic)) / max(len(roots), 1)
+
+    def one_wrench(self, closed: set[str]) -> None:
+        """A desired wrench stands in for a commanded one that was not logged."""
+        if "commanded" in self.sources or "commanded" in closed or "desired" not in self.sources:
+            return
+        self.sources["commanded"] = self.sources["desired"]
+        self.notes.append(
+            f"No topic holds a commanded wrench: {self.sources['desired'].topic} (desired) is used for both."
+        )
+
+
+def _offered(table: Table, part: str) -> str | None:
+    """The field in which a table offers what a part needs, or None."""
+    quantity = PART_QUANTITY[part]
+    place = quantities(table.type, list(table.columns)).get(quantity)
+    if place is None or not table.columns:
+        return None
+    first = table.columns.get(place)
+    if quantity in ("tilt", "rotor_speed") and (first is None or first.ndim != 2 or not first.shape[1]):
+        return None
+    below = f"{place}." if place else ""
+    present = place in table.columns or any(name.startswith(below) for name in table.columns)
+    return place if present else None
+
+
+def _score(part: str, topic: str, kind: str) -> float:
+    """How well a topic's name and type suit a part; not above zero means: not without being asked."""
+    words = name_words(topic)
+    if words & _FOREIGN:
+        return -10.0
+    return _SCORES[PART_QUANTITY[part] if part not in _SCORES else part](words, kind)
+
+
+def _score_commanded(words: frozenset[str], kind: str) -> float:
+    if words & _NOT_COMMAND or words & _DESIRED:
+        return -5.0
+    return (3.0 if words & _COMMAND else 1.0) + 0.2 * ("Stamped" in kind)
+
+
+def _score_desired(words: frozenset[str], kind: str) -> float:
+    if words & _NOT_COMMAND or not words & _DESIRED:
+        return -5.0
+    return 3.0 + 0.2 * ("Stamped" in kind)
+
+
+def _score_tilt(words: frozenset[str], kind: str) -> float:
+    if "Actuators" in kind:
+        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
+    score = 2.0 * bool(words & _TILT) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _ROTOR - {"speed"})
+    return score - (2.0 if "JointState" in kind else 0.5)
+
+
+def _score_rotor(words: frozenset[str], kind: str) -> float:
+    if "Actuators" in kind:
+        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
+    if kind not in TYPES:
+        return 2.0 + bool(words & (_COMMAND | _DESIRED))  # a custom type with a field of that name
+    score = 2.0 * bool(words & _ROTOR) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _TILT)
+    return score - (2.0 if "JointState" in kind else 0.5)
+
+
+def _score_imu(words: frozenset[str], kind: str) -> float:
+    return 2.0 + ("raw" not in words) * 0.2 - 0.5 * bool(words & {"truth", "gt", "ground"}) - bool(words & {"mag", "temp"})
+
+
+def _score_motion(words: frozenset[str], kind: str) -> float:
+    if words & _DESIRED or words & (_COMMAND | {"vel"}) or "Trajectory" in kind:
+        return -5.0
+    score = 2.0 * ("Odometry" in kind) + bool(words & _TRUTH) + 0.5 * bool(words & {"truth", "gt", "mocap", "vicon"})
+    return score + (0.5 if "Stamped" in kind else 0.1 if "Pose" in kind else 0.0)
+
+
+def _score_reference(words: frozenset[str], kind: str) -> float:
+    if "Trajectory" in kind:
+        return 3.0
+    if not words & (_DESIRED | _COMMAND) or words & {"vel"}:
+        return -5.0
+    return 2.0 + bool(words & _DESIRED) + ("Odometry" in kind) + 0.2 * ("Stamped" in kind)
+
+
+def _score_voltage(words: frozenset[str], kind: str) -> float:
+    return 3.0 if "Battery" in kind else 1.0 if words & _BATTERY and "Float" in kind else -5.0
+
+
+_SCORES = {
+    "commanded": _score_commanded,
+    "desired": _score_desired,
+    "tilt": _score_tilt,
+    "rotor_speed": _score_rotor,
+    "imu": _score_imu,
+    "pose": _score_motion,
+    "twist": _score_motion,
+    "reference_pose": _score_reference,
+    "reference_twist": _score_reference,
+    "reference_acceleration": _score_reference,
+    "battery": _score_voltage,
+}
+
+
+def name_words(topic: str) -> frozenset[str]:
+    """Lower-case words of a topic's name, split at punctuation, digits and capitals."""
+    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", topic)
+    return frozenset(word.lower() for word in re.split(r"[^A-Za-z]+", spaced) if word)
+
+
+def _namespace(topic: str) -> str:
+    """The first component of a topic's name, where there is more than one."""
+    parts = topic.strip("/").split("/")
+    return parts[0] if len(parts) > 1 else ""
+
+
+def _topic_of(value: str) -> str:
+    return re.split(r"[.\[]", value, maxsplit=1)[0]
+
+
+def parse_source(value: str) -> tuple[str, str | None, tuple[int, ...] | None]:
+    """Split `/topic.field[columns]`; raises `UsageError` where it is not of this form."""
+    match = re.fullmatch(r"([^.\[\]]+)(?:\.([\w.]+))?(?:\[([\d,:\s]+)\])?", value.strip())
+    if match is None:
+        raise UsageError(f"topic {value!r}: expected /topic, /topic.field, /topic[0:6] or /topic[3,2,1,0]")
+    topic, place, columns = match.groups()
+    return topic, place, None if columns is None else _columns(columns, value)
+
+
+def _columns(text: str, value: str) -> tuple[int, ...]:
+    chosen: list[int] = []
+    for piece in text.split(","):
+        bounds = piece.split(":")
+        if len(bounds) > 2 or not all(bound.strip().isdigit() for bound in bounds):
+            raise UsageError(f"topic {value!r}: columns {piece.strip()!r}; expected numbers or first:last+1, as in [0:6]")
+        first = int(bounds[0])
+        chosen += range(first, int(bounds[1]) if len(bounds) == 2 else first + 1)
+    if not chosen:
+        raise UsageError(f"topic {value!r}: selects no column")
+    return tuple(chosen)
+
+
+def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: str) -> dict[str, Source | None]:
+    named: dict[str, Source | None] = {}
+    for role, value in topics.items():
+        if role not in ROLE_PARTS and role not in PART_QUANTITY:
+            valid = ", ".join(dict.fromkeys((*ROLES, *PART_QUANTITY)))
+            raise UsageError(f"topic mapping {role}={value}: no role is called {role!r}; roles: {valid}")
+        parts = ROLE_PARTS.get(role, (role,))
+        if value.strip().lower() in ("none", ""):
+            named |= dict.fromkeys(parts)
+            continue
+        found = {part: source for part in parts if (source := _named_source(value, part, tables, where, parts))}
+        if not found:
+            topic = _topic_of(value)
+            raise LogError(
+                f"{where}: {topic} ({tables[topic].type}) cannot play {role!r}: "
+                f"{tables[topic].problem or 'it holds no ' + ' or '.join(PART_QUANTITY[p] for p in parts)}; "
+                f"for an array name field and columns, as in {role}={topic}.data[0:6]"
+            )
+        named |= found
+    return named
+
+
+def _named_source(
+    value: str, part: str, tables: Mapping[str, Table], where: str, parts: tuple[str, ...]
+) -> Source | None:
+    topic, place, columns = parse_source(value)
+    if topic not in tables:
+        raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
+    table = tables[topic]
+    place = place or _offered(table, part) or _array_field(table, columns, parts)
+    if place is None:
+        return None
+    array = table.columns.get(place)
+    if columns is not None and (array is None or array.ndim != 2 or max(columns) >= array.shape[1]):
+        width = "no array" if array is None or array.ndim != 2 else f"{array.shape[1]} columns"
+        raise LogError(f"{where}: {value} asks for column {max(columns)}, but {topic} field {place!r} has {width}")
+    if not any(name == place or name.startswith(f"{place}.") for name in table.columns) and place:
+        raise LogError(f"{where}: {topic} has no field {place!r}; fields: {', '.join(table.columns)}")
+    return Source(topic, place, columns)
+
+
+def _array_field(table: Table, columns: tuple[int, ...] | None, parts: tuple[str, ...]) -> str | None:
+    """An array without a name of its own can only play a role of one part."""
+    if len(parts) > 1:
+        return None
+    arrays = [name for name, values in table.columns.items() if values.ndim == 2 and values.dtype.kind in "fiu"]
+    return arrays[0] if len(arrays) == 1 and (columns is not None or arrays[0] == "data") else None
