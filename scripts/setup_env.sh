@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Makes or renews .venv from requirements.lock; does nothing when it is up to date.
 #
-# PYTHON=/path/to/python3 chooses the interpreter (default: python3.11, else any python3 that is at least 3.11).
-# The environment is renewed when the lock, pyproject.toml, its place or the chosen interpreter changes.
+# PYTHON=/path/to/python3 chooses the interpreter (default: the one that .venv has, python3.11, or any python3 that is
+# at least 3.11). The environment is renewed when the lock, pyproject.toml, its place or the interpreter changes.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -16,17 +16,22 @@ fail() {
   exit 1
 }
 
-is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
+runs() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; } # and is new enough
+environment_works() { runs "$ENV/bin/python" && "$ENV/bin/python" -c 'import pip' 2>/dev/null; }
 
 find_python() {
   local candidate
   if [ -n "${PYTHON:-}" ]; then
-    is_new_enough "$PYTHON" || fail "PYTHON=$PYTHON does not run or is older than Python 3.11; give another"
+    runs "$PYTHON" || fail "PYTHON=$PYTHON does not run or is older than Python 3.11; give another"
     echo "$PYTHON"
     return
   fi
+  if environment_works; then
+    echo "$ENV/bin/python"
+    return
+  fi
   for candidate in python3.11 python3 python3.12 python3.13; do
-    if is_new_enough "$candidate"; then
+    if runs "$candidate"; then
       command -v "$candidate"
       return
     fi
@@ -68,8 +73,7 @@ if [ "$(cat "$STAMP" 2>/dev/null)" = "$wanted" ] && "$ENV/bin/python" -c 'import
 fi
 
 started=$SECONDS
-if ! is_new_enough "$ENV/bin/python" || [ "$("$ENV/bin/python" -VV)" != "$("$python" -VV)" ] ||
-  ! "$ENV/bin/python" -m pip --version >/dev/null 2>&1; then
+if ! environment_works || [ "$("$ENV/bin/python" -VV)" != "$("$python" -VV)" ]; then
   ensure_venv_module "$python"
   say "making .venv with $python"
   "$python" -m venv --clear "$ENV"

@@ -1,6 +1,6 @@
 """Builds the wheel, installs it into a new environment outside the repository and uses it there.
 
-What it shows: the command starts, a shipped model is found by its name, and nothing is imported from the repository.
+What it shows: the command starts, the shipped models are found by their names, and nothing is imported from the repository.
 """
 
 from __future__ import annotations
@@ -17,14 +17,17 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LOCK = ROOT / "requirements.lock"
 
+MODELS = sorted(path.stem for path in (ROOT / "models").glob("*.toml"))
+
 USE = f"""
 from pathlib import Path
-import plant, replay.cli
+import plant, replay
 from plant import model_file
 for package in (plant, replay):
     assert not Path(package.__file__).is_relative_to({str(ROOT)!r}), package.__file__
-model = model_file.load("voliro_x")
-print(f"{{model.vehicle.name}}: {{model.vehicle.body.mass}} kg, from {{Path(plant.__file__).parent}}")
+for name in {MODELS!r}:
+    model = model_file.load(name)
+    print(f"{{name}}: {{model.vehicle.body.mass}} kg, from {{model_file.find_model(name)}}")
 """
 
 
@@ -49,7 +52,7 @@ def main() -> None:
         run(python, "-c", USE, cwd=outside)
         (ROOT / "dist").mkdir(exist_ok=True)
         shutil.copy(wheel, ROOT / "dist")
-        print(f"dist/{wheel.name}: installs, starts and loads a shipped model outside the repository")
+        print(f"dist/{wheel.name}: installs, starts and loads the shipped models outside the repository")
 
 
 if __name__ == "__main__":
