@@ -1,1 +1,5 @@
 """Turns a learned mismatch into a correction of the commanded wrench, sample by sample."""
+
+from compensate.compensator import Compensator, Result, Settings
+
+__all__ = ["Compensator", "Result", "Settings"]

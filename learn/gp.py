@@ -10,7 +10,7 @@ X (N, D) the training inputs, and for each output
     var       = k(x, x) + s_n^2 - |C^-1 k(X, x)|^2                  C C^T = K + s_n^2 I
     dmean/dx_d = b_d + sum_n alpha_n k(x, X_n) (X_nd - x_d) / l_d^2
 
-GPy estimates the hyperparameters (`learn.fit`); nothing here needs it.
+GPy estimates the hyperparameters (`learn.train`); nothing here needs it.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ class FitSettings:
     scale     inputs standardised for the distance between samples, or raw as in the paper
     mean      "zero" is the paper's and returns to zero off the data; "constant" and "linear" are fitted to all
               samples by least squares, and do not
-    restarts  searches from random hyperparameters besides the first, deterministic in `seed`
+    restarts  searches from random hyperparameters besides two fixed ones, deterministic in `seed`
     """
 
     points: int = 200
     method: Method = "fasterpam"
     scale: Scale = "standardised"
     mean: MeanKind = "zero"
-    restarts: int = 2
+    restarts: int = 1
     seed: int = 0
     pre_thin: int = 5000
 
@@ -208,7 +208,7 @@ class GaussianProcess:
         return np.asarray(np.sqrt(variance) * self.output_scale)
 
     def _kernel(self, xi: Array) -> tuple[Array, Array, Array]:
-        """x (M, D), x over lengthscales (L, M, D), k(x, X) (L, M, N)."""
+        """Standardised x (M, D), x over lengthscales (L, M, D), k(x, X) (L, M, N)."""
         x = (xi - self.input_mean) / self.input_scale
         q = x / self.lengthscales[:, None, :]
         distance = -2.0 * (q @ self._factors.points.transpose(0, 2, 1))

@@ -27,10 +27,16 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
-LENGTHSCALE = (0.1, 20.0)
+LENGTHSCALE = (0.3, 20.0)
 SIGNAL_VARIANCE = (1e-3, 1e2)
 NOISE_VARIANCE = (1e-5, 2.0)
 """Bounds of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
+
+TIE = 7.0
+"""Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
+degrees of freedom, six lengthscales and a variance). Then the larger noise is believed: in six dimensions white noise
+is explained as well by a function with lengthscales shorter than the distance between samples, which predicts nothing.
+"""
 
 
 @dataclass(frozen=True)
@@ -155,9 +161,12 @@ def _affine(x: Array, coefficients: Array) -> Array:
 
 
 def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -> _Hyperparameters:
-    """Best of the searches from one fixed and `restarts` random starts, for standardised data x (N, D), z (N,)."""
+    """Best of the searches from two fixed and `restarts` random starts, for standardised data x (N, D), z (N,).
+
+    The fixed starts believe in a smooth function with little noise, and in noise with little function.
+    """
     rng = np.random.default_rng([settings.seed, index])
-    starts = [(np.full(x.shape[1], 2.0), 1.0, 0.05)]
+    starts = [(np.full(x.shape[1], 2.0), 1.0, 0.05), (np.full(x.shape[1], 5.0), 0.1, 0.9)]
     for _ in range(settings.restarts):
         lengthscales = np.exp(rng.uniform(np.log(0.5), np.log(8.0), x.shape[1]))
         starts.append((lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
@@ -166,7 +175,8 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
     usable = [one for one in found if np.isfinite(one.log_likelihood)]
     if not usable:
         raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
-    return max(usable, key=lambda one: one.log_likelihood)
+    best = max(one.log_likelihood for one in usable)
+    return max((one for one in usable if one.log_likelihood > best - TIE), key=lambda one: one.noise_variance)
 
 
 def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, noise: float) -> _Hyperparameters:

@@ -131,6 +131,6 @@ def conditioning(model: MismatchModel, wrench_cmd: Array) -> Conditioning:
     rows = output_indices(model.outputs)
     plant_gain = np.eye(len(rows)) + model.jacobian(wrench_cmd)[:, :, rows]
     return Conditioning(
-        real_min=np.linalg.eigvals(plant_gain).real.min(axis=1),
-        singular_min=np.linalg.svd(plant_gain, compute_uv=False)[:, -1],
+        real_min=np.asarray(np.linalg.eigvals(plant_gain).real.min(axis=1), dtype=float),
+        singular_min=np.asarray(np.linalg.svd(plant_gain, compute_uv=False)[:, -1], dtype=float),
     )

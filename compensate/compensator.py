@@ -1,0 +1,187 @@
+"""The paper's compensation as one object that fits into somebody else's control loop.
+
+compensator = Compensator(gp)
+while flying:
+    wrench_des = controller(...)
+    wrench_cmd = compensator.step(wrench_des).wrench_cmd
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from compensate.optimiser import Optimiser
+from compensate.uncertainty import default_filter
+from flight.errors import UsageError
+from flight.flight import AXES
+from plant.mismatch import KnowsItsData, MismatchModel, output_indices
+
+Array = NDArray[np.float64]
+
+REACH = 3.0
+"""Default bounds of the correction, in largest mismatches seen. A slope of -2/3, which triples an error's correction,
+is as near to the singular -1 as a model should be believed."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to compensate. None asks for the default that the model suggests.
+
+    dt                period at which `step` is called [s]
+    correction_max    (6,) largest absolute correction [N, Nm]; default three times the largest mismatch in the
+                      training data, unbounded for a model that does not know its data
+    accept            J below which an optimum counts as a solution
+    regulariser       weight of the squared torque correction in the search
+    max_evaluations   of the model in one search
+    filter_uncertain  False switches the uncertainty filter off: the correction is the optimum
+    decay_time        tau_d, time constant with which a distrusted correction dies out [s]
+    sigma_threshold   standard deviation at which half of the optimum is taken
+    kappa             rapidness of the change around the threshold [1/sigma]
+    normalise         whether sigma is the maximum of normalised outputs (see `compensate.uncertainty`)
+    """
+
+    dt: float = 0.01
+    correction_max: tuple[float, ...] | None = None
+    accept: float = 1e-4
+    regulariser: float = 0.0
+    max_evaluations: int = 100
+    filter_uncertain: bool = True
+    decay_time: float = 0.15
+    sigma_threshold: float | None = None
+    kappa: float | None = None
+    normalise: bool | None = None
+
+    def __post_init__(self) -> None:
+        positive = {"dt": self.dt, "decay_time": self.decay_time, "accept": self.accept, "kappa": self.kappa}
+        for name, value in positive.items():
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise UsageError(f"compensate: {name} is {value}, expected a positive number")
+        if not (math.isfinite(self.regulariser) and self.regulariser >= 0):
+            raise UsageError(f"compensate: regulariser is {self.regulariser}, expected zero or a positive number")
+        if self.max_evaluations < 1:
+            raise UsageError(f"compensate: max_evaluations is {self.max_evaluations}, expected at least 1")
+        if self.sigma_threshold is not None and math.isnan(self.sigma_threshold):
+            raise UsageError("compensate: sigma_threshold is not a number")
+        if self.correction_max is not None and (
+            len(self.correction_max) != len(AXES) or not all(value >= 0 for value in self.correction_max)
+        ):
+            raise UsageError(
+                f"compensate: correction_max is {self.correction_max}, expected six numbers >= 0: {', '.join(AXES)}"
+            )
+
+
+@dataclass(frozen=True)
+class Result:
+    """One step. Wrenches (6,) in B [N, Nm].
+
+    wrench_cmd   what to send to the allocation: desired plus correction
+    correction   after the uncertainty filter
+    optimum      before it: the optimiser's choice
+    sigma        largest standard deviation over the outputs at desired plus optimum
+    beta         distrust, 0 (optimum taken as it is) to 1 (correction dying out)
+    cost         J of `optimum`; nan where the search failed
+    iterations   evaluations of the model in the search
+    accepted     J is below the acceptance threshold
+    trouble      empty, or one line on what went wrong
+    solve_time   wall-clock time of the step [s]; the only field that differs between two equal runs
+    """
+
+    wrench_cmd: Array
+    correction: Array
+    optimum: Array
+    sigma: float
+    beta: float
+    cost: float
+    iterations: int
+    accepted: bool
+    trouble: str = ""
+    solve_time: float = field(default=0.0, compare=False)
+
+
+class Compensator:
+    """Corrects desired wrenches for a known mismatch, one after the other.
+
+    Holds two things between steps: the last unfiltered optimum, where the next search starts, and the last filtered
+    correction. Equal sequences of desired wrenches give equal results.
+    """
+
+    def __init__(self, model: MismatchModel, settings: Settings | None = None) -> None:
+        self.model = model
+        self.settings = settings or Settings()
+        bound = _bounds(model, self.settings)
+        self._optimiser = Optimiser(
+            model=model,
+            lower=-bound,
+            upper=bound,
+            accept=self.settings.accept,
+            regulariser=self.settings.regulariser,
+            max_evaluations=self.settings.max_evaluations,
+        )
+        self.uncertainty = default_filter(
+            model,
+            decay=math.exp(-self.settings.dt / self.settings.decay_time),
+            threshold=self.settings.sigma_threshold if self.settings.filter_uncertain else math.inf,
+            kappa=self.settings.kappa,
+            normalise=self.settings.normalise,
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the next search starts from zero, with no correction to decay."""
+        self._optimum = np.zeros(len(AXES))
+        self._correction = np.zeros(len(AXES))
+
+    def step(self, wrench_des: ArrayLike) -> Result:
+        """Command for the desired wrench (6,) [N, Nm]. Raises UsageError on anything but six finite numbers.
+
+        Trouble of the solver or the model never raises: the optimum is then zero and `Result.trouble` says why.
+        """
+        started = perf_counter()
+        wrench = _checked(wrench_des)
+        optimum = self._optimiser.solve(wrench, self._optimum)
+        with np.errstate(all="ignore"):
+            sigma = self.uncertainty.sigma(self.model.std((wrench + optimum.correction)[None])[0])
+        trouble, beta = optimum.trouble, self.uncertainty.beta(sigma)
+        if not math.isfinite(sigma):
+            beta, trouble = 1.0, trouble or "the model's standard deviation is not finite: correction distrusted"
+        self._optimum = optimum.correction
+        self._correction = self.uncertainty.filtered(optimum.correction, self._correction, beta)
+        return Result(
+            wrench_cmd=wrench + self._correction,
+            correction=self._correction.copy(),
+            optimum=optimum.correction.copy(),
+            sigma=sigma,
+            beta=beta,
+            cost=optimum.cost,
+            iterations=optimum.iterations,
+            accepted=optimum.accepted,
+            trouble=trouble,
+            solve_time=perf_counter() - started,
+        )
+
+
+def _checked(wrench_des: ArrayLike) -> Array:
+    try:
+        wrench = np.array(wrench_des, dtype=float)
+    except (TypeError, ValueError):
+        raise UsageError(f"compensate: desired wrench {wrench_des!r} is not six numbers: {', '.join(AXES)}") from None
+    if wrench.shape != (len(AXES),):
+        raise UsageError(f"compensate: desired wrench has shape {wrench.shape}, expected (6,): {', '.join(AXES)}")
+    if not np.isfinite(wrench).all():
+        raise UsageError(f"compensate: desired wrench {wrench.tolist()} is not finite; check the controller")
+    return wrench
+
+
+def _bounds(model: MismatchModel, settings: Settings) -> Array:
+    """Largest absolute correction (6,), zero where the model has no output."""
+    rows = output_indices(model.outputs)
+    bound = np.zeros(len(AXES))
+    bound[rows] = REACH * model.mismatch_max if isinstance(model, KnowsItsData) else np.inf
+    if settings.correction_max is not None:
+        bound[rows] = np.array(settings.correction_max, dtype=float)[rows]
+    return bound
