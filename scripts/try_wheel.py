@@ -1,6 +1,6 @@
 """Builds the wheel, installs it into a new environment outside the repository and uses it there.
 
-What it shows: the command starts, the shipped models are found by their names, and nothing is imported from the repository.
+What it shows: the command starts, the shipped models are found by name, and nothing comes from the repository.
 """
 
 from __future__ import annotations
