@@ -83,14 +83,14 @@ class ClockMap:
         x = (log_time_ns - self.log_origin_ns) * 1e-9
         y = np.interp(x, self.log_knots, self.knots)
         y = y + self.rate * (np.minimum(x - self.log_knots[0], 0.0) + np.maximum(x - self.log_knots[-1], 0.0))
-        return self.origin_ns + np.round(y * 1e9).astype(np.int64)
+        return np.asarray(self.origin_ns + np.round(y * 1e9).astype(np.int64))
 
     def inverse(self, stamps_ns: Stamps) -> Stamps:
         """Log times [ns] of stamps of the other clock."""
         y = (stamps_ns - self.origin_ns) * 1e-9
         x = np.interp(y, self.knots, self.log_knots)
         x = x + (np.minimum(y - self.knots[0], 0.0) + np.maximum(y - self.knots[-1], 0.0)) / self.rate
-        return self.log_origin_ns + np.round(x * 1e9).astype(np.int64)
+        return np.asarray(self.log_origin_ns + np.round(x * 1e9).astype(np.int64))
 
 
 def clock_map(log_time_ns: Stamps, header_ns: Stamps) -> ClockMap:
@@ -126,14 +126,19 @@ def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing
         if table.header_ns is not None
     }
     base = next((topic for topic in motion if topic in relations and not relations[topic].same_rate), None)
-    stamps, notes = (_in_log_clock if base is None else _in_clock_of(base))(tables, relations)
+    if base is None:
+        stamps, notes = _in_log_clock(tables, relations)
+    else:
+        stamps, notes = _in_clock_of(base, tables, relations)
     unstamped = [topic for topic in tables if topic not in relations]
     if unstamped and base is None:
         notes.append(f"Log time is used for {', '.join(unstamped)}: no header stamps.")
     return Timing(stamps, relations, tuple(notes))
 
 
-def _in_log_clock(tables: Mapping[str, Table], relations: Mapping[str, Relation]) -> tuple[dict[str, Stamps], list[str]]:
+def _in_log_clock(
+    tables: Mapping[str, Table], relations: Mapping[str, Relation]
+) -> tuple[dict[str, Stamps], list[str]]:
     foreign = [topic for topic, found in relations.items() if not found.same]
     stamped_alone = len(foreign) == len(tables) and _agree([relations[topic] for topic in foreign])
     stamps: dict[str, Stamps] = {}
@@ -151,35 +156,29 @@ def _in_log_clock(tables: Mapping[str, Table], relations: Mapping[str, Relation]
     return stamps, notes
 
 
-class _in_clock_of:  # noqa: N801 - a function with one argument bound
-    def __init__(self, base: str) -> None:
-        self.base = base
-
-    def __call__(
-        self, tables: Mapping[str, Table], relations: Mapping[str, Relation]
-    ) -> tuple[dict[str, Stamps], list[str]]:
-        reference = tables[self.base]
-        assert reference.header_ns is not None
-        to_base = clock_map(reference.log_time_ns, reference.header_ns)
-        stamps: dict[str, Stamps] = {}
-        mapped: list[str] = []
-        for topic, table in tables.items():
-            if table.header_ns is not None and not relations[topic].same and _agree(
-                [relations[self.base], relations[topic]]
-            ):
-                stamps[topic] = table.header_ns
-            else:
-                stamps[topic] = to_base(_log_times(table, relations.get(topic)))
-                mapped.append(topic)
-        notes = [f"Two clocks: {self.base} {_describe(relations[self.base])}. The flight is told in that clock"]
-        notes[0] += f"; mapped to it: {', '.join(mapped)}." if mapped else "."
-        residual = relations[self.base].residual
-        if residual > STRAIGHT and mapped:
-            notes.append(
-                f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map follows its "
-                f"bends every {EDGE_WINDOW} s; expect tens of ms of error between topics of different clocks."
-            )
-        return stamps, notes
+def _in_clock_of(
+    base: str, tables: Mapping[str, Table], relations: Mapping[str, Relation]
+) -> tuple[dict[str, Stamps], list[str]]:
+    reference = tables[base]
+    assert reference.header_ns is not None
+    to_base = clock_map(reference.log_time_ns, reference.header_ns)
+    stamps: dict[str, Stamps] = {}
+    mapped: list[str] = []
+    for topic, table in tables.items():
+        if table.header_ns is not None and _agree([relations[base], relations[topic]]):
+            stamps[topic] = table.header_ns
+        else:
+            stamps[topic] = to_base(_log_times(table, relations.get(topic)))
+            mapped.append(topic)
+    then = f"; mapped to it: {', '.join(mapped)}." if mapped else "."
+    notes = [f"Two clocks: {base} {_describe(relations[base])}. The flight is told in that clock{then}"]
+    residual = relations[base].residual
+    if residual > STRAIGHT and mapped:
+        notes.append(
+            f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map follows its "
+            f"bends every {EDGE_WINDOW} s; expect tens of ms of error between topics of different clocks."
+        )
+    return stamps, notes
 
 
 def _log_times(table: Table, found: Relation | None) -> Stamps:
@@ -197,8 +196,8 @@ def _agree(relations: list[Relation]) -> bool:
     return all(
         first is not None
         and abs(other.rate - first.rate) <= SAME_RATE
-        and abs(other.offset - first.offset) <= SAME_OFFSET + 5 * (first.residual + other.residual)
-        + abs(1.0 - first.rate) * 10.0
+        and abs(other.offset - first.offset)
+        <= SAME_OFFSET + 5 * (first.residual + other.residual) + abs(1.0 - first.rate) * 10.0
         for other in relations
     )
 

@@ -37,5 +37,5 @@ def angular_velocity(time: Array, quat_EB: Array, window: float = 0.15) -> Array
 
 def _odd(points: float, available: int) -> int:
     """An odd number of points, no more than there are."""
-    count = 2 * int(round(points / 2)) + 1
+    count = 2 * round(points / 2) + 1
     return min(count, available - 1 + available % 2)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flight import so3
 from flight.clocks import Stamps, Timing, one_clock
@@ -27,10 +25,8 @@ from flight.flight import (
     WrenchSeries,
 )
 from flight.formats import Log, Table, read_log
-from flight.roles import PART_QUANTITY, Assignment, Source, propose, selection
-
-GAP_FACTOR = 2.5
-"""An interval longer than this many median periods is a gap."""
+from flight.roles import PART_QUANTITY, Assignment, Source, propose, says_command, selection
+from flight.stamps import away_from_gaps, gaps_of, increasing, nearest
 
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
@@ -140,8 +136,8 @@ class _Builder:
             if repaired:
                 self._note(f"{source.topic}: {repaired} quaternions were not of unit length; normalised.")
             keep = keep[norm >= 0.5]
-        increasing, reasons = _increasing(stamps[keep])
-        keep, dropped = keep[increasing], dropped + Counter(reasons)
+        ordered, reasons = increasing(stamps[keep])
+        keep, dropped = keep[ordered], dropped + Counter(reasons)
         counted = {reason: count for reason, count in dropped.items() if count}
         if counted:
             listed = ", ".join(f"{count} {reason}" for reason, count in counted.items())
@@ -154,7 +150,9 @@ class _Builder:
     def wrench(self, name: str) -> WrenchSeries | None:
         """The commanded or desired wrench."""
         part = self.part(name)
-        return part and WrenchSeries(*self._series(part), part.values, gaps=self._gaps(part), dropped=part.dropped)
+        if part is None:
+            return None
+        return WrenchSeries(*self._series(part), part.values, gaps=self._gaps(part), dropped=part.dropped)
 
     def imu(self) -> ImuSeries | None:
         """Gyroscope and accelerometer."""
@@ -167,9 +165,10 @@ class _Builder:
     def battery(self) -> BatterySeries | None:
         """The battery's voltage."""
         part = self.part("battery")
-        return part and BatterySeries(
-            *self._series(part), part.values[:, 0], gaps=self._gaps(part), dropped=part.dropped
-        )
+        if part is None:
+            return None
+        voltage = part.values[:, 0]
+        return BatterySeries(*self._series(part), voltage, gaps=self._gaps(part), dropped=part.dropped)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
@@ -177,9 +176,7 @@ class _Builder:
         main = tilt or speed
         if main is None:
             return None
-        if tilt is not None and speed is not None and tilt.source.topic != speed.source.topic:
-            main, tilt, speed = self._joined_commands(tilt, speed)
-        elif tilt is not None and speed is not None and len(tilt.stamps) != len(speed.stamps):
+        if tilt is not None and speed is not None and not np.array_equal(tilt.stamps, speed.stamps):
             main, tilt, speed = self._joined_commands(tilt, speed)
         empty = np.zeros((len(main.stamps), 0))
         words = main.source.topic if tilt is None or speed is None else _both(tilt.source, speed.source)
@@ -194,7 +191,7 @@ class _Builder:
         )
 
     def _say_whose_speeds(self, speed: _Part | None) -> None:
-        if speed is not None and not _says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
+        if speed is not None and not says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
             self._note(
                 f"{speed.source.topic} does not say whether its rotor speeds are commanded or measured; "
                 "they are taken as commanded."
@@ -202,9 +199,9 @@ class _Builder:
 
     def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part, _Part]:
         """Two topics of commands at the stamps of the first; each with the other's nearest sample."""
-        nearest = _nearest(first.stamps, second.stamps)
-        apart = np.abs(second.stamps[nearest] - first.stamps)
-        allowed = 0.5 * max(np.median(np.diff(first.stamps)), np.median(np.diff(second.stamps)))
+        partner = nearest(first.stamps, second.stamps)
+        apart = np.abs(second.stamps[partner] - first.stamps)
+        allowed = max(np.median(np.diff(first.stamps)), np.median(np.diff(second.stamps)))
         keep = np.flatnonzero(apart <= allowed)
         if len(keep) < 2:
             self._note(f"{second.source.topic} has no samples at the times of {first.source.topic}: left out.")
@@ -214,7 +211,7 @@ class _Builder:
         if alone:
             self._note(f"{alone} samples of {first.source.topic} have no partner in {second.source.topic}: left out.")
         joined = _Part(first.source, first.stamps[keep], first.values[keep], dropped)
-        return joined, joined, _Part(second.source, joined.stamps, second.values[nearest[keep]], dropped)
+        return joined, joined, _Part(second.source, joined.stamps, second.values[partner[keep]], dropped)
 
     def odometry(self) -> OdometrySeries | None:
         """Pose, with the velocity taken to E and the rate to B, whatever frames the log has them in."""
@@ -276,9 +273,7 @@ class _Builder:
             omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
         return velocity_E, omega
 
-    def _acceleration(
-        self, pose: _Part, quat_ED: Array, velocity_E: Array | None
-    ) -> tuple[Array | None, Array | None]:
+    def _acceleration(self, pose: _Part, quat_ED: Array, velocity_E: Array | None) -> tuple[Array | None, Array | None]:
         part = self.part("reference_acceleration")
         if part is None:
             return None, None
@@ -298,8 +293,8 @@ class _Builder:
     def _in_frame(
         self, topic: str, what: str, readings: dict[str, Array], truth: Array, time: Array, default: str
     ) -> Array:
-        """The reading that agrees with the derivative of the pose; the convention's unless another is clearly better."""
-        inside = _away_from_gaps(time)
+        """The reading that fits the derivative of the pose; the convention's unless another is clearly better."""
+        inside = away_from_gaps(time)
         misfit = {
             frame: float(np.sqrt(np.mean((smooth(time, values)[inside] - truth[inside]) ** 2)))
             for frame, values in readings.items()
@@ -359,45 +354,6 @@ def vector(table: Table, source: Source, quantity: str, where: str = "log") -> A
     return np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
 
 
-def gaps_of(time: Array) -> tuple[Gap, ...]:
-    """Intervals longer than `GAP_FACTOR` median periods."""
-    steps = np.diff(time)
-    if len(steps) < 2:
-        return ()
-    return tuple(
-        Gap(float(time[i]), float(time[i + 1])) for i in np.flatnonzero(steps > GAP_FACTOR * float(np.median(steps)))
-    )
-
-
-def _increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
-    """Indices of the longest strictly increasing run of stamps that leaves out the fewest, and why others are not in it.
-
-    One wrong stamp in the future costs one sample, not all that follow.
-    """
-    if np.all(np.diff(stamps) > 0):
-        return np.arange(len(stamps)), {}
-    tails: list[int] = []
-    last: list[int] = []
-    before = np.full(len(stamps), -1)
-    for i, stamp in enumerate(stamps.tolist()):
-        place = bisect_left(tails, stamp)
-        before[i] = last[place - 1] if place else -1
-        if place == len(tails):
-            tails.append(stamp)
-            last.append(i)
-        else:
-            tails[place], last[place] = stamp, i
-    chain = []
-    at = last[-1]
-    while at >= 0:
-        chain.append(at)
-        at = int(before[at])
-    keep = np.array(chain[::-1], dtype=np.intp)
-    others = np.delete(stamps, keep)
-    duplicates = int(np.isin(others, stamps[keep]).sum())
-    return keep, {"duplicate stamp": duplicates, "stamp not increasing": len(others) - duplicates}
-
-
 def _absent_half(values: Array, name: str) -> list[int]:
     """Columns of a twist or acceleration that the log leaves empty (all NaN): its linear or its angular half."""
     if PART_QUANTITY[name] not in ("twist", "acceleration"):
@@ -405,25 +361,5 @@ def _absent_half(values: Array, name: str) -> list[int]:
     return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]
 
 
-def _nearest(wanted: Stamps, stamps: Stamps) -> NDArray[np.intp]:
-    """Index of the nearest of `stamps` to each of `wanted`."""
-    right = np.clip(np.searchsorted(stamps, wanted), 1, len(stamps) - 1)
-    return right - (wanted - stamps[right - 1] < stamps[right] - wanted)
-
-
-def _away_from_gaps(time: Array, margin: float = 0.3) -> NDArray[np.bool_]:
-    """Samples at which a smoothed derivative means something."""
-    inside = (time > time[0] + margin) & (time < time[-1] - margin)
-    for gap in gaps_of(time):
-        inside &= (time < gap.start - margin) | (time > gap.stop + margin)
-    return inside if inside.sum() > 10 else np.ones(len(time), dtype=bool)
-
-
 def _both(first: Source, second: Source) -> str:
     return " + ".join(dict.fromkeys((first.topic, second.topic)))
-
-
-def _says_command(topic: str, kind: str) -> bool:
-    from flight.roles import _COMMAND, _DESIRED, name_words
-
-    return "Actuators" in kind or bool(name_words(topic) & (_COMMAND | _DESIRED))

@@ -86,15 +86,23 @@ SPEED_FIELDS = ("motor_speed", "motor_speeds", "rotor_speed", "rotor_speeds", "a
 """Array fields by which a custom type is recognised as rotor speeds, e.g. RotorS' mav_msgs/MotorSpeed."""
 
 _COMMAND = frozenset({"command", "commands", "commanded", "cmd", "control", "controller", "ctrl", "actuation", "out"})
-_DESIRED = frozenset({"desired", "des", "setpoint", "sp", "ref", "reference", "target", "goal", "trajectory", "planned"})
-_FOREIGN = frozenset({"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias"})
+_DESIRED = frozenset(
+    {"desired", "des", "setpoint", "sp", "ref", "reference", "target", "goal", "trajectory", "planned"}
+)
+_FOREIGN = frozenset(
+    {"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias"}
+)
 _NOT_COMMAND = frozenset(
     {"collision", "collisions", "contact", "contacts", "external", "ext", "sensor", "ft", "measured", "meas"}
     | {"estimated", "estimate", "disturbance", "wind", "residual", "predicted", "correction", "interaction", "error"}
 )
-_TRUTH = frozenset({"odometry", "odom", "state", "truth", "gt", "mocap", "vicon", "optitrack", "vrpn", "estimate", "vehicle"})
+_TRUTH = frozenset(
+    {"odometry", "odom", "state", "truth", "gt", "mocap", "vicon", "optitrack", "vrpn", "estimate", "vehicle"}
+)
 _TILT = frozenset({"tilt", "tilts", "alpha", "servo", "servos", "angle", "angles", "arm", "arms"})
-_ROTOR = frozenset({"motor", "motors", "rotor", "rotors", "speed", "speeds", "rpm", "omega", "esc", "propeller", "velocities"})
+_ROTOR = frozenset(
+    {"motor", "motors", "rotor", "rotors", "speed", "speeds", "rpm", "omega", "esc", "propeller", "velocities"}
+)
 _BATTERY = frozenset({"battery", "voltage", "vbat", "power"})
 
 
@@ -249,10 +257,9 @@ def _offered(table: Table, part: str) -> str | None:
 
 def _score(part: str, topic: str, kind: str) -> float:
     """How well a topic's name and type suit a part; not above zero means: not without being asked."""
-    words = name_words(topic)
-    if words & _FOREIGN:
+    if name_words(topic) & _FOREIGN:
         return -10.0
-    return _SCORES[PART_QUANTITY[part] if part not in _SCORES else part](words, kind)
+    return _SCORES[part](name_words("/".join(topic.split("/")[-2:])), kind)
 
 
 def _score_commanded(words: frozenset[str], kind: str) -> float:
@@ -284,7 +291,9 @@ def _score_rotor(words: frozenset[str], kind: str) -> float:
 
 
 def _score_imu(words: frozenset[str], kind: str) -> float:
-    return 2.0 + ("raw" not in words) * 0.2 - 0.5 * bool(words & {"truth", "gt", "ground"}) - bool(words & {"mag", "temp"})
+    return (
+        2.0 + ("raw" not in words) * 0.2 - 0.5 * bool(words & {"truth", "gt", "ground"}) - bool(words & {"mag", "temp"})
+    )
 
 
 def _score_motion(words: frozenset[str], kind: str) -> float:
@@ -321,6 +330,11 @@ _SCORES = {
 }
 
 
+def says_command(topic: str, kind: str) -> bool:
+    """Whether a topic tells that its values are commands and not measurements."""
+    return "Actuators" in kind or bool(name_words(topic) & (_COMMAND | _DESIRED))
+
+
 def name_words(topic: str) -> frozenset[str]:
     """Lower-case words of a topic's name, split at punctuation, digits and capitals."""
     spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", topic)
@@ -351,7 +365,9 @@ def _columns(text: str, value: str) -> tuple[int, ...]:
     for piece in text.split(","):
         bounds = piece.split(":")
         if len(bounds) > 2 or not all(bound.strip().isdigit() for bound in bounds):
-            raise UsageError(f"topic {value!r}: columns {piece.strip()!r}; expected numbers or first:last+1, as in [0:6]")
+            raise UsageError(
+                f"topic {value!r}: columns {piece.strip()!r}; expected numbers or first:last+1, as in [0:6]"
+            )
         first = int(bounds[0])
         chosen += range(first, int(bounds[1]) if len(bounds) == 2 else first + 1)
     if not chosen:

@@ -128,8 +128,7 @@ def hat(vector: Array) -> Array:
 def vee(S: Array) -> Array:
     """Inverse of `hat`; takes the skew part, shape (..., 3, 3) to (..., 3)."""
     return np.asarray(
-        0.5
-        * np.stack((S[..., 2, 1] - S[..., 1, 2], S[..., 0, 2] - S[..., 2, 0], S[..., 1, 0] - S[..., 0, 1]), axis=-1)
+        0.5 * np.stack((S[..., 2, 1] - S[..., 1, 2], S[..., 0, 2] - S[..., 2, 0], S[..., 1, 0] - S[..., 0, 1]), axis=-1)
     )
 
 

@@ -43,7 +43,9 @@ DTYPES = {
 }
 
 ACTUATORS = {
-    "actuator_msgs/msg/Actuators": "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized",
+    "actuator_msgs/msg/Actuators": (
+        "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized"
+    ),
     "mav_msgs/msg/Actuators": (
         "std_msgs/Header header\nfloat64[] angles\nfloat64[] angular_velocities\nfloat64[] normalized"
     ),
@@ -153,7 +155,10 @@ class Decoder:
         if not complete and dtype.kind == "f":
             out[:] = np.nan
         for index, values in parts:
-            out[(index, *(slice(0, k) for k in values.shape[1:]))] = values
+            if values.ndim == 1:
+                out[index] = values
+            else:
+                out[index, : values.shape[1]] = values
         return out
 
 

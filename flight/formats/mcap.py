@@ -9,7 +9,7 @@ from __future__ import annotations
 import mmap
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -169,5 +169,5 @@ def _in_steps(decompressor: object, data: bytes, error: type[Exception], step: i
     return bytes(found)
 
 
-_DECOMPRESS = {"": bytes, "zstd": _unzstd, "lz4": _unlz4}
+_DECOMPRESS: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": _unzstd, "lz4": _unlz4}
 _DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl"}

@@ -81,7 +81,9 @@ class Rosbag2FolderReader(Reader):
         listed = _listed_files(self.path / "metadata.yaml")
         found = sorted((p for p in self.path.iterdir() if _storage(p)), key=_natural)
         if not found:
-            raise LogError(f"{self.path}: the folder holds no .db3 or .mcap file; expected a ROS 2 bag folder or a file")
+            raise LogError(
+                f"{self.path}: the folder holds no .db3 or .mcap file; expected a ROS 2 bag folder or a file"
+            )
         if listed is None:
             stems = {re.sub(r"(_\d+)?\..*$", "", p.name) for p in found}
             if len(stems) > 1:
@@ -123,7 +125,9 @@ def _channels(database: sqlite3.Connection) -> dict[int, Channel]:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         definitions = {name: (encoding, text) for name, encoding, text in database.execute(query)}
     channels = {}
-    for identifier, topic, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+    for identifier, topic, kind, encoding in database.execute(
+        "SELECT id, name, type, serialization_format FROM topics"
+    ):
         definition_encoding, text = definitions.get(kind, ("ros2msg", None))
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)

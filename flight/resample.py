@@ -1,0 +1,291 @@
+"""A flight on one uniform clock, in stretches without gaps.
+
+Commands are held by the plant from one to the next, so what acts around an instant t is the mean of the held signal,
+
+    u(t) = 1/T  integral of u_held over [t - T/2, t + T/2],    T = max(grid step, command period).
+
+For T = one command period this is the straight line between commands, read half a period *earlier*: a command that was
+just sent has not acted yet. It is the only delay that a perfect plant has, and it must be taken out here, or a fit
+will find it as half a period of lag.
+
+Measurements are low-passed without phase before their rate is reduced, then interpolated; attitudes along the
+shortest rotation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from flight import so3
+from flight.derivative import angular_velocity, smooth
+from flight.errors import LogError, UsageError
+from flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
+from flight.stamps import nominal_period
+
+GRAVITY = 9.81  # m/s^2
+MAXIMUM_RATE = 250.0  # Hz
+ANTI_ALIAS_RATIO = 1.3  # a series faster than this many grid rates is low-passed first
+ANTI_ALIAS_CUTOFF = 0.4  # of the grid rate
+FORCE_WINDOW = 0.15  # s, local fits that turn a velocity into an acceleration
+MINIMUM_COVER = 0.5  # a role that is not required and covers less of the flight is left out
+
+_HELD = ("commanded", "desired", "actuators")
+_USED = ("commanded", "desired", "actuators", "imu", "odometry")
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Resampling:
+    """`samples` in order of time; `rate` [Hz]; `notes` say what was left out or stands in for something else.
+
+    `covered` [s] is the sum of the stretches, `span` [s] the time from the first to the last sample of the flight,
+    `short` the stretches that were too short to keep.
+    """
+
+    samples: tuple[Samples, ...]
+    rate: float
+    covered: float
+    span: float
+    short: tuple[Gap, ...]
+    notes: tuple[str, ...]
+
+
+def uniform(
+    flight: Flight,
+    rate: float | None = None,
+    require: tuple[str, ...] = ("commanded", "imu"),
+    minimum_duration: float = 2.0,
+) -> list[Samples]:
+    """The stretches of `resample`."""
+    return list(resample(flight, rate, require, minimum_duration).samples)
+
+
+def resample(
+    flight: Flight,
+    rate: float | None = None,
+    require: tuple[str, ...] = ("commanded", "imu"),
+    minimum_duration: float = 2.0,
+) -> Resampling:
+    """Put a flight on a uniform clock of `rate` [Hz], by default that of its commands, at most `MAXIMUM_RATE`.
+
+    A stretch is where all used roles have samples; it ends at every gap of any of them. Roles beyond `require` are
+    used where the log plays them. Without an IMU, rates and specific force come from the odometry. Stretches shorter
+    than `minimum_duration` [s] are left out and counted.
+
+    Raises
+    ------
+    LogError
+        The log lacks a required role, or no stretch is long enough.
+    """
+    _check_requirements(flight, require)
+    notes: list[str] = []
+    grid_rate = _grid_rate(flight, rate)
+    series = _used_series(flight, require, grid_rate, notes)
+    if "imu" not in series:
+        source = _rate_source(series["odometry"])
+        notes.append(
+            f"{flight.name}: no IMU; rates come from the {source}, specific force from differentiated velocity."
+        )
+    stretches = _intersection([_cover(role, item, 1.0 / grid_rate) for role, item in series.items()])
+    kept = [(start, stop) for start, stop in stretches if stop - start >= minimum_duration]
+    short = tuple(Gap(start, stop) for start, stop in stretches if stop - start < minimum_duration)
+    if not kept:
+        longest = max((stop - start for start, stop in stretches), default=0.0)
+        raise LogError(
+            f"{flight.path}: no stretch of {minimum_duration:g} s in which {', '.join(series)} all have samples "
+            f"(longest {longest:.2f} s); see `wrenchgap inspect` for rates and gaps"
+        )
+    if short:
+        total = sum(gap.stop - gap.start for gap in short)
+        notes.append(
+            f"{flight.name}: {len(short)} stretch(es) shorter than {minimum_duration:g} s left out ({total:.2f} s)."
+        )
+    samples = tuple(_samples(flight, series, interval, grid_rate) for interval in kept)
+    every = [item.time for item in series.values()]
+    span = max(time[-1] for time in every) - min(time[0] for time in every)
+    covered = sum(stop - start for start, stop in kept)
+    return Resampling(samples, grid_rate, float(covered), float(span), short, tuple(notes))
+
+
+def _check_requirements(flight: Flight, require: tuple[str, ...]) -> None:
+    played = flight.series()
+    for role in require:
+        if role not in ROLES:
+            raise UsageError(f"require={role!r}: no such role; roles: {', '.join(ROLES)}")
+        if role not in played and not (role == "imu" and "odometry" in played):
+            raise LogError(
+                f"{flight.path}: no topic plays the role {role!r}; played: {', '.join(played) or 'none'}. "
+                f"Map one with --topic {role}=/your/topic"
+            )
+    if "imu" not in played and "odometry" not in played:
+        raise LogError(
+            f"{flight.path}: neither an IMU nor an odometry; played: {', '.join(played)}. "
+            "Map one with --topic imu=/your/topic"
+        )
+
+
+def _grid_rate(flight: Flight, rate: float | None) -> float:
+    if rate is not None:
+        if not (np.isfinite(rate) and rate > 0):
+            raise UsageError(f"rate {rate}: expected a positive number of Hz")
+        return float(rate)
+    played = flight.series()
+    leader = next(played[role] for role in ("commanded", "actuators", "imu", "odometry") if role in played)
+    native = min(1.0 / nominal_period(leader.time), MAXIMUM_RATE)
+    return float(round(native)) if abs(native - round(native)) < 0.002 * native else native
+
+
+def _used_series(flight: Flight, require: tuple[str, ...], rate: float, notes: list[str]) -> dict[str, Series]:
+    """Required roles, and others that are there for most of the time in which the required ones are."""
+    played = {role: item for role, item in flight.series().items() if role in _USED}
+    needed = {role for role in require if role in played}
+    needed |= {"odometry"} if "imu" not in played else {"imu"}
+    core = _intersection([_cover(role, played[role], 1.0 / rate) for role in needed])
+    total = sum(stop - start for start, stop in core)
+    used: dict[str, Series] = {}
+    for role, item in played.items():
+        if role not in needed:
+            both = _intersection([core, _cover(role, item, 1.0 / rate)])
+            if sum(stop - start for start, stop in both) < MINIMUM_COVER * total:
+                notes.append(f"{flight.name}: {role} covers less than half of the flight: left out.")
+                continue
+        used[role] = item
+    return used
+
+
+def _cover(role: str, series: Series, step: float) -> list[Interval]:
+    """Where a series can be evaluated; that of a held one reaches until its last command has acted."""
+    if not role or len(series.time) < 2:
+        return []
+    runs = [(float(series.time[a]), float(series.time[b - 1])) for a, b in _runs(series) if b - a >= 2]
+    if role not in _HELD:
+        return runs
+    window = max(step, series.period)
+    return [(start + window / 2, stop + series.period - window / 2) for start, stop in runs]
+
+
+def _runs(series: Series) -> list[tuple[int, int]]:
+    """Index ranges [a, b) between gaps."""
+    cuts = [int(np.searchsorted(series.time, gap.stop)) for gap in series.gaps]
+    return list(zip([0, *cuts], [*cuts, len(series.time)], strict=True))
+
+
+def _intersection(covers: list[list[Interval]]) -> list[Interval]:
+    common = covers[0] if covers else []
+    for cover in covers[1:]:
+        common = [(max(a, c), min(b, d)) for a, b in common for c, d in cover if min(b, d) > max(a, c)]
+    return common
+
+
+def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate: float) -> Samples:
+    first, last = np.ceil(interval[0] * rate - 1e-6), np.floor(interval[1] * rate + 1e-6)
+    time = np.arange(first, last + 1) / rate
+    on = _Grid(time, rate, interval)
+    used = {role: getattr(flight, role) if role in series else None for role in _USED}
+    commanded, desired, actuators, imu, odometry = (used[role] for role in _USED)
+    if imu is not None:
+        omega_B, force_B = on.measured(imu, imu.omega_B), on.measured(imu, imu.specific_force_B)
+    else:
+        omega_B, force_B = on.inertial(odometry)
+    return Samples(
+        flight=flight.name,
+        time=time,
+        dt=1.0 / rate,
+        omega_B=omega_B,
+        specific_force_B=force_B,
+        wrench_cmd_B=None if commanded is None else on.held(commanded, commanded.wrench_B),
+        wrench_des_B=None if desired is None else on.held(desired, desired.wrench_B),
+        tilt_cmd=None if actuators is None else on.held(actuators, actuators.tilt),
+        rotor_speed_cmd=None if actuators is None else on.held(actuators, actuators.rotor_speed),
+        position_E=None if odometry is None else on.measured(odometry, odometry.position_E),
+        velocity_E=None if odometry is None else on.velocity(odometry),
+        quat_EB=None if odometry is None else on.attitude(odometry),
+        voltage=None if flight.battery is None else np.interp(time, flight.battery.time, flight.battery.voltage),
+    )
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Evaluates series at `time`, all inside one `interval` without gaps."""
+
+    time: Array
+    rate: float
+    interval: Interval
+
+    def run(self, series: Series) -> slice:
+        """The samples of a series between the gaps around the interval."""
+        middle = 0.5 * (self.interval[0] + self.interval[1])
+        a, b = next((a, b) for a, b in reversed(_runs(series)) if series.time[a] <= middle)
+        return slice(a, b)
+
+    def held(self, series: Series, values: Array) -> Array:
+        run = self.run(series)
+        window = max(1.0 / self.rate, series.period)
+        return held_mean(self.time, series.time[run], values[run], series.period, window)
+
+    def measured(self, series: Series, values: Array) -> Array:
+        run = self.run(series)
+        return _interpolate(self.time, series.time[run], self._anti_aliased(series.time[run], values[run]))
+
+    def attitude(self, odometry: OdometrySeries) -> Array:
+        run = self.run(odometry)
+        quat = so3.continuous(odometry.quat_EB[run])
+        filtered = so3.normalise(self._anti_aliased(odometry.time[run], quat))
+        return so3.interpolate(self.time, odometry.time[run], filtered)
+
+    def velocity(self, odometry: OdometrySeries) -> Array:
+        return self.measured(odometry, _velocity_E(odometry, self.run(odometry)))
+
+    def inertial(self, odometry: OdometrySeries | None) -> tuple[Array, Array]:
+        """omega_B and the specific force R_EB^T (dv_E/dt + g e_z) that an IMU at the odometry's origin would read."""
+        assert odometry is not None  # resample has asked for one or the other
+        run = self.run(odometry)
+        time, quat_EB = odometry.time[run], odometry.quat_EB[run]
+        omega_B = angular_velocity(time, quat_EB) if odometry.omega_B is None else odometry.omega_B[run]
+        acceleration_E = smooth(time, _velocity_E(odometry, run)[run], FORCE_WINDOW, derivative=1)
+        force_B = so3.rotate_inverse(quat_EB, acceleration_E + np.array([0.0, 0.0, GRAVITY]))
+        at = self.time
+        return tuple(_interpolate(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
+
+    def _anti_aliased(self, time: Array, values: Array) -> Array:
+        native = 1.0 / float(np.median(np.diff(time)))
+        if native <= ANTI_ALIAS_RATIO * self.rate or len(time) < 16:
+            return values
+        sections = butter(4, ANTI_ALIAS_CUTOFF * self.rate, fs=native, output="sos")
+        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
+
+
+def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
+    """Mean over `window` [s] around each `time` (N,) of `values` (K, C), each held from its stamp to the next.
+
+    The last is held for one `period`. The integral of a held signal is piecewise linear, so this is exact.
+    """
+    knots = np.append(stamps, stamps[-1] + period)
+    integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values * np.diff(knots)[:, None], axis=0)))
+    upper, lower = (_interpolate(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
+    return np.asarray((upper - lower) / window)
+
+
+def _interpolate(time: Array, knots: Array, values: Array) -> Array:
+    if not values.shape[1]:
+        return np.zeros((len(time), 0))
+    return np.stack([np.interp(time, knots, column) for column in values.T], axis=1)
+
+
+def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:
+    """Logged velocity (N, 3), or the differentiated position within `run` (zero elsewhere)."""
+    if odometry.velocity_E is not None:
+        return odometry.velocity_E
+    velocity: NDArray[np.float64] = np.zeros_like(odometry.position_E)
+    velocity[run] = smooth(odometry.time[run], odometry.position_E[run], FORCE_WINDOW, derivative=1)
+    return velocity
+
+
+def _rate_source(series: Series) -> str:
+    known = isinstance(series, OdometrySeries) and series.omega_B is not None
+    return "odometry's twist" if known else "differentiated attitude"
