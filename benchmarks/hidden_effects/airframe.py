@@ -35,14 +35,15 @@ class Airframe:
 
     `hull_shift` (3,) moves the hull's centre of mass; `ballast` are point masses (mass, position_B) fixed to the hull
     and taken off its mass, so that `mass` stays the total; `arm_inertia` is about the arm's x, y, z; `tilt_zero` (6,)
-    [rad] turns each rotor pair about its arm's axis; `play` [rad] is the free travel between servo and arm. `extra_bodies`,
-    `extra_world`, `extra_tendons` are MJCF put into the hull, the world and the tendon section.
+    [rad] turns each rotor pair about its arm's axis; `play` [rad] is the free travel between servo and arm.
+    `extra_bodies`, `extra_world`, `extra_tendons` are MJCF put into the hull, the world and the tendon section.
     """
 
     mass: float = MASS
     arm_mass: float = 0.277
     arm_inertia: tuple[float, float, float] = (3.4e-4, 3.0e-4, 2.0e-4)
     hull_shift: Array = field(default_factory=lambda: np.zeros(3))
+    hull_inertia_less: Array = field(default_factory=lambda: np.zeros(3))  # kg m^2, taken off the hull's moments
     ballast: list[tuple[float, Array]] = field(default_factory=list)
     kappa: float = KAPPA
     tilt_zero: Array = field(default_factory=lambda: np.zeros(ARMS))
@@ -70,7 +71,7 @@ class Airframe:
             ]
         )
         mass = self.mass - ARMS * self.arm_mass - sum(m for m, _ in self.ballast) - self.extra_hull_mass
-        return mass, np.array(INERTIA) - arms
+        return mass, np.array(INERTIA) - arms - self.hull_inertia_less
 
     def mjcf(self, timestep: float) -> str:
         """The model in MuJoCo's XML."""

@@ -138,7 +138,6 @@ class Engine:
             data.ctrl[ROTORS:] = np.minimum(np.maximum(rate, -frame.servo_rate), frame.servo_rate)
             if self._push:
                 data.xfrc_applied[:] = 0.0
-                data.qfrc_applied[:] = 0.0
                 for effect in self._push:
                     effect.push(self)
             mujoco.mj_step(self.model, data)
@@ -198,16 +197,24 @@ class Engine:
     @property
     def hub_velocity_E(self) -> Array:
         """(12, 3) with the hull's motion (the arms' own turning moves the hubs by less than 0.3 m/s)."""
-        return np.asarray(self.velocity_E + np.cross(self.R_EB @ self.omega_B, self.hubs_E - self.position_E))
+        x, y, z = self.R_EB @ self.omega_B
+        turning = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))  # r @ turning = omega x r
+        return np.asarray(self.velocity_E + (self.hubs_E - self.position_E) @ turning)
 
-    def push(self, force_E: Array, at_E: Array, arm: int | None = None) -> None:
-        """Push hull or arm at a point."""
-        body = self._hull if arm is None else self._arm[arm]
-        mujoco.mj_applyFT(self.model, self.data, force_E, np.zeros(3), at_E, body, self.data.qfrc_applied)
+    def push(self, force_E: Array, at_E: Array) -> None:
+        """Push the hull with forces (3,) or (n, 3), at points of the same shape."""
+        force, lever = np.atleast_2d(force_E), np.atleast_2d(at_E) - self.data.xipos[self._hull]
+        moment = lever.T @ force
+        self.data.xfrc_applied[self._hull, :3] += force.sum(0)
+        self.twist(np.array((moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0])))
 
-    def twist(self, torque_E: Array, arm: int | None = None) -> None:
-        """Twist hull or arm."""
-        self.data.xfrc_applied[self._hull if arm is None else self._arm[arm], 3:] += torque_E
+    def twist(self, torque_E: Array) -> None:
+        """Twist the hull."""
+        self.data.xfrc_applied[self._hull, 3:] += torque_E
+
+    def twist_arms(self, torques_E: Array) -> None:
+        """Twist the six arms, (6, 3)."""
+        self.data.xfrc_applied[self._arm, 3:] += torques_E
 
     @property
     def specific_force(self) -> Array:
@@ -297,8 +304,8 @@ def _fly(
     desired, commanded, tilt, speed = (np.empty((N, k)) for k in (6, 6, 6, 12))
     state, imu, actual = np.empty((N, 13)), np.empty((N, 6)), np.empty((N, 18))
     volts = np.full(N, np.nan)
-    battery = next((e for e in chosen.values() if hasattr(e, "voltage") or e.answers[0] == "battery_sag"), None)
     engine.reset(ref.position_E[0], ref.velocity_E[0], ref.R_ED[0], ref.omega_D[0], np.zeros(ARMS))
+    battery = next((e for e in chosen.values() if hasattr(e, "voltage")), None)
     R = np.empty(9)
     rows = list(
         zip(ref.position_E, ref.velocity_E, ref.acceleration_E, ref.R_ED, ref.omega_D, ref.omega_dot_D, strict=True)
@@ -318,7 +325,7 @@ def _fly(
         tilt[k], speed[k] = pilot.allocate(commanded[k], float(split[k]))
         engine.advance(tilt[k].copy(), speed[k].copy())
         if battery is not None:
-            volts[k] = battery.voltage  # type: ignore[attr-defined]
+            volts[k] = battery.voltage
         if k % CONTROL_RATE == 0 and not _controlled(state[k], ref, k):
             raise UsageError(f"{'+'.join(chosen)} at size {size}: the flight was lost after {ref.time[k]:.0f} s")
     truth = Truth(

@@ -11,7 +11,8 @@ a size and a seed, and overrides what it touches:
     push     forces and torques, through `World.push` and `World.twist`, every physics step
 
 `answers` are the names of the project's catalogue that are right for it, best first; `("unknown",)` for what is not
-in it. `unit` says what a plain `size` means; `size` is the default.
+in it. `unit` says what a plain `size` means; `size` is the default. `shows_on` is the trajectory that excites the
+effect, and `needs_split` says that it shows only where the two rotors of a pair differ (`pair_split` of `engine.fly`).
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ from benchmarks.hidden_effects.airframe import (
     C_F,
     GRAVITY,
     HOVER_SPEED,
-    HUB,
     INERTIA,
     MASS,
     RADIUS,
@@ -88,12 +88,16 @@ class World(Protocol):
         """(12, 3)."""
         ...
 
-    def push(self, force_E: Array, at_E: Array, arm: int | None = None) -> None:
-        """Push the hull, or an arm, with a force at a point."""
+    def push(self, force_E: Array, at_E: Array) -> None:
+        """Push the hull with forces (3,) or (n, 3), at points of the same shape."""
         ...
 
-    def twist(self, torque_E: Array, arm: int | None = None) -> None:
-        """Twist the hull, or an arm."""
+    def twist(self, torque_E: Array) -> None:
+        """Twist the hull."""
+        ...
+
+    def twist_arms(self, torques_E: Array) -> None:
+        """Twist the six arms, (6, 3)."""
         ...
 
 
@@ -103,6 +107,8 @@ class Hidden:
     answers: ClassVar[tuple[str, ...]] = ()
     unit: ClassVar[str] = ""
     size: ClassVar[float] = 1.0
+    shows_on: ClassVar[str] = "train"
+    needs_split: ClassVar[bool] = False
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
@@ -245,7 +251,7 @@ class Payload(Hidden):
 @hidden("heavy_arms")
 @dataclass
 class HeavyArms(Hidden):
-    """More inertia about the tilt axes: servos and hull exchange more angular momentum. The total stays as stated."""
+    """More inertia about the tilt axes: arms and hull exchange more angular momentum. The total stays as stated."""
 
     answers = ("arm_reaction",)
     unit, size = "kg m^2 per arm", 2e-3
@@ -257,9 +263,9 @@ class HeavyArms(Hidden):
         return cls(size)
 
     def build(self, airframe: Airframe) -> None:
-        """Thicker about x and y (a rod along z)."""
+        """Like a disc across the arm: half as much about y and z."""
         x, y, z = airframe.arm_inertia
-        airframe.arm_inertia = (x + self.added, y + self.added, z)
+        airframe.arm_inertia = (x + self.added, y + self.added / 2, z + self.added / 2)
 
 
 # ---------------------------------------------------------------- actuators
@@ -354,8 +360,8 @@ class Backlash(Hidden):
     """Real play: a servo turns a gear, the arm follows only where the gap closes; friction holds it in between."""
 
     answers = ("backlash",)
-    unit, size = "deg, whole gap", 1.5
-    gap: float = 0.026
+    unit, size = "deg, whole gap", 1.0
+    gap: float = 0.0175
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
@@ -493,11 +499,14 @@ class Wake(Hidden):
 @hidden("blockage")
 @dataclass
 class Blockage(Hidden):
-    """A wake that hits the hull (a ball of 0.1 m) presses on it."""
+    """Wakes that blow on the booms of other arms: each boom is three pieces at 0.12, 0.20 and 0.28 m from O.
+
+    A piece in the middle of pair j's wake is pushed along -n_j with `share` / 3 of T_j; off the middle by rho, 1 / (1 + (rho / 1.3 R)^4) of it.
+    """
 
     answers = ("downwash_blockage", "rotor_interference")
-    unit, size = "share of a pair's thrust when its wake hits squarely", 0.08
-    share: float = 0.08
+    unit, size = "share of a pair's thrust that presses on a boom squarely in its wake", 0.15
+    share: float = 0.15
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
@@ -505,15 +514,18 @@ class Blockage(Hidden):
         return cls(size)
 
     def push(self, world: World) -> None:
-        """Cosine overlap of wake and ball."""
+        """Six wakes on eighteen pieces."""
         centre = 0.5 * (world.hubs_E[0::2] + world.hubs_E[1::2])
         axis = world.normals_E[0::2]
-        apart = world.position_E - centre
-        down = -(apart * axis).sum(1)
-        off = np.sqrt(np.maximum((apart**2).sum(1) - down**2, 0.0)) / (RADIUS + 0.1)
-        hit = np.where((down > 0) & (off < 1), 0.5 * (1 + np.cos(np.pi * np.minimum(off, 1.0))), 0.0)
+        origin = world.position_E
+        pieces = origin + np.concatenate([(centre - origin) * (r / 0.30) for r in (0.12, 0.20, 0.28)])
+        apart = pieces[None] - centre[:, None]
+        down = -(apart * axis[:, None]).sum(-1)
+        off2 = ((apart**2).sum(-1) - down**2) / (1.3 * RADIUS) ** 2
+        overlap = 1 / ((1 + off2**2) * (1 + np.exp((0.03 - down) / 0.01)))
+        overlap[np.arange(18) % 6 == np.arange(6)[:, None]] = 0.0  # its own boom is part of its own thrust
         pair = C_F * (world.speed**2).reshape(6, 2).sum(1)
-        world.push(-(self.share * hit * pair) @ axis, world.position_E)
+        world.push(-(self.share / 3 * overlap * pair[:, None]).T @ axis, pieces)
 
 
 @hidden("ground")
@@ -523,6 +535,7 @@ class Ground(Hidden):
 
     answers = ("ground_effect",)
     unit, size = "gain at zero height", 0.3
+    shows_on = "low"
     gain: float = 0.3
 
     @classmethod
@@ -591,6 +604,7 @@ class Edgewise(Hidden):
 
     answers = ("translational_lift",)
     unit, size = "relative gain at high speed", 0.4
+    shows_on = "fast"
     gain: float = 0.4
 
     @classmethod
@@ -635,6 +649,7 @@ class BodyDrag(Hidden):
 
     answers = ("body_drag",)
     unit, size = "m^2, drag area along x", 0.15
+    shows_on = "fast"
     area_x: float = 0.15
     area_y: float = 0.15
     area_z: float = 0.25
@@ -712,16 +727,10 @@ class Flapping(Hidden):
         return cls(size)
 
     def push(self, world: World) -> None:
-        """At each pair's middle; the lever between upper and lower hub is kept as a torque."""
+        """At the hubs."""
         v, n = world.hub_velocity_E, world.normals_E
         edge = v - (v * n).sum(1, keepdims=True) * n
-        force = -(self.slope * C_F / RADIUS * world.speed)[:, None] * edge
-        lever = np.tile((HUB, -HUB), 6)[:, None] * n
-        torque = np.cross(lever, force)
-        for arm in range(6):
-            pair = slice(2 * arm, 2 * arm + 2)
-            world.push(force[pair].sum(0), 0.5 * world.hubs_E[pair].sum(0))
-            world.twist(torque[pair].sum(0))
+        world.push(-(self.slope * C_F / RADIUS * world.speed)[:, None] * edge, world.hubs_E)
 
 
 @hidden("tether")
@@ -804,6 +813,7 @@ class DragTorque(Hidden):
 
     answers = ("drag_torque",)
     unit, size = "relative", 0.3
+    needs_split = True
     relative: float = 0.3
 
     @classmethod
@@ -823,6 +833,7 @@ class Gyroscopic(Hidden):
 
     answers = ("rotor_gyroscopic",)
     unit, size = "kg m^2 per rotor", 6e-5
+    needs_split = True
     inertia: float = 6e-5
 
     @classmethod
@@ -840,16 +851,11 @@ class Gyroscopic(Hidden):
         spin = -self.inertia * TWIST
         change = np.zeros(12) if self._last is None else spin * (world.speed - self._last) / world.step
         self._last = world.speed.copy()
-        h = (spin * world.speed)[:, None] * n
-        omega = world.R_EB @ world.omega_B
-        for arm in range(6):
-            pair = slice(2 * arm, 2 * arm + 2)
-            turn = omega + world.tilt_rate[arm] * _unit(world.hubs_E[pair].mean(0) - world.position_E)
-            world.twist(-np.cross(turn, h[pair].sum(0)) - (change[pair, None] * n[pair]).sum(0), arm)
-
-
-def _unit(v: Array) -> Array:
-    return np.asarray(v / np.linalg.norm(v))
+        h = ((spin * world.speed)[:, None] * n).reshape(6, 2, 3).sum(1)
+        outward = world.hubs_E[0::2] + world.hubs_E[1::2] - 2 * world.position_E
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        turn = world.R_EB @ world.omega_B + world.tilt_rate[:, None] * outward
+        world.twist_arms(-np.cross(turn, h) - (change[:, None] * n).reshape(6, 2, 3).sum(1))
 
 
 # ---------------------------------------------------------------- sensors
@@ -959,6 +965,7 @@ class Compass(Hidden):
 
     answers = ("unknown",)
     unit, size = "Nm, largest torque", 0.25
+    shows_on = "turn"
     moment: float = 0.25
     heading: float = 0.5
     inclination: float = -0.5
@@ -978,28 +985,68 @@ class Compass(Hidden):
 @hidden("resonance")
 @dataclass
 class Resonance(Hidden):
-    """A weakly damped mast: part of the hull's mass on a sprung ball joint, a few hertz."""
+    """A weakly damped mast: part of the hull's mass on a sprung ball joint. Held still it would change nothing."""
 
     answers = ("unknown",)
     unit, size = "kg", 0.10
     mass: float = 0.10
-    frequency: float = 3.0  # Hz
-    length: float = 0.20
+    frequency: float = 2.5  # Hz
+    length: float = 0.25
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """2.5 to 4 Hz."""
-        return cls(size, float(rng.uniform(2.5, 4.0)))
+        """2 to 3 Hz; a heavy mast is short, or the hull could not make up for its inertia."""
+        return cls(size, float(rng.uniform(2.0, 3.0)), min(0.25, float(np.sqrt(0.0062 / size))))
 
     def build(self, airframe: Airframe) -> None:
-        """Upright above O, 3 % damped; the hull is lowered so that the centre of mass stays at O."""
+        """Upright above O, 3 % damped; the hull is lowered and thinned so that the totals stay as stated."""
         inertia = self.mass * self.length**2
         k = inertia * (2 * np.pi * self.frequency) ** 2 + self.mass * GRAVITY * self.length
         c = 2 * 0.03 * np.sqrt(k * inertia)
         airframe.extra_hull_mass += self.mass
         lowered = self.mass * self.length / airframe.hull()[0]
         airframe.hull_shift = airframe.hull_shift - np.array((0.0, 0.0, lowered))
+        moved = inertia + airframe.hull()[0] * lowered**2
+        airframe.hull_inertia_less = airframe.hull_inertia_less + np.array((moved, moved, 0.0))
         airframe.extra_bodies.append(
             f'<body><joint type="ball" stiffness="{k}" damping="{c}"/>'
             f'<inertial pos="0 0 {self.length}" mass="{self.mass}" diaginertia="1e-5 1e-5 1e-5"/></body>'
         )
+
+
+@hidden("ringing")
+@dataclass
+class Ringing(Hidden):
+    """Servos whose velocity loop is too slow for their position loop: they overshoot and ring at some hertz."""
+
+    answers = ("unknown", "servo_lag")
+    unit, size = "s, time constant of the velocity loop", 0.15
+    inner: float = 0.15
+
+    @classmethod
+    def draw(cls, size: float, rng: np.random.Generator) -> Self:
+        """As told."""
+        return cls(size)
+
+    def build(self, airframe: Airframe) -> None:
+        """Damping ratio sqrt(outer / inner) / 2."""
+        airframe.servo_inner_tau = self.inner
+
+
+@hidden("heating")
+@dataclass
+class Heating(Hidden):
+    """Motors that lose thrust as they warm up: T (1 - size (1 - exp(-t / 12 s))), no voltage recorded."""
+
+    answers = ("battery_sag", "thrust_scale")
+    unit, size = "relative loss when hot", 0.08
+    loss: float = 0.08
+
+    @classmethod
+    def draw(cls, size: float, rng: np.random.Generator) -> Self:
+        """As told."""
+        return cls(size)
+
+    def thrust(self, world: World, thrust: Array) -> Array:
+        """By time alone."""
+        return np.asarray(thrust * (1 - self.loss * (1 - np.exp(-world.time / 12.0))))

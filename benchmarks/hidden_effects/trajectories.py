@@ -103,7 +103,7 @@ def train(time: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     for axis, rms in enumerate((0.45, 0.45, 0.12)):
         position[:, axis] += fade * rms * multisine(time, rng, 0.07, 0.45)
     slow = np.stack([np.deg2rad(rms) * multisine(time, rng, 0.06, 0.40, 0.2) for rms in (36.0, 36.0, 20.0)], 1)
-    fast = np.stack([np.deg2rad(1.8) * multisine(time, rng, 0.5, 2.0) for _ in range(3)], 1)
+    fast = np.stack([np.deg2rad(rms) * multisine(time, rng, 0.5, 2.0) for rms in (1.8, 1.8, 1.2)], 1)
     rotvec = fade[:, None] * (slow + fast)
     rotvec[:, :2] = limited(rotvec[:, :2], np.deg2rad(70.0))
     return position, rotvec
