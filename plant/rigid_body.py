@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,15 +41,20 @@ class RigidBody:
     body: Body
     gravity: float = GRAVITY
 
+    @cached_property
+    def _numbers(self) -> tuple[list[float], list[float], list[float]]:
+        """Centre of mass, and the upper triangles of the inertia and of its inverse."""
+        upper = np.triu_indices(3)
+        inertia = self.body.inertia
+        return self.body.com_B.tolist(), inertia[upper].tolist(), np.linalg.inv(inertia)[upper].tolist()
+
     def derivative(self, wrench_B: Array) -> Callable[[Floats], Floats]:
         """Time derivative of the 13 numbers under a wrench (6,) about O that stays constant in B."""
-        fx, fy, fz, mx, my, mz = (float(w) for w in wrench_B)
-        cx, cy, cz = (float(c) for c in self.body.com_B)
-        (j00, j01, j02), (_, j11, j12), (_, _, j22) = self.body.inertia.tolist()
-        (k00, k01, k02), (_, k11, k12), (_, _, k22) = np.linalg.inv(self.body.inertia).tolist()
+        fx, fy, fz, mx, my, mz = wrench_B.tolist()
+        (cx, cy, cz), (j00, j01, j02, j11, j12, j22), (k00, k01, k02, k11, k12, k22) = self._numbers
         ax, ay, az = fx / self.body.mass, fy / self.body.mass, fz / self.body.mass
         tx, ty, tz = mx - (cy * fz - cz * fy), my - (cz * fx - cx * fz), mz - (cx * fy - cy * fx)
-        gravity, offset = self.gravity, bool(np.any(self.body.com_B))
+        gravity, offset = self.gravity, bool(cx or cy or cz)
 
         def rates(y: Floats) -> Floats:
             _, _, _, w, x, y_, z, vx, vy, vz, p, q, r = y
@@ -63,8 +69,10 @@ class RigidBody:
                 sx -= dq * cz - dr * cy + q * uz - r * uy
                 sy -= dr * cx - dp * cz + r * ux - p * uz
                 sz -= dp * cy - dq * cx + p * uy - q * ux
-            # R_EB s = s + 2 w (u x s) + 2 u x (u x s) with u = (x, y, z), for a unit quaternion.
-            bx, by, bz = 2.0 * (y_ * sz - z * sy), 2.0 * (z * sx - x * sz), 2.0 * (x * sy - y_ * sx)
+            # R_EB s = s + 2/|q|^2 [w (u x s) + u x (u x s)] with u = (x, y, z). Inside a step |q| is not quite one;
+            # without the division the result would depend on the choice of E.
+            n = 2.0 / (w * w + x * x + y_ * y_ + z * z)
+            bx, by, bz = n * (y_ * sz - z * sy), n * (z * sx - x * sz), n * (x * sy - y_ * sx)
             return (
                 vx,
                 vy,

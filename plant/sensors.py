@@ -65,14 +65,21 @@ class SensorNoise:
         return SensorNoise(0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, self.imu_rate_hz, self.pose_rate_hz)
 
 
-def read_imu(motion: Motion, position_B: Array, noise: SensorNoise, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Gyroscope (N, 3) [rad/s] and accelerometer (N, 3) [m/s^2] at `position_B` (3,) from O, for a motion of O."""
+def imu_errors(noise: SensorNoise, count: int, rng: np.random.Generator) -> Array:
+    """Bias and white noise of `count` consecutive readings (N, 6): gyroscope, then accelerometer."""
+    density = np.repeat([noise.gyro_density, noise.accel_density], 3)
+    white = density * np.sqrt(0.5 * noise.imu_rate_hz) * rng.standard_normal((count, 6))
+    return np.asarray(white + np.array([*noise.gyro_bias, *noise.accel_bias]))
+
+
+def read_imu(motion: Motion, position_B: Array, errors: Array) -> tuple[Array, Array]:
+    """Gyroscope (N, 3) [rad/s] and accelerometer (N, 3) [m/s^2] at `position_B` (3,) from O, for a motion of O.
+
+    `errors` (N, 6) are those of `imu_errors`.
+    """
     omega, omega_dot = motion.omega_B, motion.omega_dot_B
     specific = motion.specific_force_B + cross(omega_dot, position_B) + cross(omega, cross(omega, position_B))
-    per_sample = np.sqrt(0.5 * noise.imu_rate_hz)
-    gyro = omega + np.asarray(noise.gyro_bias) + noise.gyro_density * per_sample * rng.standard_normal(omega.shape)
-    accel = specific + np.asarray(noise.accel_bias)
-    return gyro, accel + noise.accel_density * per_sample * rng.standard_normal(omega.shape)
+    return omega + errors[:, :3], specific + errors[:, 3:]
 
 
 def read_pose(state: State, noise: SensorNoise, rng: np.random.Generator) -> State:

@@ -1,7 +1,8 @@
 """Reference trajectories: what the vehicle is asked to do, as functions of time with consistent derivatives.
 
 Every trajectory gives position, velocity and acceleration of O in E, the attitude `quat_ED` of the reference frame D,
-and its rate and acceleration in D, vectorised over time. All start and end at rest (`Step` jumps on purpose).
+and its rate and acceleration in D, vectorised over time. All start and end at rest (`Step` jumps on purpose; the
+flat attitude of an excited trajectory starts to move with a few hundredths of a rad/s).
 
 Names for the command line are in `TRAJECTORIES`; `named` builds one. Sources: paper.tex (experiments) and
 reference/paper-decisions.md, decision 13.

@@ -1,0 +1,130 @@
+"""Newton and Euler on a body whose reference point is not its centre of mass, and the order of the integrator."""
+
+import numpy as np
+import pytest
+
+from flight import so3
+from plant.rigid_body import RigidBody, pack, unpack
+from plant.state import State
+from plant.vehicle import Body
+from plant.wrench_model import forward_dynamics
+
+ASYMMETRIC = Body(
+    3.0, np.array([[0.10, 0.01, -0.02], [0.01, 0.14, 0.015], [-0.02, 0.015, 0.2]]), np.array([0.05, -0.08, 0.03])
+)
+
+
+def start(omega, velocity=(0.0, 0.0, 0.0), quat=(1.0, 0.0, 0.0, 0.0)):
+    return pack(
+        State(np.zeros(1), np.zeros((1, 3)), np.array([quat]), np.array([velocity]), np.array([omega], dtype=float))
+    )
+
+
+def fly(body, y, wrench, dt, steps, gravity=0.0):
+    rigid = RigidBody(body, gravity)
+    for _ in range(steps):
+        y = rigid.step(y, wrench, dt)
+    return unpack(steps * dt, y)
+
+
+def top_attitude(quat, omega, transverse, axial, time):
+    """Torque-free symmetric top: R(t) = exp(h_E t / J_t) R(0) exp(e_z (1 - J_a / J_t) omega_z t), h angular momentum."""
+    h_E = so3.rotate(quat, np.array([transverse, transverse, axial]) * omega)
+    spin = np.array([0.0, 0.0, (1.0 - axial / transverse) * omega[2] * time])
+    return so3.multiply(so3.exp(h_E * time / transverse), so3.multiply(quat, so3.exp(spin)))
+
+
+def test_the_integrator_is_of_fourth_order_on_the_torque_free_symmetric_top():
+    body = Body(1.0, np.diag([0.1, 0.1, 0.25]), np.zeros(3))
+    quat, omega = so3.exp(np.array([0.3, -0.5, 0.9])), np.array([2.0, 1.0, 3.0])
+    exact = top_attitude(quat, omega, 0.1, 0.25, 1.0)
+    errors = []
+    for steps in (20, 40, 80, 160):
+        end = fly(body, start(omega, quat=quat), np.zeros(6), 1.0 / steps, steps)
+        errors.append(np.linalg.norm(so3.log(so3.multiply(so3.conjugate(exact), end.quat_EB[0]))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[0] < 1e-2
+    assert np.all(np.abs(orders[1:] - 4.0) < 0.2), orders
+
+
+def test_a_free_asymmetric_body_keeps_momentum_and_energy():
+    omega, velocity = np.array([1.5, -2.0, 2.5]), np.array([0.4, 0.1, -0.3])
+
+    def invariants(state):
+        R = so3.matrix(state.quat_EB[0])
+        w, c = state.omega_B[0], ASYMMETRIC.com_B
+        v_com = state.velocity_E[0] + R @ np.cross(w, c)
+        position_com = state.position_E[0] + R @ c
+        h = R @ (ASYMMETRIC.inertia @ w) + ASYMMETRIC.mass * np.cross(position_com, v_com)
+        energy = 0.5 * ASYMMETRIC.mass * v_com @ v_com + 0.5 * w @ ASYMMETRIC.inertia @ w
+        return np.concatenate((ASYMMETRIC.mass * v_com, h, [energy]))
+
+    y = start(omega, velocity)
+    end = fly(ASYMMETRIC, y, np.zeros(6), 2e-3, 2500)
+    np.testing.assert_allclose(invariants(end), invariants(unpack(0.0, y)), rtol=0, atol=1e-7)
+    assert np.linalg.norm(end.omega_B[0] - omega) > 0.1  # it did tumble
+
+
+def test_the_quaternion_stays_a_rotation():
+    end = fly(ASYMMETRIC, start([8.0, -5.0, 3.0]), np.array([1.0, 2.0, 3.0, 0.1, -0.2, 0.3]), 5e-3, 2000)
+    R = so3.matrix(end.quat_EB[0])
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-14)
+
+
+def test_the_gyroscopic_torque_does_no_work():
+    """Without a wrench, d/dt (1/2 omega J omega) = omega . J domega = -omega . (omega x J omega) = 0."""
+    rng = np.random.default_rng(1)
+    for omega in rng.normal(size=(20, 3)) * 5.0:
+        rates = RigidBody(ASYMMETRIC).derivative(np.zeros(6))(start(omega))
+        assert abs(omega @ ASYMMETRIC.inertia @ np.array(rates[10:])) < 1e-12
+        assert np.linalg.norm(rates[10:]) > 1e-3
+
+
+def test_a_force_through_the_centre_of_mass_does_not_turn_the_body():
+    force = np.array([1.0, -2.0, 4.0])
+    through = np.concatenate((force, np.cross(ASYMMETRIC.com_B, force)))
+    rates = RigidBody(ASYMMETRIC, 0.0).derivative(through)(start([0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(rates[10:], 0.0, atol=1e-14)
+    np.testing.assert_allclose(rates[7:10], force / ASYMMETRIC.mass, atol=1e-14)
+
+
+def test_in_free_fall_the_centre_of_mass_falls_and_the_rate_is_untouched_by_gravity():
+    omega = [0.5, 1.0, -0.7]
+    falling = fly(ASYMMETRIC, start(omega), np.zeros(6), 1e-3, 1000, gravity=9.81)
+    floating = fly(ASYMMETRIC, start(omega), np.zeros(6), 1e-3, 1000, gravity=0.0)
+    np.testing.assert_allclose(falling.omega_B, floating.omega_B, atol=1e-12)
+    drop = falling.position_E[0] - floating.position_E[0]
+    np.testing.assert_allclose(drop, [0.0, 0.0, -0.5 * 9.81], atol=1e-9)
+
+
+def test_the_acceleration_is_the_second_derivative_of_the_path_and_agrees_with_the_imu_equation():
+    """Central differences of the integrated path against R f_O + g, f_O from the N-sample forward dynamics."""
+    rng = np.random.default_rng(3)
+    omega, wrench = rng.normal(size=3) * 2.0, rng.normal(size=6)
+    quat, h = so3.exp(rng.normal(size=3)), 1e-3
+    body, y = RigidBody(ASYMMETRIC, 9.81), start(omega, quat=quat)
+    after, before = unpack(h, body.step(y, wrench, h)), unpack(-h, body.step(y, wrench, -h))
+    motion = forward_dynamics(ASYMMETRIC, wrench[None], omega[None])
+    expected = so3.rotate(quat, motion.specific_force_B[0]) - np.array([0.0, 0.0, 9.81])
+    second = (after.position_E[0] + before.position_E[0]) / h**2
+    np.testing.assert_allclose(second, expected, atol=1e-4)
+    np.testing.assert_allclose((after.omega_B - before.omega_B)[0] / (2 * h), motion.omega_dot_B[0], atol=1e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.7, -2.5])
+def test_turning_the_inertial_frame_about_gravity_changes_nothing(yaw):
+    turn = so3.exp(np.array([0.0, 0.0, yaw]))
+    quat, velocity = so3.exp(np.array([0.4, -0.2, 0.1])), np.array([1.0, -0.5, 0.2])
+    wrench = np.array([3.0, -1.0, 30.0, 0.1, 0.2, -0.1])
+    end = fly(ASYMMETRIC, start([0.3, 0.2, 0.1], velocity, quat), wrench, 1e-2, 100, 9.81)
+    turned = fly(
+        ASYMMETRIC,
+        start([0.3, 0.2, 0.1], so3.rotate(turn, velocity), so3.multiply(turn, quat)),
+        wrench,
+        1e-2,
+        100,
+        9.81,
+    )
+    np.testing.assert_allclose(turned.position_E[0], so3.rotate(turn, end.position_E[0]), atol=1e-12)
+    np.testing.assert_allclose(turned.quat_EB[0], so3.multiply(turn, end.quat_EB[0]), atol=1e-12)
+    np.testing.assert_allclose(turned.omega_B, end.omega_B, atol=1e-12)
