@@ -28,7 +28,7 @@ def fly(body, y, wrench, dt, steps, gravity=0.0):
 
 
 def top_attitude(quat, omega, transverse, axial, time):
-    """Torque-free symmetric top: R(t) = exp(h_E t / J_t) R(0) exp(e_z (1 - J_a / J_t) omega_z t), h angular momentum."""
+    """Torque-free top: R(t) = exp(h_E t / J_t) R(0) exp(e_z (1 - J_a / J_t) omega_z t), h angular momentum."""
     h_E = so3.rotate(quat, np.array([transverse, transverse, axial]) * omega)
     spin = np.array([0.0, 0.0, (1.0 - axial / transverse) * omega[2] * time])
     return so3.multiply(so3.exp(h_E * time / transverse), so3.multiply(quat, so3.exp(spin)))

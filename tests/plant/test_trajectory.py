@@ -140,7 +140,7 @@ def test_flat_attitudes_point_the_thrust_along_acceleration_plus_gravity(name):
 
 def test_thrust_attitude_and_yaw_belong_together():
     rng = np.random.default_rng(0)
-    force, yaw = rng.normal(size=(50, 3)) + [0, 0, 1.5], rng.uniform(-3.0, 3.0, 50)
+    force, yaw = rng.normal(size=(50, 3)) + np.array([0, 0, 1.5]), rng.uniform(-3.0, 3.0, 50)
     quat = attitude_of_thrust(force, yaw)
     np.testing.assert_allclose(so3.matrix(quat)[:, :, 2], force / np.linalg.norm(force, axis=1)[:, None], atol=1e-12)
     np.testing.assert_allclose(yaw_of(quat), yaw, atol=1e-12)
