@@ -39,7 +39,7 @@ def run(*command: str | Path, cwd: Path) -> None:
 
 def main() -> None:
     """Leaves the wheel in dist/; raises CalledProcessError where a step fails."""
-    pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+    pip = ("-m", "pip", "-qq", "--disable-pip-version-check")
     with tempfile.TemporaryDirectory(prefix="wrenchgap-wheel-") as folder:
         outside = Path(folder)
         run(sys.executable, *pip, "wheel", "--no-deps", "--build-constraint", LOCK, "-w", outside, ROOT, cwd=outside)
