@@ -62,7 +62,7 @@ def load(path: Path | str) -> GaussianProcess:
         raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, EOFError, ValueError, RuntimeError) as error:
         raise FitError(f"{path}: not a stored GP, or a damaged one ({_line(error)}); learn it again") from None
     try:
         return GaussianProcess(

@@ -72,7 +72,7 @@ def output_indices(outputs: tuple[str, ...]) -> NDArray[np.intp]:
         if name not in AXES:
             raise ModelError(f"mismatch model: unknown output {name!r}; available: {', '.join(AXES)}")
     if not outputs or len(set(outputs)) != len(outputs):
-        raise ModelError(f"mismatch model: outputs {list(outputs)} must be one to six different names of a wrench")
+        raise ModelError(f"mismatch model: outputs {list(outputs)} must be different names out of {', '.join(AXES)}")
     return np.array([AXES.index(name) for name in outputs], dtype=np.intp)
 
 

@@ -1,0 +1,165 @@
+"""The closed form against hand-made cases, finite differences, limits, and GPy."""
+
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from flight.errors import FitError, ModelError
+from learn.gp import BLOCK, GaussianProcess, Provenance
+from plant.mismatch import KnowsItsData, Linearises
+
+TORQUES = ("torque_x", "torque_y", "torque_z")
+
+
+def hand_made(count: int = 40, seed: int = 0, linear: bool = True) -> GaussianProcess:
+    rng = np.random.default_rng(seed)
+    coefficients = rng.normal(size=(3, 7)) if linear else np.zeros((3, 7))
+    return GaussianProcess(
+        outputs=TORQUES,
+        input_mean=np.array([1.0, -2.0, 39.0, 0.1, 0.0, -0.1]),
+        input_scale=np.array([8.0, 7.0, 5.0, 0.3, 0.4, 0.2]),
+        output_scale=np.array([0.2, 0.3, 0.5]),
+        mean_coefficients=coefficients,
+        inputs=rng.normal(size=(count, 6)),
+        residuals=rng.normal(size=(count, 3)),
+        lengthscales=rng.uniform(0.8, 4, size=(3, 6)),
+        signal_variance=np.array([0.7, 1.5, 3.0]),
+        noise_variance=np.array([0.01, 0.05, 0.2]),
+        sigma_training=np.full(3, 0.1),
+        mismatch_max=np.ones(3),
+    )
+
+
+def commands(gp: GaussianProcess, count: int, spread: float = 1.2, seed: int = 1) -> np.ndarray:
+    return gp.input_mean + spread * gp.input_scale * np.random.default_rng(seed).normal(size=(count, 6))
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_agrees_with_gpy(linear):
+    import GPy
+
+    gp = hand_made(linear=linear)
+    xi = commands(gp, 25)
+    x = (xi - gp.input_mean) / gp.input_scale
+    for index in range(3):
+        kernel = GPy.kern.RBF(6, variance=gp.signal_variance[index], lengthscale=gp.lengthscales[index], ARD=True)
+        other = GPy.models.GPRegression(
+            np.array(gp.inputs), np.array(gp.residuals[:, [index]]), kernel, noise_var=gp.noise_variance[index]
+        )
+        mean, variance = other.predict(x)
+        slope = other.predictive_gradients(x)[0][:, :, 0]
+        b, scale = gp.mean_coefficients[index], gp.output_scale[index]
+        assert gp.mean(xi)[:, index] == pytest.approx((mean[:, 0] + b[0] + x @ b[1:]) * scale, abs=1e-8)
+        assert gp.std(xi)[:, index] == pytest.approx(np.sqrt(variance[:, 0]) * scale, abs=1e-8)
+        expected = (slope + b[1:]) * scale / gp.input_scale
+        assert gp.jacobian(xi)[:, index] == pytest.approx(expected, abs=1e-8)
+
+
+def test_one_training_point_by_hand():
+    """Posterior of one point a distance r away: mean k z / (s + n), variance s + n - k^2 / (s + n)."""
+    gp = replace(hand_made(1, linear=False), inputs=np.zeros((1, 6)), residuals=np.array([[2.0, -1.0, 0.5]]))
+    step = np.array([[0.5, 0, 0, 0, 0.7, 0]])
+    xi = gp.input_mean + step * gp.input_scale
+    s, n = gp.signal_variance, gp.noise_variance
+    k = s * np.exp(-0.5 * ((step / gp.lengthscales) ** 2).sum(axis=1))
+    assert gp.mean(xi)[0] == pytest.approx(k / (s + n) * [2.0, -1.0, 0.5] * gp.output_scale)
+    assert gp.std(xi)[0] == pytest.approx(np.sqrt(s + n - k**2 / (s + n)) * gp.output_scale)
+
+
+def test_jacobian_is_the_derivative_of_the_mean():
+    gp = hand_made()
+    xi = commands(gp, 6)
+    for axis in range(6):
+        step = np.zeros(6)
+        step[axis] = 1e-5 * gp.input_scale[axis]
+        slope = (gp.mean(xi + step) - gp.mean(xi - step)) / (2 * step[axis])
+        assert gp.jacobian(xi)[:, :, axis] == pytest.approx(slope, rel=1e-6, abs=1e-8)
+
+
+def test_hardly_any_noise_interpolates():
+    gp = replace(hand_made(), noise_variance=np.full(3, 1e-7))
+    xi = gp.input_mean + gp.inputs * gp.input_scale
+    mean_function = gp.mean_coefficients[:, 0] + gp.inputs @ gp.mean_coefficients[:, 1:].T
+    assert gp.mean(xi) == pytest.approx((mean_function + gp.residuals) * gp.output_scale, abs=1e-4)
+    assert (gp.std(xi) < 0.01 * gp.sigma_prior).all()
+
+
+def test_far_away_nothing_is_known():
+    gp = hand_made(linear=False)
+    far = commands(gp, 3) + 1e3 * gp.input_scale
+    assert gp.mean(far) == pytest.approx(np.zeros((3, 3)))
+    assert gp.std(far) == pytest.approx(np.tile(gp.sigma_prior, (3, 1)))
+    assert gp.jacobian(far) == pytest.approx(np.zeros((3, 3, 6)))
+
+
+def test_noise_adds_its_variance():
+    gp = hand_made()
+    xi = commands(gp, 9)
+    added = gp.std(xi) ** 2 - gp.std(xi, noise=False) ** 2
+    assert added == pytest.approx(np.tile(gp.noise_variance * gp.output_scale**2, (9, 1)))
+
+
+def test_more_data_is_never_less_certain():
+    gp = hand_made(30)
+    fewer = replace(gp, inputs=gp.inputs[:20], residuals=gp.residuals[:20])
+    xi = commands(gp, 200)
+    assert (gp.std(xi) <= fewer.std(xi) + 1e-12).all()
+    assert (gp.std(xi) < fewer.std(xi) - 1e-3).any()
+
+
+def test_many_queries_are_single_queries():
+    gp = hand_made()
+    xi = commands(gp, 2 * BLOCK + 3)
+    picked = [0, BLOCK - 1, BLOCK, 2 * BLOCK + 2]
+    for function in (gp.mean, gp.std, gp.jacobian):
+        singles = np.concatenate([function(xi[[index]]) for index in picked])
+        assert function(xi)[picked] == pytest.approx(singles, abs=1e-12)
+    mean, jacobian = gp.mean_and_jacobian(xi[:5])
+    assert mean == pytest.approx(gp.mean(xi[:5]), abs=1e-12)
+    assert jacobian == pytest.approx(gp.jacobian(xi[:5]), abs=1e-12)
+
+
+def test_is_a_mismatch_model_that_knows_its_data():
+    assert isinstance(hand_made(), KnowsItsData)
+    assert isinstance(hand_made(), Linearises)
+
+
+def test_cannot_be_changed():
+    gp = hand_made()
+    with pytest.raises(ValueError, match="read-only"):
+        gp.inputs[0, 0] = 1.0
+    with pytest.raises(FrozenInstanceError):
+        gp.outputs = ("torque_z",)
+
+
+def test_does_not_keep_its_callers_array():
+    mine = np.ones(3)
+    gp = replace(hand_made(), mismatch_max=mine)
+    mine[0] = 5.0
+    assert gp.mismatch_max[0] == 1.0
+
+
+def test_belongs_to_one_vehicle():
+    gp = replace(hand_made(), provenance=Provenance(vehicle="voliro_x"))
+    gp.check_vehicle("voliro_x")
+    with pytest.raises(FitError, match="another vehicle: learnt on 'voliro_x', the model is 'crazyflie'"):
+        gp.check_vehicle("crazyflie")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"residuals": np.zeros((40, 2))}, r"residuals has shape \(40, 2\), expected \(40, 3\)"),
+        ({"lengthscales": np.full((3, 6), -1.0)}, "lengthscales must be positive"),
+        ({"noise_variance": np.array([0.1, np.nan, 0.1])}, "noise_variance holds values that are not finite"),
+    ],
+)
+def test_bad_parts_are_refused(change, message):
+    with pytest.raises(FitError, match=message):
+        replace(hand_made(), **change)
+
+
+def test_unknown_output_is_refused():
+    with pytest.raises(ModelError, match="unknown output 'torque_q'"):
+        replace(hand_made(), outputs=("torque_x", "torque_y", "torque_q"))

@@ -1,0 +1,178 @@
+import json
+import pickle
+import zipfile
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from flight.errors import FitError, UsageError
+from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
+from learn.store import load, save
+
+
+@pytest.fixture
+def gp():
+    rng = np.random.default_rng(0)
+    return GaussianProcess(
+        outputs=("torque_x", "torque_z"),
+        input_mean=rng.normal(size=6),
+        input_scale=np.ones(6),
+        output_scale=np.array([0.2, 0.5]),
+        mean_coefficients=rng.normal(size=(2, 7)),
+        inputs=rng.normal(size=(15, 6)),
+        residuals=rng.normal(size=(15, 2)),
+        lengthscales=np.full((2, 6), 2.0),
+        signal_variance=np.array([1.0, 2.0]),
+        noise_variance=np.array([0.1, 0.2]),
+        sigma_training=np.array([0.1, 0.2]),
+        mismatch_max=np.array([0.5, 1.5]),
+        settings=FitSettings(points=15, mean="linear"),
+        provenance=Provenance("voliro_x", "ab", "nominal", 8.0, (LogSource("α.mcap", "cd"),), "0.1", "2026-01-01"),
+    )
+
+
+def rewritten(path, change):
+    """The zip at `path` with `change(name, content) -> content or None` applied to each part."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: change(name, archive.read(name)) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            if content is not None:
+                archive.writestr(name, content)
+
+
+def test_comes_back_bit_for_bit(gp, tmp_path):
+    save(gp, tmp_path / "a.gp")
+    back = load(tmp_path / "a.gp")
+    query = np.random.default_rng(1).normal(size=(20, 6))
+    assert back.mean(query).tobytes() == gp.mean(query).tobytes()
+    assert back.std(query).tobytes() == gp.std(query).tobytes()
+    assert (back.outputs, back.provenance, back.settings) == (gp.outputs, gp.provenance, gp.settings)
+
+
+def test_equal_gps_are_equal_files(gp, tmp_path):
+    save(gp, tmp_path / "a.gp")
+    save(load(tmp_path / "a.gp"), tmp_path / "b.gp")
+    assert (tmp_path / "a.gp").read_bytes() == (tmp_path / "b.gp").read_bytes()
+
+
+def test_arrays_can_be_read_with_numpy_alone(gp, tmp_path):
+    save(gp, tmp_path / "a.gp")
+    with np.load(tmp_path / "a.gp", allow_pickle=False) as arrays:
+        assert arrays["lengthscales"] == pytest.approx(gp.lengthscales)
+
+
+def test_overwrites_only_when_told(gp, tmp_path):
+    path = tmp_path / "a.gp"
+    path.write_text("precious")
+    with pytest.raises(UsageError, match="exists already"):
+        save(gp, path)
+    assert path.read_text() == "precious"
+    save(gp, path, force=True)
+    assert load(path).outputs == gp.outputs
+
+
+def test_failed_write_leaves_the_old_file_and_no_litter(gp, tmp_path, monkeypatch):
+    path = tmp_path / "a.gp"
+    path.write_text("precious")
+    monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
+    with pytest.raises(UsageError, match="No space left"):
+        save(gp, path, force=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.gp"]
+    assert path.read_text() == "precious"
+
+
+def test_missing_folder_is_said(gp, tmp_path):
+    with pytest.raises(UsageError, match="cannot be written: No such file or directory"):
+        save(gp, tmp_path / "nowhere" / "a.gp")
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.001, 0.3, 0.7, 0.99])
+def test_cut_file_is_refused(gp, tmp_path, fraction):
+    path = tmp_path / "a.gp"
+    save(gp, path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(fraction * len(content))])
+    with pytest.raises(FitError, match=r"a\.gp: not a stored GP, or a damaged one") as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_flipped_byte_is_noticed(gp, tmp_path):
+    path = tmp_path / "a.gp"
+    save(gp, path)
+    content = bytearray(path.read_bytes())
+    content[content.index(b"\x93NUMPY") + 150] ^= 1
+    path.write_bytes(bytes(content))
+    with pytest.raises(FitError, match="CRC"):
+        load(path)
+
+
+def test_pickle_is_never_opened(gp, tmp_path):
+    path = tmp_path / "a.gp"
+    path.write_bytes(pickle.dumps({"a": 1}))
+    with pytest.raises(FitError, match="not a stored GP"):
+        load(path)
+    save(gp, path, force=True)
+    buffer = BytesIO()
+    np.save(buffer, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    rewritten(path, lambda name, content: buffer.getvalue() if name == "inputs.npy" else content)
+    with pytest.raises(FitError, match="damaged"):
+        load(path)
+
+
+def with_metadata(**change):
+    def edit(name, content):
+        return json.dumps({**json.loads(content), **change}) if name == "gp.json" else content
+
+    return edit
+
+
+def with_array(which, value):
+    buffer = BytesIO()
+    np.save(buffer, value)
+    return lambda name, content: buffer.getvalue() if name == f"{which}.npy" else content
+
+
+def without(which):
+    return lambda name, content: None if name == which else content
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (with_metadata(format_version=99), "format version 99, this program reads 1"),
+        (with_metadata(format="something"), "not a stored GP"),
+        (with_metadata(settings={"colour": 1}), "missing or unknown parts"),
+        (with_metadata(outputs=["torque_x", "thrust"]), "unknown output 'thrust'"),
+        (without("gp.json"), "a zip without gp.json"),
+        (without("inputs.npy"), "missing or unknown parts"),
+        (with_array("inputs", np.full((15, 6), np.nan)), "inputs holds values that are not finite"),
+        (with_array("inputs", np.zeros(6)), "missing or unknown parts"),
+        (with_array("noise_variance", np.array([-1.0, 1.0])), "noise_variance must be positive"),
+    ],
+)
+def test_damage_is_named(gp, tmp_path, change, message):
+    path = tmp_path / "a.gp"
+    save(gp, path)
+    rewritten(path, change)
+    with pytest.raises(FitError, match=message) as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_says_how_to_make_one(tmp_path):
+    with pytest.raises(FitError, match="no such file; make one with `wrenchgap learn"):
+        load(tmp_path / "none.gp")
+
+
+def test_folder_is_refused(tmp_path):
+    with pytest.raises(FitError, match="cannot be read"):
+        load(tmp_path)
+
+
+def test_settings_survive_replacement(gp, tmp_path):
+    save(replace(gp, settings=FitSettings(points=7, seed=3, method="pyclustering")), tmp_path / "a.gp")
+    assert load(tmp_path / "a.gp").settings == FitSettings(points=7, seed=3, method="pyclustering")

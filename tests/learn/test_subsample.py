@@ -1,0 +1,136 @@
+import tracemalloc
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flight.errors import FitError, UsageError
+from learn.subsample import squared_distances, standardised, subsample, thin
+
+METHODS = ("fasterpam", "pyclustering")
+
+
+def wandering(length: int, seed: int = 0) -> np.ndarray:
+    """A command that wanders like a flight's: forces of tens of newtons, torques of tenths of newton metres."""
+    rng = np.random.default_rng(seed)
+    steps = np.cumsum(rng.normal(size=(length, 6)), axis=0) / np.sqrt(length)
+    return steps * [20, 20, 10, 0.5, 0.5, 0.3] + [0, 0, 39, 0, 0, 0]
+
+
+def loss(points: np.ndarray, chosen: np.ndarray) -> float:
+    return float(((points[:, None] - points[chosen]) ** 2).sum(axis=2).min(axis=1).sum())
+
+
+def test_finds_the_medoid_of_every_cluster():
+    """Clusters so far apart that the optimum is one medoid in each, found by trying all members."""
+    rng = np.random.default_rng(5)
+    labels = np.repeat(np.arange(6), 8)
+    points = 100.0 * np.eye(6)[labels] + rng.normal(size=(48, 6))
+    chosen = subsample(points, 6, scale="raw")
+    expected = []
+    for label in range(6):
+        members = np.flatnonzero(labels == label)
+        expected.append(min(members, key=lambda one: ((points[members] - points[one]) ** 2).sum()))
+    assert chosen.tolist() == expected
+    # pyclustering carries out one swap more than is good
+    assert labels[subsample(points, 6, method="pyclustering", scale="raw")].tolist() == list(range(6))
+
+
+def test_reaches_the_best_of_all_pairs():
+    points = np.random.default_rng(2).normal(size=(25, 6))
+    best = min(loss(points, np.array(pair)) for pair in combinations(range(25), 2))
+    assert min(loss(points, subsample(points, 2, scale="raw", seed=seed)) for seed in range(5)) == pytest.approx(best)
+
+
+def test_the_two_libraries_agree_on_what_is_good():
+    points = wandering(150)
+    fast, slow = (loss(standardised(points), subsample(points, 20, method=method)) for method in METHODS)
+    drawn = loss(standardised(points), np.random.default_rng(0).choice(150, 20, replace=False))
+    assert fast == pytest.approx(slow, rel=0.1)
+    assert max(fast, slow) < 0.8 * drawn
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_repeats(method):
+    points = wandering(180)
+    first, again = subsample(points, 15, method=method), subsample(points, 15, method=method)
+    assert first.tolist() == again.tolist()
+    assert len(set(first)) == 15
+    assert (np.diff(first) > 0).all()
+
+
+def test_standardised_does_not_depend_on_units_and_raw_does():
+    points, millis = wandering(800), np.array([1, 1, 1, 1e3, 1e3, 1e3])
+    assert subsample(points, 20).tolist() == subsample(points * millis, 20).tolist()
+    assert subsample(points, 20, scale="raw").tolist() != subsample(points * millis, 20, scale="raw").tolist()
+
+
+def test_raw_lets_force_swamp_torque():
+    points = wandering(1000)
+    torque = points[:, 3:]
+    assert loss(torque, subsample(points, 30)) < loss(torque, subsample(points, 30, scale="raw"))
+
+
+@given(length=st.integers(1, 5000), count=st.integers(1, 300), seed=st.integers(0, 9))
+def test_thinning_draws_one_of_every_stretch(length, count, seed):
+    kept = thin(length, count, seed)
+    assert len(kept) == min(length, count)
+    stretch = kept * len(kept) // length
+    assert stretch.tolist() == list(range(len(kept)))
+
+
+def test_memory_does_not_grow_with_the_log():
+    points = wandering(400_000)
+    tracemalloc.start()
+    subsample(points, 50, pre_thin=1000)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < points.nbytes
+
+
+@settings(max_examples=20)
+@given(offset=st.floats(-1e3, 1e3))
+def test_distances_are_those_of_the_definition(offset):
+    points = np.random.default_rng(1).normal(size=(30, 6)) + offset
+    expected = ((points[:, None] - points) ** 2).sum(axis=2)
+    assert squared_distances(points) == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_many_equal_samples_give_different_rows(method):
+    """A vehicle on the ground: most samples are the same."""
+    points = np.vstack([np.zeros((100, 6)), wandering(40)])
+    chosen = subsample(points, 10, method=method)
+    assert len(set(chosen)) == 10
+
+
+def test_short_log_is_kept_whole():
+    assert subsample(wandering(7), 10).tolist() == list(range(7))
+
+
+def test_constant_column_is_no_trouble():
+    points = wandering(300)
+    points[:, 0] = 4.0
+    assert len(subsample(points, 10)) == 10
+
+
+@pytest.mark.parametrize(
+    ("points", "arguments", "error", "message"),
+    [
+        (np.zeros((0, 6)), {}, FitError, r"shape \(0, 6\)"),
+        (np.full((9, 6), np.nan), {}, FitError, "9 inputs are not finite"),
+        (np.zeros((9, 6)), {"method": "kmeans"}, UsageError, "available: fasterpam, pyclustering"),
+        (np.zeros((9, 6)), {"scale": "log"}, UsageError, "available: standardised, raw"),
+    ],
+)
+def test_bad_input_gets_one_line(points, arguments, error, message):
+    with pytest.raises(error, match=message) as caught:
+        subsample(points, 5, **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_count_is_checked():
+    with pytest.raises(UsageError, match="got 0 points"):
+        subsample(np.zeros((9, 6)), 0)
