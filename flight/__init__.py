@@ -15,7 +15,10 @@ from flight.flight import (
     Series,
     WrenchSeries,
 )
+from flight.inspection import Inspection, inspect
 from flight.load import load
+from flight.resample import Resampling, resample, uniform
+from flight.write import Named, write
 
 __all__ = [
     "AXES",
@@ -26,14 +29,21 @@ __all__ = [
     "Flight",
     "Gap",
     "ImuSeries",
+    "Inspection",
     "LogError",
     "ModelError",
+    "Named",
     "OdometrySeries",
     "ReferenceSeries",
+    "Resampling",
     "Samples",
     "Series",
     "UsageError",
     "WrenchSeries",
     "WrenchgapError",
+    "inspect",
     "load",
+    "resample",
+    "uniform",
+    "write",
 ]

@@ -204,7 +204,7 @@ def _agree(relations: list[Relation]) -> bool:
 
 def _describe(found: Relation) -> str:
     rate = "" if found.same_rate else f" at {found.rate:.4g} times its rate"
-    return f"carries stamps {found.offset:+.6g} s from log time{rate} (residual {1e3 * found.residual:.2g} ms)"
+    return f"carries stamps {found.offset:+.3f} s from log time{rate} (residual {1e3 * found.residual:.2g} ms)"
 
 
 def _seconds(stamps_ns: Stamps) -> Array:

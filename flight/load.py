@@ -68,13 +68,14 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
     used = {source.topic: log.tables[source.topic] for source in sources.values()}
     motion = [sources[part].topic for part in ("imu", "pose", "twist") if part in sources]
     timing = one_clock(used, motion)
-    start_ns = min(int(np.min(stamps[stamps > 0], initial=np.iinfo(np.int64).max)) for stamps in timing.stamps.values())
-    builder = _Builder(log, assignment, timing, start_ns)
+    builder = _Builder(log, assignment, timing)
+    if not builder.parts:
+        raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     flight = Flight(
         name=_name(log.path),
         path=log.path,
         content_hash=log.content_hash,
-        start_ns=start_ns,
+        start_ns=builder.start_ns,
         commanded=builder.wrench("commanded"),
         desired=builder.wrench("desired"),
         actuators=builder.actuators(),
@@ -85,8 +86,6 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
         notes=(),
     )
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
-    if not flight.series():
-        raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(notes)}")
     return Flight(**{**flight.__dict__, "notes": notes}), timing
 
 
@@ -109,14 +108,20 @@ class _Builder:
     log: Log
     assignment: Assignment
     timing: Timing
-    start_ns: int
     notes: list[str] = field(default_factory=list)
+    parts: dict[str, _Part] = field(default_factory=dict)
+    start_ns: int = 0
 
-    def part(self, name: str) -> _Part | None:
-        """The clean samples of one part, or None."""
-        source = self.assignment.sources.get(name)
-        if source is None:
-            return None
+    def __post_init__(self) -> None:
+        for name in self.assignment.sources:
+            part = self._clean(name)
+            if part is not None:
+                self.parts[name] = part
+        self.start_ns = min((int(part.stamps[0]) for part in self.parts.values()), default=0)
+
+    def _clean(self, name: str) -> _Part | None:
+        """The usable samples of one part; what is left out is counted."""
+        source = self.assignment.sources[name]
         table = self.log.tables[source.topic]
         values = vector(table, source, PART_QUANTITY[name], str(self.log.path))
         if table.problem:
@@ -126,9 +131,10 @@ class _Builder:
             return None
         absent = _absent_half(values, name)
         stamps = self.timing.stamps[source.topic]
+        unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
         finite = np.isfinite(np.delete(values, absent, axis=1)).all(axis=1)
-        dropped: Counter[str] = Counter({"not finite": int((~finite).sum()), "no stamp": int((stamps <= 0).sum())})
-        keep = np.flatnonzero(finite & (stamps > 0))
+        dropped: Counter[str] = Counter({"not finite": int((~finite).sum()), "no stamp": int(unset.sum())})
+        keep = np.flatnonzero(finite & ~unset)
         if name in ("pose", "reference_pose"):
             norm = np.linalg.norm(values[keep, 3:7], axis=1)
             dropped["zero quaternion"] = int((norm < 0.5).sum())
@@ -149,14 +155,14 @@ class _Builder:
 
     def wrench(self, name: str) -> WrenchSeries | None:
         """The commanded or desired wrench."""
-        part = self.part(name)
+        part = self.parts.get(name)
         if part is None:
             return None
         return WrenchSeries(*self._series(part), part.values, gaps=self._gaps(part), dropped=part.dropped)
 
     def imu(self) -> ImuSeries | None:
         """Gyroscope and accelerometer."""
-        part = self.part("imu")
+        part = self.parts.get("imu")
         if part is None:
             return None
         omega_B, force_B = part.values[:, :3], part.values[:, 3:]
@@ -164,7 +170,7 @@ class _Builder:
 
     def battery(self) -> BatterySeries | None:
         """The battery's voltage."""
-        part = self.part("battery")
+        part = self.parts.get("battery")
         if part is None:
             return None
         voltage = part.values[:, 0]
@@ -172,7 +178,7 @@ class _Builder:
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
-        tilt, speed = self.part("tilt"), self.part("rotor_speed")
+        tilt, speed = self.parts.get("tilt"), self.parts.get("rotor_speed")
         main = tilt or speed
         if main is None:
             return None
@@ -215,7 +221,7 @@ class _Builder:
 
     def odometry(self) -> OdometrySeries | None:
         """Pose, with the velocity taken to E and the rate to B, whatever frames the log has them in."""
-        pose = self.part("pose")
+        pose = self.parts.get("pose")
         if pose is None:
             return None
         quat_EB = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
@@ -232,7 +238,7 @@ class _Builder:
 
     def reference(self) -> ReferenceSeries | None:
         """The reference, with velocity and acceleration in E and rates in D."""
-        pose = self.part("reference_pose")
+        pose = self.parts.get("reference_pose")
         if pose is None:
             return None
         quat_ED = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
@@ -253,7 +259,7 @@ class _Builder:
 
     def _motion(self, pose: _Part, quat: Array, name: str, frame: str) -> tuple[Array | None, Array | None]:
         """velocity_E and omega in the body frame at the pose's stamps; `frame` is the body frame's letter."""
-        twist = self.part(name)
+        twist = self.parts.get(name)
         if twist is None:
             return None, None
         values = self._at(pose, twist)
@@ -274,7 +280,7 @@ class _Builder:
         return velocity_E, omega
 
     def _acceleration(self, pose: _Part, quat_ED: Array, velocity_E: Array | None) -> tuple[Array | None, Array | None]:
-        part = self.part("reference_acceleration")
+        part = self.parts.get("reference_acceleration")
         if part is None:
             return None, None
         values = self._at(pose, part)

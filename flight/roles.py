@@ -113,10 +113,13 @@ class Source:
     topic: str
     field: str
     columns: tuple[int, ...] | None = None
+    asked: bool = False  # the field was named by the user and does not follow from the type
 
     def __str__(self) -> str:
-        chosen = "" if self.columns is None else f"[{','.join(map(str, self.columns))}]"
-        return f"{self.topic}{chosen}"
+        """As in an override."""
+        field = f".{self.field}" if self.asked else ""
+        columns = "" if self.columns is None else f"[{','.join(map(str, self.columns))}]"
+        return f"{self.topic}{field}{columns}"
 
 
 @dataclass(frozen=True)
@@ -136,13 +139,17 @@ class Assignment:
         parts = set(self.parts_of(topic))
         return tuple(role for role in ROLES if parts & set(ROLE_PARTS[role]))
 
+    def parts_in(self, role: str) -> tuple[str, ...]:
+        """Parts of a role that are played."""
+        return tuple(part for part in ROLE_PARTS[role] if part in self.sources)
+
+    def topics_in(self, role: str) -> set[str]:
+        """Topics that play a role together."""
+        return {self.sources[part].topic for part in self.parts_in(role)}
+
     def as_topics(self) -> dict[str, str]:
         """The assignment in the syntax of overrides, for a model file."""
-        topics = {}
-        for part, source in self.sources.items():
-            columns = "" if source.columns is None else f"[{','.join(map(str, source.columns))}]"
-            topics[part] = f"{source.topic}{columns}"
-        return topics
+        return {part: str(source) for part, source in self.sources.items()}
 
 
 def quantities(kind: str, fields: list[str]) -> dict[str, str]:
@@ -404,6 +411,7 @@ def _named_source(
     if topic not in tables:
         raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
     table = tables[topic]
+    asked = place is not None
     place = place or _offered(table, part) or _array_field(table, columns, parts)
     if place is None:
         return None
@@ -413,7 +421,7 @@ def _named_source(
         raise LogError(f"{where}: {value} asks for column {max(columns)}, but {topic} field {place!r} has {width}")
     if not any(name == place or name.startswith(f"{place}.") for name in table.columns) and place:
         raise LogError(f"{where}: {topic} has no field {place!r}; fields: {', '.join(table.columns)}")
-    return Source(topic, place, columns)
+    return Source(topic, place, columns, asked)
 
 
 def _array_field(table: Table, columns: tuple[int, ...] | None, parts: tuple[str, ...]) -> str | None:

@@ -23,6 +23,8 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from flight.formats.reader import Channel
 
 Columns = dict[str, NDArray[Any]]
+Layout = dict[str, tuple[int, np.dtype[Any], int]]
+"""Offset [bytes], primitive and their number, of every numeric field of one message."""
 Definitions = Mapping[str, tuple[Any, Any]]
 
 DTYPES = {
@@ -78,6 +80,14 @@ def definitions_of(channel: Channel) -> Definitions:
     if channel.type not in found:
         raise UndecodableError(f"type {channel.type} is neither defined in the file nor known")
     return found
+
+
+def layout_of(payload: bytes, kind: str, definitions: Definitions) -> Layout:
+    """Where the numbers of one CDR message lie; messages with the same counters share it."""
+    rows = np.frombuffer(payload, dtype=np.uint8)[None]
+    walk = _Walk(rows, definitions, "cdr", "<" if payload[1] == 1 else ">")
+    walk.message("", kind)
+    return walk.layout
 
 
 def _parsed(channel: Channel) -> Definitions:
@@ -186,6 +196,7 @@ class _Walk:
         self.origin = self.position = 4 if self.aligned else 0
         self.order = order
         self.columns: Columns = {}
+        self.layout: Layout = {}
 
     def message(self, prefix: str, kind: str) -> None:
         if kind not in self.definitions:
@@ -207,12 +218,12 @@ class _Walk:
         if kind == "string":
             self.columns[path] = self.text()
         else:
-            self.columns[path] = self.numbers(kind, 1)[:, 0]
+            self.columns[path] = self.numbers(kind, 1, path)[:, 0]
 
     def several(self, path: str, inner: Any, number: int) -> None:
         node, payload = inner
         if node == Nodetype.BASE and payload[0] != "string":
-            values = self.numbers(payload[0], number)
+            values = self.numbers(payload[0], number, path)
             if not path.endswith("covariance"):
                 self.columns[path] = values
         elif node == Nodetype.BASE:
@@ -222,13 +233,14 @@ class _Walk:
             for i in range(number):
                 self.value(f"{path}.{i}", inner)
 
-    def numbers(self, kind: str, number: int) -> NDArray[Any]:
+    def numbers(self, kind: str, number: int, path: str = "") -> NDArray[Any]:
         """`number` primitives (N, number), after alignment."""
         if kind not in DTYPES:
             raise UndecodableError(f"fields of type {kind} are not read")
         dtype = np.dtype(DTYPES[kind]).newbyteorder(self.order)  # type: ignore[arg-type]
         if self.aligned and number:
             self.position += -(self.position - self.origin) % dtype.itemsize
+        self.layout[path] = (self.position, dtype, number)
         raw = self.take(dtype.itemsize * number)
         return raw.view(dtype).reshape(len(self.rows), number).astype(dtype.newbyteorder("="), copy=False)
 

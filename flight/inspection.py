@@ -1,0 +1,197 @@
+"""What is in a log, before anybody trusts it: topics, roles, rates, gaps, clocks and sanity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flight.checks import Check, checks
+from flight.clocks import Relation, relation
+from flight.errors import LogError
+from flight.flight import Flight
+from flight.formats import Log, Table, read_log
+from flight.load import build
+from flight.roles import Assignment, propose, selection
+from flight.stamps import gaps_of, jitter, nominal_period
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class TopicReport:
+    """One topic. Times in seconds; `offset` is header stamp minus log time; None where there is nothing to say.
+
+    `plays` are the roles (or parts of roles) that it plays, `could_play` those that it was not chosen for.
+    """
+
+    topic: str
+    type: str
+    count: int
+    rate: float | None
+    jitter: float | None
+    gaps: int
+    longest_gap: float
+    header_offset: float | None
+    header_rate: float | None
+    dropped: dict[str, int]
+    plays: tuple[str, ...]
+    could_play: tuple[str, ...]
+    problem: str | None
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Everything that `wrenchgap inspect` prints of one log. `flight` is None where no topic plays a role.
+
+    `mapping` is the assignment in the syntax of `--topic`, by part of a role.
+    """
+
+    path: Path
+    format: str
+    size: int
+    content_hash: str
+    start_ns: int
+    duration: float
+    topics: tuple[TopicReport, ...]
+    mapping: dict[str, str]
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+    flight: Flight | None
+
+    @property
+    def level(self) -> str:
+        """The worst level of all checks: ok, warn or bad."""
+        return max((check.level for check in self.checks), key=("ok", "warn", "bad").index, default="ok")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain numbers, strings, lists and dicts."""
+        return {
+            "version": SCHEMA_VERSION,
+            "path": str(self.path),
+            "format": self.format,
+            "size_bytes": self.size,
+            "sha256": self.content_hash,
+            "start_ns": self.start_ns,
+            "duration_s": self.duration,
+            "level": self.level,
+            "topics": [asdict(topic) for topic in self.topics],
+            "mapping": self.mapping,
+            "checks": [asdict(check) for check in self.checks],
+            "notes": list(self.notes),
+        }
+
+
+def inspect(path: str | Path, topics: Mapping[str, str] | None = None) -> Inspection:
+    """Look at a log. Unlike `load` it also reports one in which no topic plays a role.
+
+    Raises
+    ------
+    LogError
+        The file is no log or cannot be read.
+    UsageError
+        `topics` is not understood.
+    """
+    path = Path(path)
+    log = read_log(path, selection(topics or {}))
+    assignment = propose(log.tables, topics, str(path))
+    flight, problem = _flight(log, assignment)
+    found = checks(flight) if flight is not None else (Check("roles", "bad", problem),)
+    first = min(int(table.log_time_ns[0]) for table in log.tables.values())
+    last = max(int(table.log_time_ns[-1]) for table in log.tables.values())
+    return Inspection(
+        path=path,
+        format=log.format,
+        size=log.size,
+        content_hash=log.content_hash,
+        start_ns=first if flight is None else flight.start_ns,
+        duration=(last - first) * 1e-9 if flight is None else _duration(flight),
+        topics=tuple(_topic(table, assignment, flight) for table in log.tables.values()),
+        mapping=assignment.as_topics(),
+        checks=(*found, *_clock_checks(log, assignment)),
+        notes=log.notes if flight is None else flight.notes,
+        flight=flight,
+    )
+
+
+def _flight(log: Log, assignment: Assignment) -> tuple[Flight | None, str]:
+    try:
+        return build(log, assignment)[0], ""
+    except LogError as error:
+        return None, str(error)
+
+
+def _duration(flight: Flight) -> float:
+    """Seconds from the first to the last used sample."""
+    return max((float(series.time[-1]) for series in flight.series().values()), default=0.0)
+
+
+def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> TopicReport:
+    time = np.sort(
+        (table.log_time_ns if table.header_ns is None else table.header_ns) * 1e-9 - table.log_time_ns[0] * 1e-9
+    )
+    gaps = gaps_of(time)
+    several = len(time) > 2 and time[-1] > time[0]
+    clock = _relation(table)
+    return TopicReport(
+        topic=table.topic,
+        type=table.type,
+        count=len(table),
+        rate=1.0 / nominal_period(time) if several else None,
+        jitter=jitter(time) if several else None,
+        gaps=len(gaps),
+        longest_gap=max((gap.stop - gap.start for gap in gaps), default=0.0),
+        header_offset=None if clock is None else clock.offset,
+        header_rate=None if clock is None else clock.rate,
+        dropped=_dropped(table.topic, assignment, flight),
+        plays=_plays(table.topic, assignment),
+        could_play=tuple(part for part, others in assignment.candidates.items() if table.topic in others),
+        problem=table.problem,
+    )
+
+
+def _relation(table: Table) -> Relation | None:
+    return None if table.header_ns is None else relation(table.log_time_ns, table.header_ns)
+
+
+def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
+    """Roles; the part as well where a role has several topics."""
+    played = []
+    for role in assignment.roles_of(topic):
+        parts = [part for part in assignment.parts_of(topic) if part in assignment.parts_in(role)]
+        others = assignment.topics_in(role) - {topic}
+        played.append(f"{role} ({', '.join(parts)})" if others else role)
+    return tuple(played)
+
+
+def _dropped(topic: str, assignment: Assignment, flight: Flight | None) -> dict[str, int]:
+    if flight is None:
+        return {}
+    played = flight.series()
+    for role in assignment.roles_of(topic):
+        if role in played and topic in played[role].topic.split(" + ")[:1]:
+            return dict(played[role].dropped)
+    return {}
+
+
+def _clock_checks(log: Log, assignment: Assignment) -> tuple[Check, ...]:
+    found = []
+    for topic in dict.fromkeys(source.topic for source in assignment.sources.values()):
+        clock = _relation(log.tables[topic])
+        if clock is not None and not clock.same:
+            found.append(
+                Check(
+                    "clock",
+                    "warn",
+                    f"{topic}: header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} "
+                    f"times its rate (residual {1e3 * clock.residual:.1f} ms); see the notes for how they are used.",
+                )
+            )
+        elif clock is not None and abs(clock.offset) > 0.1:
+            found.append(
+                Check("clock", "warn", f"{topic}: recorded {-clock.offset:.3f} s after its stamp: a slow link.")
+            )
+    return tuple(found)

@@ -1,0 +1,304 @@
+"""A flight as an MCAP file with ROS 2 messages, which Foxglove, PlotJuggler and the rosbag tools open.
+
+Topics: /command/wrench, /desired/wrench (WrenchStamped), /command/actuators (actuator_msgs/Actuators: position = tilt,
+velocity = rotor speed), /imu, /odometry (twist in B), /reference (Odometry, twist in D), /reference/acceleration
+(AccelStamped, in D), /battery. What a message has room for and the flight does not know is NaN. A pose of which no
+velocity is known is a PoseStamped. Log time and header stamp are the same.
+
+The same flight gives the same bytes. A file appears under its name when it is complete, or not at all.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from flight import so3
+from flight.errors import UsageError
+from flight.flight import (
+    ActuatorSeries,
+    Array,
+    BatterySeries,
+    Flight,
+    ImuSeries,
+    OdometrySeries,
+    ReferenceSeries,
+    WrenchSeries,
+)
+from flight.formats.decode import ACTUATORS, DTYPES, layout_of
+
+PROVENANCE = "wrenchgap"
+"""Name of the metadata record in which a file says where it comes from."""
+
+Fields = dict[str, Array | float]
+
+
+@dataclass(frozen=True)
+class Named:
+    """An additional series under a topic of its own: `values` (N,) or (N, K) at `time` (N,) [s since the start].
+
+    Without a `type` it becomes std_msgs/Float64, geometry_msgs/Vector3Stamped (K = 3), WrenchStamped (K = 6) or
+    std_msgs/Float64MultiArray.
+    """
+
+    topic: str
+    time: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """N messages of one type: stamps (N,) [ns], numeric fields by dotted name, texts by dotted name."""
+
+    name: str
+    type: str
+    stamps: NDArray[np.int64]
+    fields: Fields
+    texts: dict[str, str]
+
+
+def write(
+    flight: Flight,
+    path: str | Path,
+    extra: tuple[Named, ...] = (),
+    metadata: Mapping[str, str] | None = None,
+    force: bool = False,
+) -> Path:
+    """Write a flight, additional series and provenance; an existing file is only replaced with `force`.
+
+    Raises
+    ------
+    UsageError
+        The file exists, its folder does not, its name does not end in .mcap, or two series claim one topic.
+    """
+    path = Path(path)
+    _check_target(path, force)
+    topics = [*_flight_topics(flight), *(_named_topic(named, flight.start_ns) for named in extra)]
+    names = [topic.name for topic in topics]
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise UsageError(f"{path}: topic {', '.join(twice)} is written twice; give the additional series another name")
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with partial.open("wb") as stream:
+            _write(stream, topics, dict(metadata or {}))
+        os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def provenance(path: str | Path) -> dict[str, str]:
+    """The metadata that `write` was given; empty for other files."""
+    with Path(path).open("rb") as stream:
+        found = {record.name: dict(record.metadata) for record in make_reader(stream).iter_metadata()}
+    return found.get(PROVENANCE, {})
+
+
+def _check_target(path: Path, force: bool) -> None:
+    if path.suffix != ".mcap":
+        raise UsageError(f"{path}: logs are written as MCAP; expected a name that ends in .mcap")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: the folder {path.parent} does not exist; create it first")
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder; expected the name of a file")
+    if path.exists() and not force:
+        raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
+
+
+def _write(stream: Any, topics: list[_Topic], metadata: dict[str, str]) -> None:
+    writer = Writer(stream, compression=CompressionType.ZSTD)
+    writer.start(profile="ros2", library=PROVENANCE)
+    store = _typestore()
+    schemas: dict[str, int] = {}
+    channels = []
+    for topic in topics:
+        if topic.type not in schemas:
+            definition = store.generate_msgdef(topic.type, ros_version=2)[0].encode()
+            schemas[topic.type] = writer.register_schema(topic.type, "ros2msg", definition)
+        channels.append(writer.register_channel(topic.name, "cdr", schemas[topic.type]))
+    payloads = [_payloads(topic, store) for topic in topics]
+    for number, index in _in_order([topic.stamps for topic in topics]):
+        stamp = int(topics[number].stamps[index])
+        writer.add_message(channels[number], stamp, payloads[number][index].tobytes(), stamp, index)
+    if metadata:
+        writer.add_metadata(PROVENANCE, metadata)
+    writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _in_order(stamps: list[NDArray[np.int64]]) -> Iterator[tuple[int, int]]:
+    """Topic number and index of all messages, by time, then by topic."""
+    if not stamps:
+        return
+    number = np.concatenate([np.full(len(s), i) for i, s in enumerate(stamps)])
+    index = np.concatenate([np.arange(len(s)) for s in stamps])
+    order = np.lexsort((number, np.concatenate(stamps)))
+    yield from zip(number[order].tolist(), index[order].tolist(), strict=True)
+
+
+def _payloads(topic: _Topic, store: Typestore) -> NDArray[np.uint8]:
+    """CDR messages (N, length): one is serialised, the numbers of the others are put in its places."""
+    lengths = {name: v.shape[1] for name, v in topic.fields.items() if isinstance(v, np.ndarray) and v.ndim == 2}
+    blank = _blank(topic.type, store, topic.texts, lengths)
+    template = bytes(store.serialize_cdr(blank, topic.type))
+    rows = np.tile(np.frombuffer(template, dtype=np.uint8), (len(topic.stamps), 1))
+    layout = layout_of(template, topic.type, store.fielddefs)
+    fields: dict[str, Any] = dict(topic.fields)
+    if "header.stamp.sec" in layout:
+        fields["header.stamp.sec"], fields["header.stamp.nanosec"] = np.divmod(topic.stamps, 1_000_000_000)
+    for name, values in fields.items():
+        offset, dtype, count = layout[name]
+        filled = np.empty((len(rows), count), dtype=dtype)
+        filled[:] = values if np.ndim(values) != 1 else values[:, None]
+        rows[:, offset : offset + dtype.itemsize * count] = filled.view(np.uint8).reshape(len(rows), -1)
+    return rows
+
+
+def _blank(kind: str, store: Typestore, texts: dict[str, str], lengths: dict[str, int], prefix: str = "") -> object:
+    """A message of zeros, with given texts and lengths of sequences."""
+    values: dict[str, Any] = {}
+    descriptions: Any = store.fielddefs[kind][1]
+    for name, (node, payload) in descriptions:
+        path = f"{prefix}{name}"
+        if node == Nodetype.NAME:
+            values[name] = _blank(str(payload), store, texts, lengths, f"{path}.")
+        elif node == Nodetype.BASE:
+            values[name] = texts.get(path, "") if payload[0] == "string" else 0
+        else:
+            (inner, base), number = payload
+            count = int(number) if node == Nodetype.ARRAY else lengths.get(path, 0)
+            plain = inner == Nodetype.BASE and base[0] in DTYPES
+            values[name] = np.zeros(count, dtype=DTYPES[base[0]]) if plain else []
+    return store.types[kind](**values)
+
+
+def _typestore() -> Typestore:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(ACTUATORS["actuator_msgs/msg/Actuators"], "actuator_msgs/msg/Actuators"))
+    return store
+
+
+def _flight_topics(flight: Flight) -> Iterator[_Topic]:
+    start_ns = flight.start_ns
+    for series, name in ((flight.commanded, "/command/wrench"), (flight.desired, "/desired/wrench")):
+        if series is not None:
+            yield _wrench(series, name, start_ns)
+    if flight.actuators is not None:
+        yield _actuators(flight.actuators, start_ns)
+    if flight.imu is not None:
+        yield _imu(flight.imu, start_ns)
+    if flight.odometry is not None:
+        yield _odometry(flight.odometry, start_ns)
+    if flight.reference is not None:
+        yield from _reference(flight.reference, start_ns)
+    if flight.battery is not None:
+        yield _battery(flight.battery, start_ns)
+
+
+def _stamps(time: Array, start_ns: int) -> NDArray[np.int64]:
+    return np.asarray(start_ns + np.round(np.asarray(time) * 1e9).astype(np.int64))
+
+
+def _xyz(prefix: str, values: Array | None, length: int) -> Fields:
+    known = np.full((length, 3), np.nan) if values is None else values
+    return {f"{prefix}.{axis}": known[:, i] for i, axis in enumerate("xyz")}
+
+
+def _quaternion(prefix: str, quat_wxyz: Array) -> Fields:
+    return {f"{prefix}.{axis}": quat_wxyz[:, i] for i, axis in enumerate("wxyz")}
+
+
+def _wrench(series: WrenchSeries, name: str, start_ns: int) -> _Topic:
+    force, torque = series.wrench_B[:, :3], series.wrench_B[:, 3:]
+    fields = _xyz("wrench.force", force, 0) | _xyz("wrench.torque", torque, 0)
+    stamps = _stamps(series.time, start_ns)
+    return _Topic(name, "geometry_msgs/msg/WrenchStamped", stamps, fields, {"header.frame_id": "base_link"})
+
+
+def _actuators(series: ActuatorSeries, start_ns: int) -> _Topic:
+    fields: Fields = {"position": series.tilt, "velocity": series.rotor_speed}
+    stamps = _stamps(series.time, start_ns)
+    texts = {"header.frame_id": "base_link"}
+    return _Topic("/command/actuators", "actuator_msgs/msg/Actuators", stamps, fields, texts)
+
+
+def _imu(series: ImuSeries, start_ns: int) -> _Topic:
+    fields = _xyz("angular_velocity", series.omega_B, 0) | _xyz("linear_acceleration", series.specific_force_B, 0)
+    no_orientation = np.tile([-1.0, *[0.0] * 8], (len(series.time), 1))  # as the message's definition asks
+    fields |= {"orientation.w": 1.0, "orientation_covariance": no_orientation}
+    stamps = _stamps(series.time, start_ns)
+    return _Topic("/imu", "sensor_msgs/msg/Imu", stamps, fields, {"header.frame_id": "base_link"})
+
+
+def _odometry(series: OdometrySeries, start_ns: int) -> _Topic:
+    return _moving(
+        "/odometry",
+        _stamps(series.time, start_ns),
+        (series.position_E, series.quat_EB),
+        (series.velocity_E, series.omega_B),
+        "base_link",
+    )
+
+
+def _reference(series: ReferenceSeries, start_ns: int) -> Iterator[_Topic]:
+    stamps = _stamps(series.time, start_ns)
+    pose, twist = (series.position_E, series.quat_ED), (series.velocity_E, series.omega_D)
+    yield _moving("/reference", stamps, pose, twist, "reference")
+    if series.acceleration_E is None and series.omega_dot_D is None:
+        return
+    linear = None if series.acceleration_E is None else so3.rotate_inverse(series.quat_ED, series.acceleration_E)
+    fields = _xyz("accel.linear", linear, len(stamps)) | _xyz("accel.angular", series.omega_dot_D, len(stamps))
+    texts = {"header.frame_id": "reference"}
+    yield _Topic("/reference/acceleration", "geometry_msgs/msg/AccelStamped", stamps, fields, texts)
+
+
+def _moving(
+    name: str,
+    stamps: NDArray[np.int64],
+    pose: tuple[Array, Array],
+    twist: tuple[Array | None, Array | None],
+    child: str,
+) -> _Topic:
+    """Odometry with the twist in the child frame, or a bare pose where no velocity is known."""
+    position_E, quat = pose
+    velocity_E, omega = twist
+    if velocity_E is None and omega is None:
+        fields = _xyz("pose.position", position_E, 0) | _quaternion("pose.orientation", quat)
+        return _Topic(name, "geometry_msgs/msg/PoseStamped", stamps, fields, {"header.frame_id": "world"})
+    linear = None if velocity_E is None else so3.rotate_inverse(quat, velocity_E)
+    fields = _xyz("pose.pose.position", position_E, 0) | _quaternion("pose.pose.orientation", quat)
+    fields |= _xyz("twist.twist.linear", linear, len(stamps)) | _xyz("twist.twist.angular", omega, len(stamps))
+    return _Topic(name, "nav_msgs/msg/Odometry", stamps, fields, {"header.frame_id": "world", "child_frame_id": child})
+
+
+def _battery(series: BatterySeries, start_ns: int) -> _Topic:
+    unknown = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+    fields: Fields = {"voltage": series.voltage} | dict.fromkeys(unknown, np.nan) | {"present": 1.0}
+    return _Topic("/battery", "sensor_msgs/msg/BatteryState", _stamps(series.time, start_ns), fields, {})
+
+
+def _named_topic(named: Named, start_ns: int) -> _Topic:
+    stamps = _stamps(named.time, start_ns)
+    values = np.asarray(named.values, dtype=float)
+    if len(values) != len(stamps):
+        raise UsageError(f"series {named.topic}: {len(values)} values at {len(stamps)} times; expected as many")
+    texts = {"header.frame_id": "base_link"}
+    if values.ndim == 1:
+        return _Topic(named.topic, "std_msgs/msg/Float64", stamps, {"data": values}, {})
+    if values.shape[1] == 3:
+        return _Topic(named.topic, "geometry_msgs/msg/Vector3Stamped", stamps, _xyz("vector", values, 0), texts)
+    if values.shape[1] == 6:
+        fields = _xyz("wrench.force", values[:, :3], 0) | _xyz("wrench.torque", values[:, 3:], 0)
+        return _Topic(named.topic, "geometry_msgs/msg/WrenchStamped", stamps, fields, texts)
+    return _Topic(named.topic, "std_msgs/msg/Float64MultiArray", stamps, {"data": values}, {})
