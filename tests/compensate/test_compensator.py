@@ -1,0 +1,236 @@
+"""The compensator in a loop: what the plant does, what happens off the data, what trouble looks like."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compensate import Compensator, Settings
+from flight.errors import UsageError
+from learn.gp import GaussianProcess
+from plant.mismatch import LinearMismatch
+
+TORQUES = ("torque_x", "torque_y", "torque_z")
+HOVER = np.array([0.0, 0.0, 39.0, 0.0, 0.0, 0.0])
+SCALE = np.array([8.0, 8.0, 5.0, 0.5, 0.5, 0.5])
+FAR = np.array([90.0, -90.0, 0.0, 5.0, 5.0, 5.0])
+
+
+def truth(wrench: np.ndarray) -> np.ndarray:
+    """Torque of the weight about a centre of mass that is off, a loss of control power, and a bias."""
+    force, torque = wrench[:, :3], wrench[:, 3:]
+    return np.cross(force, [0.004, -0.007, 0.005]) - 0.2 * torque + [0, 0, 0.3]
+
+
+@pytest.fixture(scope="module")
+def gp():
+    """A GP through 150 exact samples of `truth`, hyperparameters by hand."""
+    x = np.random.default_rng(0).uniform(-1.5, 1.5, size=(150, 6))
+    outputs = truth(HOVER + x * SCALE)
+    scale = np.sqrt((outputs**2).mean(axis=0))
+    made = GaussianProcess(
+        outputs=TORQUES,
+        input_mean=HOVER,
+        input_scale=SCALE,
+        output_scale=scale,
+        mean_coefficients=np.zeros((3, 7)),
+        inputs=x,
+        residuals=outputs / scale,
+        lengthscales=np.full((3, 6), 4.0),
+        signal_variance=np.full(3, 4.0),
+        noise_variance=np.full(3, 1e-5),
+        sigma_training=np.ones(3),
+        mismatch_max=np.abs(outputs).max(axis=0),
+    )
+    seen = HOVER + SCALE * np.random.default_rng(1).uniform(-1.5, 1.5, size=(2000, 6))
+    return replace(made, sigma_training=np.percentile(made.std(seen), 99, axis=0))
+
+
+def near(seed: int) -> np.ndarray:
+    return HOVER + SCALE * np.random.default_rng(seed).uniform(-1, 1, 6)
+
+
+def test_plant_gives_what_was_asked_for(gp):
+    compensator = Compensator(gp)
+    for seed in range(30):
+        wrench = near(seed)
+        command = compensator.step(wrench).wrench_cmd
+        before = np.abs(truth(wrench[None])[0]).max()
+        after = np.abs(command[3:] + truth(command[None])[0] - wrench[3:]).max()
+        assert after < 0.1 * before
+
+
+def test_torque_model_leaves_forces_alone(gp):
+    result = Compensator(gp).step(near(1))
+    assert (result.wrench_cmd[:3] == near(1)[:3]).all()
+    assert (result.correction[:3] == 0).all()
+
+
+def test_parts_of_a_result_fit_together(gp):
+    compensator = Compensator(gp)
+    previous = np.zeros(6)
+    for seed in range(5):
+        wrench = near(seed) * 1.4
+        result = compensator.step(wrench)
+        decay = math.exp(-0.01 / 0.15)
+        expected = decay * result.beta * previous + (1 - result.beta) * result.optimum
+        assert result.correction == pytest.approx(expected)
+        assert result.wrench_cmd == pytest.approx(wrench + result.correction)
+        assert result.sigma == pytest.approx(gp.std((wrench + result.optimum)[None]).max())
+        residual = gp.mean((wrench + result.optimum)[None])[0] + result.optimum[3:]
+        assert result.cost == pytest.approx(residual @ residual, abs=1e-12)
+        assert result.accepted == (result.cost < 1e-4)
+        previous = result.correction
+
+
+def test_off_the_data_the_correction_dies_out_at_rate_a(gp):
+    compensator = Compensator(gp, Settings(dt=0.01, decay_time=0.15, kappa=1e4))
+    steady = compensator.step(near(2))
+    assert steady.beta < 1e-6
+    assert np.abs(steady.correction).max() > 0.1
+    for count in range(1, 40):
+        result = compensator.step(FAR)
+        assert result.sigma > 2 * steady.sigma
+        assert result.correction == pytest.approx(steady.correction * math.exp(-0.01 * count / 0.15), abs=1e-9)
+
+
+def test_default_threshold_lets_go_far_away(gp):
+    compensator = Compensator(gp)
+    for _ in range(200):
+        result = compensator.step(FAR)
+    assert result.beta > 0.98
+    assert np.abs(result.correction).max() < 0.3 * np.abs(truth(FAR[None])).max()
+
+
+def test_decay_does_not_depend_on_the_rate(gp):
+    left = []
+    for rate in (50, 400):
+        compensator = Compensator(gp, Settings(dt=1 / rate, kappa=1e4))
+        compensator.step(near(2))
+        for _ in range(rate // 5):
+            correction = compensator.step(FAR).correction
+        left.append(correction)
+    assert left[0] == pytest.approx(left[1], abs=1e-12)
+
+
+def test_filter_can_be_switched_off(gp):
+    result = Compensator(gp, Settings(filter_uncertain=False)).step(FAR)
+    assert result.beta == 0.0
+    assert (result.correction == result.optimum).all()
+
+
+def test_next_search_starts_at_the_unfiltered_optimum(gp):
+    """While the filter suppresses the correction, a repeated command still costs one evaluation."""
+    compensator = Compensator(gp, Settings(sigma_threshold=0.0, kappa=1e6))
+    first, again = compensator.step(near(3)), compensator.step(near(3))
+    assert np.abs(first.correction).max() < 1e-9 < np.abs(first.optimum).max()
+    assert again.iterations <= 2 < first.iterations
+
+
+def test_runs_repeat_and_reset_forgets(gp):
+    compensator = Compensator(gp)
+    runs = []
+    for _ in range(2):
+        runs.append([compensator.step(near(seed)) for seed in range(10)])
+        compensator.reset()
+    for one, other in zip(*runs, strict=True):
+        assert one.wrench_cmd.tobytes() == other.wrench_cmd.tobytes()
+        assert (one.sigma, one.beta, one.cost, one.iterations) == (other.sigma, other.beta, other.cost, other.iterations)
+
+
+def test_arguments_and_results_are_nobodys_but_the_callers(gp):
+    compensator = Compensator(gp)
+    wrench = near(4)
+    first = compensator.step(wrench)
+    assert (wrench == near(4)).all()
+    kept = first.correction.copy()
+    first.correction[:] = 9.0
+    first.optimum[:] = 9.0
+    fresh = Compensator(gp)
+    fresh.step(near(4))
+    assert compensator.step(near(5)).correction == pytest.approx(fresh.step(near(5)).correction, abs=0)
+    assert np.abs(kept).max() < 9.0
+
+
+def test_default_bounds_come_from_the_data(gp):
+    """A mismatch of -99 % of the torque would ask for a hundredfold command; three times what was seen is the limit."""
+    weak = replace(gp, mismatch_max=np.full(3, 0.01))
+    assert np.abs(Compensator(weak).step(near(5)).optimum[3:]).max() <= 0.03 + 1e-12
+    wider = Compensator(weak, Settings(correction_max=(9, 9, 9, 0.05, 9, 9))).step(near(5))
+    assert abs(wider.optimum[3]) <= 0.05 + 1e-12
+    assert np.abs(wider.optimum[4:]).max() > 0.03
+
+
+def test_constant_and_linear_baselines_share_the_interface():
+    constant = LinearMismatch(TORQUES, np.array([0.1, -0.2, 0.3]), np.zeros((3, 6)), np.full(3, 0.1))
+    result = Compensator(constant).step(HOVER)
+    assert result.accepted
+    assert result.beta == 0.0
+    assert result.correction == pytest.approx([0, 0, 0, -0.1, 0.2, -0.3], abs=1e-6)
+
+
+class Moody:
+    """A model that breaks when told to."""
+
+    outputs = TORQUES
+    broken = False
+
+    def mean(self, wrench):
+        return np.full((len(wrench), 3), np.nan if self.broken else 0.2)
+
+    def std(self, wrench):
+        return np.full((len(wrench), 3), np.nan if self.broken else 0.1)
+
+    def jacobian(self, wrench):
+        return np.zeros((len(wrench), 3, 6))
+
+
+def test_trouble_is_told_and_passes():
+    model = Moody()
+    compensator = Compensator(model)
+    good = compensator.step(HOVER)
+    model.broken = True
+    bad = compensator.step(HOVER)
+    model.broken = False
+    again = compensator.step(HOVER)
+    assert "not finite" in bad.trouble
+    assert not bad.accepted
+    assert (bad.optimum == 0).all()
+    assert bad.correction == pytest.approx(good.correction * math.exp(-0.01 / 0.15))
+    assert again.trouble == ""
+    assert again.correction == pytest.approx(good.correction, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("wrench", "message"),
+    [
+        ([0, 0, 39, 0, 0], r"shape \(5,\), expected \(6,\)"),
+        ([[0, 0, 39, 0, 0, 0]], r"shape \(1, 6\)"),
+        ([0, 0, np.nan, 0, 0, 0], "not finite; check the controller"),
+        ("hover", "not six numbers"),
+        ([0, 0, [39], 0, 0, 0], "not six numbers"),
+    ],
+)
+def test_bad_wrench_gets_one_line(gp, wrench, message):
+    with pytest.raises(UsageError, match=message) as caught:
+        Compensator(gp).step(wrench)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"dt": 0.0}, "dt is 0.0, expected a positive number"),
+        ({"decay_time": -1.0}, "decay_time is -1.0"),
+        ({"kappa": math.nan}, "kappa is nan"),
+        ({"regulariser": -1e-3}, "regulariser is -0.001"),
+        ({"max_evaluations": 0}, "max_evaluations is 0"),
+        ({"sigma_threshold": math.nan}, "sigma_threshold is not a number"),
+        ({"correction_max": (1.0, 1.0, 1.0)}, "expected six numbers"),
+        ({"correction_max": (1, 1, 1, 1, 1, math.nan)}, "expected six numbers"),
+    ],
+)
+def test_bad_settings_get_one_line(change, message):
+    with pytest.raises(UsageError, match=message):
+        Settings(**change)

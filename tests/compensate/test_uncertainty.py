@@ -1,0 +1,111 @@
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compensate.uncertainty import UncertaintyFilter, default_filter
+from plant.mismatch import LinearMismatch
+
+ONE = UncertaintyFilter(np.array([True]), np.zeros(1), np.ones(1), threshold=0.38, kappa=40.0, decay=0.9)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A model that knows its data, for its levels alone."""
+
+    outputs: tuple[str, ...]
+    sigma_training: np.ndarray
+    sigma_prior: np.ndarray
+
+    @property
+    def mismatch_max(self):
+        return np.ones(len(self.outputs))
+
+    def mean(self, wrench):
+        return np.zeros((len(wrench), len(self.outputs)))
+
+    std = jacobian = mean
+
+
+def levels(training, prior, outputs=("torque_x", "torque_y", "torque_z"), **options):
+    model = Trained(outputs, np.array(training), np.array(prior))
+    options = {"threshold": None, "kappa": None, "normalise": None} | options
+    return default_filter(model, 0.9, **options)
+
+
+def test_half_at_the_threshold():
+    assert ONE.beta(0.38) == 0.5
+
+
+@given(st.floats(-1e300, 1e300), st.floats(0, 1e300))
+def test_beta_rises_from_zero_to_one_without_overflow(sigma, more):
+    assert 0.0 <= ONE.beta(sigma) <= ONE.beta(sigma + more) <= 1.0
+
+
+@given(beta=st.floats(0, 1), decay=st.floats(0.01, 0.99), optimum=st.floats(-3, 3))
+def test_steady_state_gain(beta, decay, optimum):
+    """dW = a beta dW + (1 - beta) dW* solved for dW."""
+    one = UncertaintyFilter(np.array([True]), np.zeros(1), np.ones(1), 0.4, 40.0, decay)
+    correction = np.zeros(6)
+    for _ in range(3000):
+        correction = one.filtered(np.full(6, optimum), correction, beta)
+    assert correction == pytest.approx(np.full(6, optimum * (1 - beta) / (1 - decay * beta)), abs=1e-9)
+
+
+def test_trusted_optimum_is_taken_at_once():
+    assert (ONE.filtered(np.arange(6.0), np.ones(6), 0.0) == np.arange(6.0)).all()
+
+
+def test_distrusted_correction_dies_out_at_its_rate():
+    correction = np.ones(6)
+    for _ in range(5):
+        correction = ONE.filtered(np.full(6, 7.0), correction, 1.0)
+    assert correction == pytest.approx(np.full(6, 0.9**5))
+
+
+def test_default_goes_from_1_to_99_percent_between_data_and_prior():
+    found = levels([0.05, 0.1, 0.27], [0.2, 0.3, 0.5])
+    assert found.threshold == pytest.approx((0.27 + 0.5) / 2)
+    assert found.kappa == pytest.approx(9.2 / (0.5 - 0.27), rel=2e-3)
+    assert found.beta(0.27) == pytest.approx(0.01)
+    assert found.beta(0.5) == pytest.approx(0.99)
+
+
+def test_sigma_is_the_largest():
+    assert levels([0.1, 0.1, 0.1], [1, 1, 1]).sigma(np.array([0.2, 0.7, 0.3])) == 0.7
+
+
+def test_forces_and_torques_are_not_compared_in_newtons():
+    """A torque out of its data is noticed beside a force that always has a larger number."""
+    found = levels([2.0, 0.1], [4.0, 0.5], ("force_x", "torque_x"))
+    assert found.sigma(np.array([2.0, 0.1])) == pytest.approx(0.0)
+    assert found.beta(found.sigma(np.array([2.0, 0.5]))) == pytest.approx(0.99)
+    assert found.beta(found.sigma(np.array([4.0, 0.1]))) == pytest.approx(0.99)
+    raw = levels([2.0, 0.1], [4.0, 0.5], ("force_x", "torque_x"), normalise=False)
+    assert raw.beta(raw.sigma(np.array([2.0, 0.5]))) == pytest.approx(0.01)
+
+
+def test_output_that_is_all_noise_does_not_vote():
+    found = levels([0.1, 0.9], [0.5, 0.9], ("torque_x", "torque_z"))
+    assert found.sigma(np.array([0.1, 0.9])) == 0.1
+    assert found.threshold == pytest.approx(0.3)
+
+
+def test_model_that_is_all_noise_is_not_filtered():
+    assert levels([0.3], [0.3], ("torque_x",)).beta(1e9) == 0.0
+
+
+def test_model_without_levels_is_filtered_only_when_told():
+    line = LinearMismatch(("torque_x",), np.zeros(1), np.zeros((1, 6)), np.full(1, 0.2))
+    assert default_filter(line, 0.9, None, None, None).beta(5.0) == 0.0
+    told = default_filter(line, 0.9, 0.38, 40.0, None)
+    assert told.beta(5.0) == pytest.approx(1.0)
+    assert told.beta(0.2) == pytest.approx(1 / (1 + math.exp(40 * 0.18)))
+
+
+def test_given_values_win():
+    found = levels([0.1], [0.5], ("torque_x",), threshold=0.2, kappa=7.0)
+    assert (found.threshold, found.kappa) == (0.2, 7.0)
