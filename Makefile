@@ -37,7 +37,8 @@ format: setup ## rewrite the sources in the house format
 	$(VENV) -m ruff check --fix .
 
 bench: setup ## run benchmarks/*.py
-	@set -e; for file in $(wildcard benchmarks/*.py); do echo "== $$file"; $(VENV) $$file; done
+	@set -e; for name in $(filter-out __init__,$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
+	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
 
 docs: setup ## renew docs/effects/README.md, check every link, run every Python example
 	$(VENV) scripts/effects_index.py
