@@ -84,7 +84,8 @@ class Airframe:
         angle = float(np.linalg.norm(self.imu_rotvec))
         axis = self.imu_rotvec / angle if angle > 0 else np.array([0.0, 0.0, 1.0])
         driven = "gear" if self.play else "tilt"
-        gain = self.arm_inertia[0] / self.servo_inner_tau
+        stiffer = 10.0 if self.play else 1.0  # a gear train holds the bearing's friction
+        gain = stiffer * self.arm_inertia[0] / self.servo_inner_tau
         tendons = [*self.extra_tendons]
         if self.play:
             tendons += [
@@ -118,7 +119,7 @@ class Airframe:
         sites = "".join(
             f'<site name="hub{2 * arm + k}" pos="{_text(sign * HUB * lean)}" {zero}/>' for k, sign in enumerate((1, -1))
         )
-        friction = 'frictionloss="0.02"' if self.play else ""
+        friction = 'frictionloss="0.05"' if self.play else ""
         body = (
             f'<body name="arm{arm}" {place}><joint name="tilt{arm}" type="hinge" axis="1 0 0" {friction}/>'
             f'<inertial pos="0 0 0" mass="{self.arm_mass}" diaginertia="{_text(self.arm_inertia)}"/>{sites}</body>'

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.hidden_effects.airframe import ARM_LENGTH, AZIMUTH, C_F, GRAVITY, INERTIA, MASS, SPEED_MAX
+from benchmarks.hidden_effects.airframe import ARM_LENGTH, AZIMUTH, C_F, GRAVITY, INERTIA, KAPPA, MASS, SPEED_MAX, TWIST
 
 Array = NDArray[np.float64]
 
@@ -71,17 +71,27 @@ class Autopilot:
         torque = self._J * alpha + cross(omega, self._J * omega)
         return np.concatenate((force, torque))
 
-    def allocate(self, wrench: Array, pair_split: float = 0.0) -> tuple[Array, Array]:
-        """Tilt (6,) [rad], unwrapped, and rotor speed (12,) [rad/s].
+    def allocate(self, wrench: Array, pair_split: Array | None = None) -> tuple[Array, Array]:
+        """Tilt (6,) [rad], unwrapped, and rotor speed (12,) [rad/s] that make `wrench`.
 
-        `pair_split` d gives the upper rotor (1 + d) and the lower (1 - d) of half the pair's thrust.
+        `pair_split` (6,) d gives each arm's upper rotor (1 + d) and its lower (1 - d) of half the pair's thrust; the
+        drag torque that this leaves, sum s kappa d T n, is made up for by the rest of the wrench (two iterations).
         """
         lateral, vertical = self._lateral @ wrench, self._vertical @ wrench
+        split = np.zeros(6)
+        if pair_split is not None:
+            split = pair_split
+            for _ in range(2):
+                twist = TWIST[0::2] * KAPPA * split
+                s, c = np.sin(AZIMUTH), np.cos(AZIMUTH)
+                drag = np.array((twist * lateral @ s, -(twist * lateral) @ c, twist @ vertical))
+                rest = np.concatenate((wrench[:3], wrench[3:] - drag))
+                lateral, vertical = self._lateral @ rest, self._vertical @ rest
         thrust = np.hypot(lateral, vertical)
         wanted = np.arctan2(lateral, vertical)
         step = np.remainder(wanted - self.tilt + np.pi, 2 * np.pi) - np.pi
         self.tilt = np.where(thrust > 0.2, self.tilt + step, self.tilt)
         squared = np.empty(12)
-        squared[0::2] = thrust * (1 + pair_split)
-        squared[1::2] = thrust * (1 - pair_split)
+        squared[0::2] = thrust * (1 + split)
+        squared[1::2] = thrust * (1 - split)
         return self.tilt, np.minimum(np.sqrt(squared / (2 * C_F)), SPEED_MAX)

@@ -249,8 +249,9 @@ def fly(
 
     `size`: None (each effect's default), a number in the effect's unit (the rest is drawn from `seed`), or a mapping
     of its parameters; one for all or a sequence with one per effect. `compensate` turns the desired wrench (6,) into
-    the commanded one at every tick. `noise` scales all sensor noise. `pair_split` d swings the share of the upper
-    rotors by +-d (0.37 Hz), which separates effects of single rotors from those of pairs.
+    the commanded one at every tick. `noise` scales all sensor noise. `pair_split` d swings the shares of upper and
+    lower rotors by up to +-d, in step on all arms and against each other on neighbours (0.37 and 0.23 Hz), without
+    changing the wrench: that separates effects of single rotors from those of pairs.
     Raises UsageError for an unknown name or a flight that was lost.
     """
     tracks, truth = _fly(effect, size, trajectory, seconds, seed, integral, compensate, noise, pair_split)
@@ -310,7 +311,8 @@ def _fly(
     rows = list(
         zip(ref.position_E, ref.velocity_E, ref.acceleration_E, ref.R_ED, ref.omega_D, ref.omega_dot_D, strict=True)
     )
-    split = pair_split * np.sin(2 * np.pi * 0.37 * ref.time)
+    swing = 0.5 * pair_split * np.sin(2 * np.pi * np.outer(ref.time, (0.37, 0.23)))
+    split = swing[:, :1] + swing[:, 1:] * (-1.0) ** np.arange(ARMS) if pair_split else None
     for k in range(N):
         state[k, :3], state[k, 3:7] = engine.position_E, engine.quat_EB
         state[k, 7:10], state[k, 10:] = engine.velocity_E, engine.omega_B
@@ -322,7 +324,7 @@ def _fly(
         mujoco.mju_quat2Mat(R, state[k, 3:7])
         desired[k] = pilot.wrench(state[k, :3], R.reshape(3, 3), state[k, 7:10], state[k, 10:], rows[k])
         commanded[k] = desired[k] if compensate is None else compensate(desired[k].copy())
-        tilt[k], speed[k] = pilot.allocate(commanded[k], float(split[k]))
+        tilt[k], speed[k] = pilot.allocate(commanded[k], None if split is None else split[k])
         engine.advance(tilt[k].copy(), speed[k].copy())
         if battery is not None:
             volts[k] = battery.voltage

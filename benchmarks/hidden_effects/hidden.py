@@ -501,7 +501,8 @@ class Wake(Hidden):
 class Blockage(Hidden):
     """Wakes that blow on the booms of other arms: each boom is three pieces at 0.12, 0.20 and 0.28 m from O.
 
-    A piece in the middle of pair j's wake is pushed along -n_j with `share` / 3 of T_j; off the middle by rho, 1 / (1 + (rho / 1.3 R)^4) of it.
+    A piece in the middle of pair j's wake is pushed along -n_j with `share` / 3 of T_j; one that is rho off the middle
+    with 1 / (1 + (rho / 1.3 R)^4) of that.
     """
 
     answers = ("downwash_blockage", "rotor_interference")
@@ -990,13 +991,13 @@ class Resonance(Hidden):
     answers = ("unknown",)
     unit, size = "kg", 0.10
     mass: float = 0.10
-    frequency: float = 2.5  # Hz
+    frequency: float = 1.5  # Hz
     length: float = 0.25
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """2 to 3 Hz; a heavy mast is short, or the hull could not make up for its inertia."""
-        return cls(size, float(rng.uniform(2.0, 3.0)), min(0.25, float(np.sqrt(0.0062 / size))))
+        """1.2 to 1.8 Hz; a heavy mast is short, or the hull could not make up for its inertia."""
+        return cls(size, float(rng.uniform(1.2, 1.8)), min(0.25, float(np.sqrt(0.0062 / size))))
 
     def build(self, airframe: Airframe) -> None:
         """Upright above O, 3 % damped; the hull is lowered and thinned so that the totals stay as stated."""
@@ -1020,8 +1021,8 @@ class Ringing(Hidden):
     """Servos whose velocity loop is too slow for their position loop: they overshoot and ring at some hertz."""
 
     answers = ("unknown", "servo_lag")
-    unit, size = "s, time constant of the velocity loop", 0.15
-    inner: float = 0.15
+    unit, size = "s, time constant of the velocity loop", 0.10
+    inner: float = 0.10
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:

@@ -142,11 +142,11 @@ def _steps(time: Array, rng: np.random.Generator, size: float, rise: float, ever
 
 @trajectory("steps", 30.0)
 def steps(time: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Hover with steps of up to 0.4 m and 30 deg on all axes, each taken in 0.5-0.8 s, at different times."""
+    """Hover with steps of up to 0.4 m and 30 deg on all axes, each taken in 0.6-1 s, at different times."""
     position, rotvec = level(time)
-    for axis, (metres, degrees) in enumerate(((0.4, 30.0), (0.4, 30.0), (0.2, 25.0))):
-        position[:, axis] += _steps(time, rng, metres, 0.8, 2.1 + 0.3 * axis)
-        rotvec[:, axis] = _steps(time, rng, np.deg2rad(degrees), 0.5, 1.7 + 0.2 * axis)
+    for axis, (metres, degrees) in enumerate(((0.2, 15.0), (0.2, 15.0), (0.1, 15.0))):
+        position[:, axis] += _steps(time, rng, metres, 1.0, 2.1 + 0.3 * axis)
+        rotvec[:, axis] = _steps(time, rng, np.deg2rad(degrees), 0.6, 1.7 + 0.2 * axis)
     return position, rotvec
 
 
