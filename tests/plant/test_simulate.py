@@ -110,10 +110,10 @@ def test_the_integral_removes_that_tilt():
     hidden = ("com_offset", {"x": 0.001, "y": 0.0, "z": 0.0})
     setting = fast(200.0)
     setting["gains"] = ControllerGains(integral=1.0, integral_limit=1.0)
-    flight = simulate(model(hidden, **setting), None, Hover(15.0), rng=rng())
+    flight = simulate(model(hidden, **setting), None, Hover(10.0), rng=rng())
     error = np.abs(so3.vee(so3.matrix(flight.odometry.quat_EB)))
     assert error[:1000].max() > 0.01
-    assert error[-1].max() < 1e-4
+    assert error[-1].max() < 5e-4
 
 
 def test_without_effects_the_imu_measures_the_command_without_any_lag():
@@ -144,12 +144,12 @@ def test_halving_the_physics_step_hardly_changes_a_flight():
 
 
 def test_seeds_repeat_and_noise_has_its_size():
-    trajectory = named("figure8", 6.0, 1.0)
+    trajectory = named("pitch", 2.0, 1.0)
     one, same, other = (simulate(model(), None, trajectory, rng=rng(s)) for s in (3, 3, 4))
     assert one.content_hash == same.content_hash != other.content_hash
     np.testing.assert_array_equal(one.imu.omega_B, same.imu.omega_B)
-    assert len(one.imu.time) == 1200
-    assert len(one.odometry.time) == 600
+    assert len(one.imu.time) == 400
+    assert len(one.odometry.time) == 200
     jitter = np.diff(one.imu.omega_B - other.imu.omega_B, axis=0)
     assert jitter.std() == pytest.approx(2.4e-4 * 10.0 * 2.0, rel=0.25)
 
@@ -212,7 +212,7 @@ def test_saturation_is_counted_in_the_notes():
 def test_fixed_rotors_fly_a_circle_by_leaning():
     vehicle = hexarotor(tilts=False)
     gains = ControllerGains(omega_position=2.0, omega_attitude=(12.0, 12.0, 4.0), zeta_attitude=(0.8, 0.8, 0.8))
-    flight = simulate(model(vehicle=vehicle, gains=gains), None, named("circle", 12.0), rng=rng(), physics_rate=400.0)
+    flight = simulate(model(vehicle=vehicle, gains=gains), None, named("circle", 9.0), rng=rng(), physics_rate=400.0)
     reference = np.stack(
         [np.interp(flight.odometry.time, flight.reference.time, c) for c in flight.reference.position_E.T]
     )
