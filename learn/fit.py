@@ -2,7 +2,11 @@
 
 Minimised over theta (all parameters of all named effects together):
 
-    sum_k sum_l w_l^2 (W_meas - W_pred(theta))_kl^2 * eta  +  sum_p (theta_p / s_p)^2
+    eta sum_k sum_l w_l^2 (W_meas - W_pred(theta) - m b_flight)_kl^2  +  sum_p (theta_p / s_p)^2
+
+An accelerometer's bias changes from flight to flight and looks like a force that is constant in B. It is therefore
+estimated along with the effects, per flight, within +-`ACCELEROMETER_BIAS`: a constant force larger than that is an
+effect, a smaller one is not news.
 
 w_l are the axis weights, s_p the parameter's typical size (a weak prior that only decides what the data leave open),
 and eta = dt_kept * 2 f_c at most 1 discounts samples that the filter has made dependent. Steps are bounded
@@ -30,6 +34,8 @@ from plant.wrench_model import ModelEffect, WrenchModel
 
 Array = NDArray[np.float64]
 
+ACCELEROMETER_BIAS = 0.05
+"""Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
 BLOCK_SECONDS = 2.0
 """Length of the blocks of time that are treated as independent [s]; many filter lengths."""
 
@@ -38,14 +44,16 @@ BLOCK_SECONDS = 2.0
 class Dataset:
     """Records of one or several flights, stacked: K samples in all.
 
-    `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time; `weights` (6,) puts newtons and
-    newton metres on one scale; `independence` is the share of samples that count as independent.
+    `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
+    `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
+    independent.
     """
 
     records: tuple[Record, ...]
     measured: Array
     commanded: Array
     block: NDArray[np.intp]
+    flight: NDArray[np.intp]
     weights: Array
     independence: float
 
@@ -80,6 +88,7 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         blocks.append(index + count)
         count += pieces
     first = records[0]
+    names = list(dict.fromkeys(r.flight for r in records))
     dt_kept = first.dt * (first.keep.step or 1)
     weights = np.concatenate((np.ones(3), np.full(3, 1.0 / length_scale(model))))
     return Dataset(
@@ -87,6 +96,7 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         np.concatenate([r.measured for r in records]),
         np.concatenate([r.commanded for r in records]),
         np.concatenate(blocks),
+        np.concatenate([np.full(len(r), names.index(r.flight)) for r in records]),
         weights,
         min(1.0, dt_kept * 2.0 * first.cutoff_hz),
     )
@@ -94,13 +104,17 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
 
 @dataclass(frozen=True)
 class Fit:
-    """Effects with fitted values. `theta` (P,), `covariance` (P, P); `residual` (K, 6) on the fitted data;
-    `jacobian` (K, 6, P) of the prediction; `at_bound` names parameters that ended at a plausible limit.
-    """  # noqa: D205
+    """Effects with fitted values, and what they leave.
+
+    `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, 3) [m/s^2] of the accelerometer;
+    `residual` (K, 6) on the fitted data, without the bias; `jacobian` (K, 6, P + 3 flights) of the prediction;
+    `axis_weights` (6,) as used last; `at_bound` names parameters that ended at a plausible limit.
+    """
 
     effects: tuple[ModelEffect, ...]
     parameters: tuple[tuple[str, Parameter], ...]
     theta: Array
+    bias: Array
     covariance: Array
     residual: Array
     jacobian: Array
@@ -135,68 +149,96 @@ def fit(
     model: Model,
     names: Sequence[str],
     *,
-    start: Sequence[ModelEffect] = (),
+    base: Fit | None = None,
+    start: Fit | None = None,
     iterations: int = 8,
-    reweight: bool = True,
     tick: Callable[[], None] | None = None,
 ) -> Fit:
     """Fit the named effects together on `data`; other effects of `model` stay as they are.
 
-    `start` gives values to begin from. With `reweight` a second pass weights each axis by its own residual. `tick` is
-    called after each derivative. Raises FitError where an effect cannot be fitted on this data.
+    A first pass uses the weights of `data`, a second weights each axis by what the first left there. `start` is a
+    fit to begin from. `base` is a fit
+    of the leading names: its values are the start and its derivatives are kept, so that trying one more effect costs
+    no more than that effect (a chord iteration; converges to the same optimum a little more slowly). `tick` is called
+    after each derivative. Raises FitError where an effect cannot be fitted on this data.
     """
     for name in names:
         reason = inapplicable(name, model, data.records)
         if reason is not None:
             raise FitError(reason)
-    problem = _Problem(data, model, tuple(names), tick)
-    theta = problem.start(start)
-    weights = data.weights
-    theta, used = problem.minimise(theta, weights, iterations)
-    if reweight:
-        rms = np.sqrt(np.mean(problem.residual(theta) ** 2, axis=0))
-        weights = 1.0 / np.maximum(rms, data.noise)
-        weights = weights * (data.weights[0] / weights[:3].min())
-        theta, more = problem.minimise(theta, weights, iterations)
-        used += more
-    residual = problem.residual(theta)
-    jacobian = problem.jacobian(theta, residual)
-    covariance = problem.covariance(theta, residual, jacobian, weights)
+    problem = _Problem(data, model, tuple(names), base, tick)
+    point, used = problem.minimise(problem.start(start or base), data.weights, iterations)
+    rms = np.sqrt(np.mean(point.residual**2, axis=0))
+    weights = 1.0 / np.maximum(rms, data.noise)
+    weights = weights * (data.weights[0] / weights[:3].min())
+    point, more = problem.minimise(point, weights, iterations)
+    jacobian = problem.jacobian(point)
+    covariance = problem.covariance(point, jacobian, weights)
+    theta, bias = problem.split(point.x)
     return Fit(
         problem.effects(theta, np.sqrt(np.maximum(np.diag(covariance), 0.0))),
         problem.parameters,
         theta,
+        bias,
         covariance,
-        residual,
+        point.residual,
         jacobian,
         weights,
         problem.at_bound(theta),
-        used,
+        used + more,
     )
 
 
-class _Problem:
-    """The least-squares problem of one set of effects."""
+@dataclass(frozen=True)
+class _Point:
+    """Where the search is: unknowns (P + 3 flights,) and their residual (K, 6)."""
 
-    def __init__(self, data: Dataset, model: Model, names: tuple[str, ...], tick: Callable[[], None] | None) -> None:
+    x: Array
+    residual: Array
+
+
+class _Problem:
+    """The least-squares problem of one set of effects. Unknowns: parameters, then one bias (3,) per flight."""
+
+    def __init__(
+        self,
+        data: Dataset,
+        model: Model,
+        names: tuple[str, ...],
+        base: Fit | None = None,
+        tick: Callable[[], None] | None = None,
+    ) -> None:
         self.data = data
         self.model = model
         self.names = names
         self.tick = tick
         self.parameters = tuple((n, p) for n in names for p in find(n).parameters(model.vehicle))
-        self.low = np.array([p.low for _, p in self.parameters])
-        self.high = np.array([p.high for _, p in self.parameters])
-        self.scale = np.array([p.scale for _, p in self.parameters])
+        self.size = len(self.parameters)
+        self.flights = int(data.flight.max()) + 1
+        biases = 3 * self.flights
+        self.low = np.array([p.low for _, p in self.parameters] + [-ACCELEROMETER_BIAS] * biases)
+        self.high = np.array([p.high for _, p in self.parameters] + [ACCELEROMETER_BIAS] * biases)
+        self.scale = np.array([p.scale for _, p in self.parameters] + [0.5 * ACCELEROMETER_BIAS] * biases)
         self.fixed = tuple(e for e in model.effects if e.name not in names)
+        self.base = base
+        self.known = 0 if base is None else len(base.theta)
+        self.bias_jacobian = np.zeros((len(data.measured), 6, biases))
+        for axis in range(3):
+            self.bias_jacobian[np.arange(len(data.flight)), axis, 3 * data.flight + axis] = model.vehicle.body.mass
 
-    def start(self, given: Sequence[ModelEffect]) -> Array:
-        """Start values: given, else the model's, else the parameters' own."""
-        known = {e.name: e.theta for e in (*self.model.effects, *given)}
-        parts = []
-        for name in self.names:
-            own = np.array([p.start for p in find(name).parameters(self.model.vehicle)])
-            parts.append(known.get(name, own))
-        return np.clip(np.concatenate(parts), self.low, self.high) if parts else np.empty(0)
+    def start(self, earlier: Fit | None) -> _Point:
+        """Start values: the earlier fit's, else the model's, else the parameters' own."""
+        known = {e.name: e.theta for e in self.model.effects}
+        if earlier is not None:
+            known |= {e.name: e.theta for e in earlier.effects}
+        own = {n: np.array([p.start for p in find(n).parameters(self.model.vehicle)]) for n in self.names}
+        bias = np.zeros(3 * self.flights) if earlier is None else earlier.bias.ravel()
+        x = np.concatenate([*(known.get(n, own[n]) for n in self.names), bias])
+        return self.at(np.clip(x, self.low, self.high))
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Parameters (P,) and biases (flights, 3) of the unknowns."""
+        return x[: self.size], x[self.size :].reshape(self.flights, 3)
 
     def effects(self, theta: Array, std: Array | None = None) -> tuple[ModelEffect, ...]:
         """The named effects with these values."""
@@ -210,101 +252,97 @@ class _Problem:
             at += size
         return tuple(out)
 
-    def residual(self, theta: Array) -> Array:
-        """W_meas - W_pred (K, 6)."""
+    def at(self, x: Array) -> _Point:
+        """Residual W_meas - W_pred - m b (K, 6) at these unknowns."""
+        theta, bias = self.split(x)
         model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
-        return self.data.measured - self.data.predict(model)
+        residual = self.data.measured - self.data.predict(model)
+        residual[:, :3] -= self.model.vehicle.body.mass * bias[self.data.flight]
+        return _Point(x, residual)
 
-    def jacobian(self, theta: Array, residual: Array) -> Array:
-        """Derivative of the prediction (K, 6, P), forward differences that stay within the bounds."""
-        out = np.empty((*residual.shape, theta.size))
-        for k in range(theta.size):
+    def jacobian(self, point: _Point) -> Array:
+        """Derivative of the prediction (K, 6, P + 3 flights), forward differences that stay within the bounds."""
+        columns = np.empty((*point.residual.shape, self.size))
+        if self.base is not None:
+            columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
+        for k in range(self.known, self.size):
             step = 0.02 * self.scale[k]
-            if theta[k] + step > self.high[k]:
+            if point.x[k] + step > self.high[k]:
                 step = -step
-            moved = theta.copy()
+            moved = point.x.copy()
             moved[k] += step
-            out[:, :, k] = (residual - self.residual(moved)) / step
+            columns[:, :, k] = (point.residual - self.at(moved).residual) / step
             if self.tick is not None:
                 self.tick()
-        return out
+        return np.concatenate((columns, self.bias_jacobian), axis=2)
 
-    def minimise(self, theta: Array, weights: Array, iterations: int) -> tuple[Array, int]:
+    def minimise(self, point: _Point, weights: Array, iterations: int) -> tuple[_Point, int]:
         """Bounded Gauss-Newton with step halving."""
-        if theta.size == 0:
-            return theta, 0
-        residual = self.residual(theta)
-        cost = self.cost(theta, residual, weights)
+        cost = self.cost(point, weights)
         for count in range(1, iterations + 1):
-            step = self.step(theta, residual, self.jacobian(theta, residual), weights)
+            step = self.step(point, self.jacobian(point), weights)
             fraction = 1.0
-            for _ in range(6):
-                trial = theta + fraction * step
-                trial_residual = self.residual(trial)
-                trial_cost = self.cost(trial, trial_residual, weights)
+            for _ in range(5):
+                trial = self.at(point.x + fraction * step)
+                trial_cost = self.cost(trial, weights)
                 if trial_cost <= cost:
                     break
                 fraction *= 0.5
             else:
-                return theta, count
+                return point, count
             gain = cost - trial_cost
-            theta, residual, cost = trial, trial_residual, trial_cost
-            if gain <= 1e-4 * cost or np.all(np.abs(step) <= 1e-3 * self.scale):
-                return theta, count
-        return theta, iterations
+            point, cost = trial, trial_cost
+            if gain <= 1e-3 * cost or np.all(np.abs(fraction * step) <= 2e-3 * self.scale):
+                return point, count
+        return point, iterations
 
-    def cost(self, theta: Array, residual: Array, weights: Array) -> float:
+    def cost(self, point: _Point, weights: Array) -> float:
         """The minimised quantity."""
-        data_part = self.data.independence * float(np.sum((residual * weights) ** 2))
-        return data_part + float(np.sum((theta / self.scale) ** 2))
+        data_part = self.data.independence * float(np.sum((point.residual * weights) ** 2))
+        return data_part + float(np.sum((point.x / self.scale) ** 2))
 
     def step(
-        self, theta: Array, residual: Array, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | None = None
+        self, point: _Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
     ) -> Array:
         """Gauss-Newton step within the bounds, from the rows given."""
-        if rows is not None:
-            residual, jacobian = residual[rows], jacobian[rows]
         factor = np.sqrt(self.data.independence) * weights
-        A = (jacobian * factor[:, None]).reshape(-1, theta.size) * self.scale
-        b = (residual * factor).reshape(-1)
-        # normal equations in units of `scale`; the prior adds one to the diagonal
-        H = A.T @ A + np.eye(theta.size)
-        g = A.T @ b - theta / self.scale
+        A = (jacobian[rows] * factor[:, None]).reshape(-1, point.x.size) * self.scale
+        b = (point.residual[rows] * factor).reshape(-1)
+        H = A.T @ A + np.eye(point.x.size)  # in units of `scale` the prior is one
         L = np.linalg.cholesky(H)
-        target = np.linalg.solve(L, g)
-        low, high = (self.low - theta) / self.scale, (self.high - theta) / self.scale
+        target = np.linalg.solve(L, A.T @ b - point.x / self.scale)
+        low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
         solution = lsq_linear(L.T, target, bounds=(low - 1e-12, high + 1e-12), method="bvls")
-        return np.asarray(np.clip(theta + solution.x * self.scale, self.low, self.high) - theta)
+        return np.asarray(np.clip(point.x + solution.x * self.scale, self.low, self.high) - point.x)
 
-    def covariance(self, theta: Array, residual: Array, jacobian: Array, weights: Array) -> Array:
-        """Block sandwich (P, P)."""
-        if theta.size == 0:
-            return np.empty((0, 0))
+    def covariance(self, point: _Point, jacobian: Array, weights: Array) -> Array:
+        """Block sandwich (P, P) of the parameters, the biases estimated along with them."""
         A = jacobian * weights[:, None]
-        scores = np.einsum("klp,kl->kp", A, residual * weights)
-        blocks = np.zeros((int(self.data.block.max()) + 1, theta.size))
+        scores = np.einsum("klp,kl->kp", A, point.residual * weights)
+        blocks = np.zeros((int(self.data.block.max()) + 1, point.x.size))
         np.add.at(blocks, self.data.block, scores)
-        flat = A.reshape(-1, theta.size)
-        H = flat.T @ flat + np.diag(1.0 / (self.data.independence * self.scale**2))
-        inverse = np.linalg.inv(H)
+        flat = A.reshape(-1, point.x.size)
+        inverse = np.linalg.inv(flat.T @ flat + np.diag(1.0 / (self.data.independence * self.scale**2)))
         count = len(blocks)
-        small_sample = count / max(count - 1, 1)
-        return np.asarray(small_sample * inverse @ (blocks.T @ blocks) @ inverse)
+        whole = count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse
+        return np.asarray(whole[: self.size, : self.size])
 
     def at_bound(self, theta: Array) -> tuple[str, ...]:
         """Parameters at a plausible limit, other than at zero."""
-        margin = 1e-6 * (self.high - self.low)
-        stuck = (np.abs(theta - self.low) < margin) | (np.abs(theta - self.high) < margin)
+        low, high = self.low[: self.size], self.high[: self.size]
+        margin = 1e-6 * (high - low)
+        stuck = (np.abs(theta - low) < margin) | (np.abs(theta - high) < margin)
         return tuple(f"{n}.{p.name}" for (n, p), s, v in zip(self.parameters, stuck, theta, strict=True) if s and v)
 
 
 def held_out(data: Dataset, model: Model, names: Sequence[str], fitted: Fit, folds: int = 4) -> Array:
-    """Residual (K, 6) in which every block was predicted by parameters fitted without it.
+    """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.
 
     Blocks go to the folds in turn. Each fold takes one Gauss-Newton step from the joint optimum, with the rows of
     the other folds, and its prediction is evaluated in full (not linearised).
     """
-    problem = _Problem(data, model, tuple(names), None)
+    problem = _Problem(data, model, tuple(names))
+    point = _Point(np.concatenate((fitted.theta, fitted.bias.ravel())), fitted.residual)
     out = np.empty_like(fitted.residual)
     fold = data.block % folds
     for f in range(folds):
@@ -313,8 +351,8 @@ def held_out(data: Dataset, model: Model, names: Sequence[str], fitted: Fit, fol
             continue
         if test.all():
             raise FitError("the log is too short to hold anything out; needs at least two blocks of 2 s")
-        step = problem.step(fitted.theta, fitted.residual, fitted.jacobian, fitted.axis_weights, ~test)
-        out[test] = problem.residual(fitted.theta + step)[test]
+        step = problem.step(point, fitted.jacobian, fitted.axis_weights, ~test)
+        out[test] = problem.at(point.x + step).residual[test]
     return out
 
 
