@@ -25,7 +25,7 @@ from flight.flight import (
     WrenchSeries,
 )
 from flight.formats import Log, Table, read_log
-from flight.roles import PART_QUANTITY, Assignment, Source, propose, says_command, selection
+from flight.roles import PART_QUANTITY, Assignment, Source, parse_source, propose, says_command, selection
 from flight.stamps import away_from_gaps, gaps_of, increasing, nearest
 
 VECTORS: dict[str, tuple[str, ...]] = {
@@ -38,11 +38,14 @@ VECTORS: dict[str, tuple[str, ...]] = {
 """Fields of a quantity, in the order of its columns."""
 
 
-def load(path: str | Path, topics: Mapping[str, str] | None = None) -> Flight:
+def load(
+    path: str | Path, topics: Mapping[str, str] | None = None, preferred: Mapping[str, str] | None = None
+) -> Flight:
     """Read a log.
 
     `topics` overrides what role a topic plays, by role or part, e.g. `{"imu": "/my/imu", "tilt": "/plot/tilt[0:6]"}`
-    (see `flight.roles`). What was assumed, repaired or left out is in the flight's `notes`.
+    (see `flight.roles`). `preferred` is the same, but passed over where the log lacks the topic: the mapping of a
+    model file, which serves logs of several kinds. What was assumed, repaired or left out is in the flight's `notes`.
 
     Raises
     ------
@@ -52,8 +55,10 @@ def load(path: str | Path, topics: Mapping[str, str] | None = None) -> Flight:
         `topics` is not understood.
     """
     path = Path(path)
-    log = read_log(path, selection(topics or {}))
-    return build(log, propose(log.tables, topics, str(path)))[0]
+    topics = dict(topics or {})
+    log = read_log(path, selection({**(preferred or {}), **topics}))
+    wanted = {role: topic for role, topic in (preferred or {}).items() if parse_source(topic)[0] in log.tables}
+    return build(log, propose(log.tables, {**wanted, **topics}, str(path)))[0]
 
 
 def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:

@@ -31,7 +31,7 @@ def open_flight(
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry.
     """
-    found = flight.load(path, topics=_mapping(path, model, topics))
+    found = flight.load(path, topics, preferred=model.topics)
     required = tuple(r for r in ("commanded", "actuators") if getattr(found, r) is not None)[:1]
     if not required:
         raise LogError(
@@ -76,8 +76,3 @@ def open_flights(
         opened.append(one)
     return opened
 
-
-def _mapping(path: str | Path, model: Model, topics: Mapping[str, str] | None) -> dict[str, str]:
-    """The model's topics as far as this log has them, then the user's."""
-    del path
-    return {**model.topics, **(topics or {})}
