@@ -90,7 +90,7 @@ _DESIRED = frozenset(
     {"desired", "des", "setpoint", "sp", "ref", "reference", "target", "goal", "trajectory", "planned"}
 )
 _FOREIGN = frozenset(
-    {"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias"}
+    {"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias", "replay"}
 )
 _NOT_COMMAND = frozenset(
     {"collision", "collisions", "contact", "contacts", "external", "ext", "sensor", "ft", "measured", "meas"}
@@ -235,8 +235,8 @@ class _Proposer:
         chosen = self.sources.get(partner.get(part, ""))
         if chosen is not None and chosen.topic == topic:
             return 3.0
-        roots = [_namespace(source.topic) for source in ([chosen] if chosen else self.sources.values())]
-        return sum(0.5 for root in roots if root and root == _namespace(topic)) / max(len(roots), 1)
+        leader = chosen or next(iter(self.sources.values()), None)
+        return 0.5 if leader and _namespace(topic) and _namespace(topic) == _namespace(leader.topic) else 0.0
 
     def one_wrench(self, closed: set[str]) -> None:
         """A desired wrench stands in for a commanded one that was not logged."""
@@ -412,7 +412,10 @@ def _named_source(
         raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
     table = tables[topic]
     asked = place is not None
-    place = place or _offered(table, part) or _array_field(table, columns, parts)
+    if place is None:
+        place = _offered(table, part)
+    if place is None:
+        place = _array_field(table, columns, parts)
     if place is None:
         return None
     array = table.columns.get(place)

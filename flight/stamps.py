@@ -26,11 +26,15 @@ def nominal_period(time: Array) -> float:
 
 
 def gaps_of(time: Array) -> tuple[Gap, ...]:
-    """Intervals longer than `GAP_FACTOR` usual periods."""
+    """Intervals longer than `GAP_FACTOR` usual periods.
+
+    Where more than a tenth of the intervals are long, as in bursts, long is usual.
+    """
     if len(time) < 3:
         return ()
-    long = np.flatnonzero(np.diff(time) > GAP_FACTOR * nominal_period(time))
-    return tuple(Gap(float(time[i]), float(time[i + 1])) for i in long)
+    steps = np.diff(time)
+    usual = max(nominal_period(time), float(np.quantile(steps, 0.9)))
+    return tuple(Gap(float(time[i]), float(time[i + 1])) for i in np.flatnonzero(steps > GAP_FACTOR * usual))
 
 
 def jitter(time: Array) -> float:

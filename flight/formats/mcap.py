@@ -23,7 +23,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 
 from flight.errors import LogError
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type
+from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
 
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
@@ -87,7 +87,8 @@ class McapReader(Reader):
             if channel is None:
                 self._orphans += 1
                 return
-            batch = gathered.add(channel, log_time_ns, body[_MESSAGE.size :] if wanted(channel) else b"")
+            payload = plain_payload(body[_MESSAGE.size :]) if wanted(channel) else b""
+            batch = gathered.add(channel, log_time_ns, payload)
             if batch is not None:
                 yield batch
         elif opcode == Opcode.SCHEMA:
@@ -111,10 +112,10 @@ class McapReader(Reader):
         )
 
     def _decompressed(self, body: bytes) -> bytes:
-        """The records of a chunk; of a damaged or cut one, those before the damage."""
+        """The records of a chunk; of one that was cut, as many as there are; of a damaged one, none."""
         if len(body) < _CHUNK.size:
             return b""
-        *_, crc, name_length = _CHUNK.unpack_from(body)
+        _, _, size, crc, name_length = _CHUNK.unpack_from(body)
         start = _CHUNK.size + name_length
         compression = body[_CHUNK.size : start].decode(errors="replace")
         if compression not in _DECOMPRESS:
@@ -126,8 +127,10 @@ class McapReader(Reader):
             return b""
         (length,) = struct.unpack_from("<Q", body, start)
         records = _DECOMPRESS[compression](body[start + 8 : start + 8 + length])
-        if crc and zlib.crc32(records) != crc and len(body) >= start + 8 + length:
+        complete = len(body) >= start + 8 + length
+        if complete and (len(records) != size or (crc and zlib.crc32(records) != crc)):
             self._damaged_chunks += 1
+            return b""
         return records
 
     def _report(self) -> None:
@@ -135,8 +138,7 @@ class McapReader(Reader):
             self.notes.append(f"{self.path.name} is cut short (no end record): read as far as it goes.")
         if self._damaged_chunks:
             self.notes.append(
-                f"{self._damaged_chunks} chunk(s) of {self.path.name} are damaged (checksum): "
-                "samples in them may be missing or wrong."
+                f"{self._damaged_chunks} chunk(s) of {self.path.name} are damaged (checksum): all in them is left out."
             )
         if self._orphans:
             self.notes.append(f"{self._orphans} message(s) of {self.path.name} belong to no channel: left out.")

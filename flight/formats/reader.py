@@ -12,6 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
+import zstandard
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 BATCH = 8192
 """Messages that a reader gathers before it hands them on, at most."""
 
@@ -71,6 +74,16 @@ def normalised_type(name: str) -> str:
     """ROS 2 spelling of a message type: sensor_msgs/Imu becomes sensor_msgs/msg/Imu."""
     package, _, rest = name.partition("/")
     return name if not rest or "/" in rest else f"{package}/msg/{rest}"
+
+
+def plain_payload(payload: bytes) -> bytes:
+    """A CDR message, decompressed if `ros2 bag record --compression-mode message` compressed it.
+
+    No CDR message begins with zstd's magic bytes: its first is 0.
+    """
+    if not payload.startswith(ZSTD_MAGIC):
+        return payload
+    return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
 
 
 @dataclass

@@ -1,8 +1,7 @@
 """ROS 2 bags: a folder of SQLite or MCAP files, or one `.db3` file by itself.
 
-`metadata.yaml` is only asked which files belong to the bag: everything else is in the files themselves. Messages or
-files that were compressed by `ros2 bag record --compression-mode` are recognised by zstd's magic bytes, which no CDR
-payload begins with.
+`metadata.yaml` is only asked which files belong to the bag: everything else is in the files themselves. Messages
+and files that were compressed by `ros2 bag record --compression-mode` are read as well.
 """
 
 from __future__ import annotations
@@ -20,10 +19,9 @@ import zstandard
 
 from flight.errors import LogError
 from flight.formats.mcap import McapReader
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type
+from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 STORAGE = {".db3": "sqlite3", ".mcap": "mcap"}
 
 
@@ -50,7 +48,7 @@ class Rosbag2SqliteReader(Reader):
                     channel = channels.get(identifier)
                     if channel is None:
                         continue
-                    batch = gathered.add(channel, log_time_ns, _payload(payload) if wanted(channel) else b"")
+                    batch = gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
                     if batch is not None:
                         yield batch
             finally:
@@ -132,10 +130,6 @@ def _channels(database: sqlite3.Connection) -> dict[int, Channel]:
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
     return channels
-
-
-def _payload(data: bytes) -> bytes:
-    return zstandard.decompress(data) if data.startswith(ZSTD_MAGIC) else data
 
 
 def _storage(path: Path) -> str | None:

@@ -1,0 +1,123 @@
+"""Two clocks in one log: found, mapped, reported."""
+
+import numpy as np
+import pytest
+
+import flight
+from flight.clocks import clock_map, relation
+
+RNG = np.random.default_rng(5)
+
+
+def ns(seconds, start=0):
+    return start + np.round(np.asarray(seconds) * 1e9).astype(np.int64)
+
+
+def test_relation_of_a_drifting_clock_under_outliers():
+    log = np.arange(0, 60, 0.01)
+    header = 3.0 + 0.5 * log
+    header[::100] += 4.0
+    found = relation(ns(log), ns(header))
+    assert found.rate == pytest.approx(0.5, abs=1e-6)
+    assert not found.same
+    assert found.residual < 1e-6
+
+
+def test_map_follows_the_edge_of_least_delay():
+    sim = np.arange(0, 20, 0.01)
+    delay = RNG.exponential(0.01, len(sim))
+    log = np.cumsum(np.full(len(sim), 0.02)) + 0.15 * np.sin(0.5 * sim)  # a rate that breathes
+    to_sim = clock_map(ns(np.maximum.accumulate(log + delay)), ns(sim))
+    inner = (sim > 1) & (sim < 19)
+    error = (to_sim(ns(log)) - ns(sim))[inner] * 1e-9
+    assert np.percentile(np.abs(error), 95) < 0.006
+    straight = np.polyval(np.polyfit(log, sim, 1), log)
+    assert np.std(error) < 0.2 * np.std(straight - sim)
+
+
+def test_map_and_inverse_undo_each_other():
+    log = np.arange(0, 10, 0.01)
+    mapped = clock_map(ns(log, 10**18), ns(0.4 * log + 0.02 * np.sin(log)))
+    again = mapped.inverse(mapped(ns(log, 10**18)))
+    assert np.max(np.abs(again - ns(log, 10**18))) <= 5
+
+
+@pytest.fixture
+def half_speed(logs):
+    """A simulator at half real time: odometry in its time, the command without stamps."""
+    sim = np.arange(0.01, 10, 0.01)
+    recording = logs.Recording()
+    motion = logs.Motion(sim)
+    recording.series("/sim/odometry", "nav_msgs/msg/Odometry", 2.0 * sim, motion.odometry(), stamp_s=sim)
+    recording.series("/sim/command/wrench", "geometry_msgs/msg/Wrench", 2.0 * sim, bare(logs, sim))
+    return recording, motion
+
+
+def bare(logs, time):
+    return {name.removeprefix("wrench."): values for name, values in logs.wrench(time).items()}
+
+
+def test_a_flight_is_told_in_the_clock_of_its_motion(half_speed, tmp_path):
+    recording, motion = half_speed
+    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    assert found.odometry.time[-1] - found.odometry.time[0] == pytest.approx(9.98)
+    expected = np.sin(0.5 * (found.commanded.time + found.start_ns * 1e-9))
+    np.testing.assert_allclose(found.commanded.wrench_B[:, 0], expected, atol=2e-3)
+    slope = np.gradient(found.odometry.position_E, found.odometry.time, axis=0)[5:-5]
+    np.testing.assert_allclose(slope, motion.velocity_E[5:-5], atol=1e-3)
+    (note,) = [note for note in found.notes if note.startswith("Two clocks")]
+    assert "at 0.5 times its rate" in note
+    assert "/sim/command/wrench" in note
+
+
+def test_bends_are_reported(logs, tmp_path):
+    sim = np.arange(0.01, 20, 0.01)
+    log = 2.0 * sim + 0.1 * np.sin(sim)
+    recording = logs.Recording()
+    recording.series("/odometry", "nav_msgs/msg/Odometry", log, logs.Motion(sim).odometry(), stamp_s=sim)
+    recording.series("/command/wrench", "geometry_msgs/msg/Wrench", log, bare(logs, sim))
+    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    assert any("not in a linear relation (residual" in note for note in found.notes)
+    expected = np.sin(0.5 * (found.commanded.time + found.start_ns * 1e-9))
+    np.testing.assert_allclose(found.commanded.wrench_B[:, 0], expected, atol=5e-3)
+
+
+def test_an_offset_of_one_sensor_is_mapped_away(logs, tmp_path):
+    time = np.arange(0, 5, 0.01)
+    recording = logs.Recording()
+    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", time, logs.wrench(time), stamp_s=True)
+    recording.series("/imu", "sensor_msgs/msg/Imu", time, logs.Motion(time).imu(), stamp_s=time + 77.0)  # since boot
+    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    assert found.start_ns == pytest.approx(logs.START_NS, abs=1000)
+    np.testing.assert_allclose(found.imu.time, time, atol=1e-6)
+    assert any("Two clocks: /imu" in note for note in found.notes)
+
+
+def test_one_foreign_clock_for_all_needs_no_map(logs, tmp_path):
+    time = np.arange(0.01, 5, 0.01)
+    recording = logs.Recording()
+    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", 3 * time, logs.wrench(time), stamp_s=time)
+    recording.series("/imu", "sensor_msgs/msg/Imu", 3 * time, logs.Motion(time).imu(), stamp_s=time)
+    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    np.testing.assert_allclose(found.commanded.time, found.imu.time, atol=1e-9)
+    np.testing.assert_allclose(found.imu.time, time - time[0], atol=1e-9)
+
+
+def test_transport_delay_is_no_second_clock(logs, tmp_path):
+    time = np.arange(0, 5, 0.01)
+    late = time + 0.03 + RNG.exponential(0.005, len(time))
+    recording = logs.Recording()
+    recording.series(
+        "/imu", "sensor_msgs/msg/Imu", np.sort(late), logs.Motion(time).imu(), stamp_s=logs.START_NS * 1e-9 + time
+    )
+    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    np.testing.assert_allclose(found.imu.time, time, atol=1e-6)
+    assert not any("clock" in note for note in found.notes)
+
+
+def test_empty_headers_fall_back_to_log_time(logs, tmp_path):
+    time = np.arange(0, 5, 0.01)
+    recording = logs.Recording().series("/imu", "sensor_msgs/msg/Imu", time, logs.Motion(time).imu())
+    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    np.testing.assert_allclose(found.imu.time, time, atol=1e-9)
+    assert any("Log time is used for /imu" in note for note in found.notes)

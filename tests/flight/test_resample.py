@@ -1,0 +1,206 @@
+"""One clock: held commands, no bridging of gaps, nothing folded in from above the new Nyquist rate."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight import (
+    ActuatorSeries,
+    BatterySeries,
+    Flight,
+    ImuSeries,
+    OdometrySeries,
+    WrenchSeries,
+    resample,
+    uniform,
+)
+from flight.errors import LogError, UsageError
+from flight.resample import held_mean
+from flight.stamps import gaps_of
+
+
+def grid(rate, seconds=10.0, start=0.0):
+    return start + np.arange(round(seconds * rate) + 1) / rate
+
+
+def a_flight(command=None, imu=None, **others):
+    command = grid(100) if command is None else command
+    imu = grid(200) if imu is None else imu
+    wave = np.sin(2.0 * command)[:, None] * np.ones(6)
+    return Flight(
+        "f",
+        Path("f.mcap"),
+        "0",
+        0,
+        commanded=WrenchSeries("/w", command, wave, gaps=gaps_of(command)),
+        imu=ImuSeries(
+            "/i",
+            imu,
+            np.sin(3.0 * imu)[:, None] * np.ones(3),
+            np.cos(3.0 * imu)[:, None] * np.ones(3),
+            gaps=gaps_of(imu),
+        ),
+        **others,
+    )
+
+
+def odometry(logs, time, **changes):
+    motion = logs.Motion(time)
+    series = OdometrySeries("/o", time, motion.position_E, motion.quat_EB, motion.velocity_E, motion.omega_B)
+    return replace(series, **changes)
+
+
+def held_integral(time, slope, period):
+    """Integral from 0 to `time` of a ramp that is sampled every `period` and held: a closed form."""
+    whole = np.floor(time / period + 1e-9)
+    return slope * period**2 * whole * (whole - 1) / 2 + slope * whole * period * (time - whole * period)
+
+
+@pytest.mark.parametrize(("period", "window"), [(0.01, 0.01), (0.01, 0.04), (0.02, 0.02)])
+def test_a_held_ramp_has_its_closed_form_mean(period, window):
+    stamps = np.arange(0, 2, period)
+    time = np.arange(0.1, 1.8, 0.0037)
+    found = held_mean(time, stamps, 5.0 * stamps[:, None], period, window)[:, 0]
+    upper, lower = (held_integral(time + side * window / 2, 5.0, period) for side in (1, -1))
+    np.testing.assert_allclose(found, (upper - lower) / window, atol=1e-12)
+
+
+def test_over_one_period_the_held_mean_is_the_line_half_a_period_earlier():
+    stamps, period = np.arange(0, 2, 0.01), 0.01
+    values = np.random.default_rng(0).standard_normal((len(stamps), 2))
+    time = np.arange(0.05, 1.9, 0.0013)
+    found = held_mean(time, stamps, values, period, period)
+    expected = np.stack([np.interp(time - period / 2, stamps, column) for column in values.T], axis=1)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_plant_driven_by_held_commands_sees_the_resampled_command(logs):
+    """An integrator driven by held commands moves by exactly the sum of the resampled ones."""
+    command = grid(100)
+    held = np.sin(2.0 * command)
+    flight = a_flight(command)
+    (samples,) = uniform(flight, rate=100.0)
+    state = np.concatenate(([0.0], np.cumsum(held * 0.01)))  # at the commands' stamps, exactly
+    edges = samples.time - 0.005
+    moved = np.interp(edges[1:], np.append(command, command[-1] + 0.01), state) - np.interp(
+        edges[:-1], np.append(command, command[-1] + 0.01), state
+    )
+    np.testing.assert_allclose(samples.wrench_cmd_B[:-1, 0] * 0.01, moved, atol=1e-12)
+
+
+def test_rate_is_that_of_the_commands_and_capped():
+    assert uniform(a_flight())[0].dt == pytest.approx(0.01)
+    assert uniform(a_flight(grid(1000), grid(1000)))[0].dt == pytest.approx(0.004)
+    assert uniform(a_flight(), rate=50.0)[0].dt == pytest.approx(0.02)
+
+
+def test_measurements_keep_their_values_and_phase():
+    (samples,) = uniform(a_flight(imu=grid(1000)), rate=100.0)
+    inner = (samples.time > 0.5) & (samples.time < 9.5)
+    np.testing.assert_allclose(samples.omega_B[inner, 0], np.sin(3.0 * samples.time[inner]), atol=2e-4)
+
+
+def test_vibration_above_the_new_nyquist_rate_is_not_folded_in():
+    imu = grid(1000)
+    flight = a_flight(imu=imu)
+    shaken = flight.imu.omega_B + np.sin(2 * np.pi * 90.0 * imu)[:, None]  # would appear at 10 Hz
+    (samples,) = uniform(replace(flight, imu=replace(flight.imu, omega_B=shaken)), rate=100.0)
+    inner = (samples.time > 0.5) & (samples.time < 9.5)
+    assert np.std(samples.omega_B[inner, 0] - np.sin(3.0 * samples.time[inner])) < 0.01
+
+
+def test_no_stretch_reaches_over_a_gap_of_any_used_role():
+    command = np.concatenate((grid(100, 4.0), grid(100, 5.0, start=5.0)))
+    imu = np.concatenate((grid(200, 7.0), grid(200, 2.5, start=7.5)))
+    result = resample(a_flight(command, imu), minimum_duration=1.0)
+    limits = [(s.time[0], s.time[-1]) for s in result.samples]
+    assert len(limits) == 3
+    for start, stop in limits:
+        assert not (start < 4.5 < stop)
+        assert not (start < 7.25 < stop)
+        np.testing.assert_allclose(np.diff(result.samples[0].time), result.samples[0].dt, rtol=1e-9)
+    assert result.covered == pytest.approx(sum(stop - start for start, stop in limits), abs=0.05)
+    assert result.span == pytest.approx(10.0)
+
+
+def test_short_stretches_are_left_out_and_counted():
+    imu = np.concatenate((grid(200, 1.0), grid(200, 8.0, start=2.0)))
+    result = resample(a_flight(imu=imu))
+    assert len(result.samples) == 1
+    assert [round(gap.stop - gap.start, 1) for gap in result.short] == [1.0]
+    assert any("1 stretch(es) shorter than 2 s" in note for note in result.notes)
+    assert len(resample(a_flight(imu=imu), minimum_duration=0.5).samples) == 2
+
+
+def test_overlap_of_all_used_roles(logs):
+    flight = a_flight(grid(100, 10.0), grid(200, 6.0, start=2.0), odometry=odometry(logs, grid(50, 9.0, start=1.0)))
+    (samples,) = uniform(flight)
+    assert samples.time[0] == pytest.approx(2.0)
+    assert samples.time[-1] == pytest.approx(8.0)
+
+
+def test_a_role_that_is_hardly_there_does_not_shorten_the_flight(logs):
+    flight = a_flight(odometry=odometry(logs, grid(50, 2.0)))
+    result = resample(flight)
+    assert result.samples[0].quat_EB is None
+    assert result.covered > 9.9
+    assert any("odometry covers less than half" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("known", ["all", "no twist", "no velocity"])
+def test_without_imu_the_odometry_gives_rates_and_specific_force(known, logs):
+    time = grid(100)
+    series = odometry(logs, time)
+    if known == "no twist":
+        series = replace(series, velocity_E=None, omega_B=None)
+    if known == "no velocity":
+        series = replace(series, velocity_E=None)
+    flight = replace(a_flight(), imu=None, odometry=series)
+    result = resample(flight)
+    (samples,) = result.samples
+    truth = logs.Motion(samples.time)
+    inner = (samples.time > 0.5) & (samples.time < 9.5)
+    np.testing.assert_allclose(samples.omega_B[inner], truth.omega_B[inner], atol=0.01)
+    np.testing.assert_allclose(samples.specific_force_B[inner], truth.specific_force_B[inner], atol=0.05)
+    assert any("no IMU" in note for note in result.notes)
+
+
+def test_attitude_is_interpolated_along_the_shortest_rotation(logs):
+    time = grid(50)
+    series = odometry(logs, time)
+    flipped = series.quat_EB * np.where(np.arange(len(time)) % 2, -1.0, 1.0)[:, None]
+    (samples,) = uniform(a_flight(odometry=replace(series, quat_EB=flipped)))
+    truth = logs.Motion(samples.time).quat_EB
+    np.testing.assert_allclose(np.abs(np.sum(samples.quat_EB * truth, axis=1)), 1.0, atol=1e-6)
+
+
+def test_actuators_and_voltage(logs):
+    command = grid(100)
+    actuators = ActuatorSeries("/a", command, np.outer(command, np.ones(6)), np.zeros((len(command), 0)))
+    battery = BatterySeries("/b", grid(1), np.linspace(16, 15, 11))
+    (samples,) = uniform(a_flight(actuators=actuators, battery=battery))
+    np.testing.assert_allclose(samples.tilt_cmd[:, 0], samples.time - 0.005, atol=1e-9)
+    assert samples.rotor_speed_cmd.shape == (len(samples), 0)
+    np.testing.assert_allclose(samples.voltage, 16 - samples.time / 10, atol=1e-9)
+
+
+def test_what_is_missing_is_said(logs):
+    flight = a_flight()
+    with pytest.raises(LogError, match=r"no topic plays the role 'actuators'.*--topic actuators="):
+        uniform(flight, require=("actuators", "imu"))
+    with pytest.raises(LogError, match="neither an IMU nor an odometry"):
+        uniform(replace(flight, imu=None), require=("commanded",))
+    with pytest.raises(LogError, match="no stretch of 20 s"):
+        uniform(flight, minimum_duration=20.0)
+    with pytest.raises(UsageError, match="positive number"):
+        uniform(flight, rate=-1.0)
+    with pytest.raises(UsageError, match="no such role"):
+        uniform(flight, require=("gyro",))
+
+
+def test_desired_wrench_that_is_the_commanded_one_gives_equal_samples():
+    flight = a_flight()
+    (samples,) = uniform(replace(flight, desired=flight.commanded))
+    np.testing.assert_array_equal(samples.wrench_cmd_B, samples.wrench_des_B)

@@ -1,0 +1,199 @@
+"""Roles from names and types; overrides with columns."""
+
+import numpy as np
+import pytest
+
+import flight
+from flight.errors import LogError, UsageError
+from flight.formats import Table
+from flight.roles import parse_source, propose
+
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+TWIST = "geometry_msgs/msg/TwistStamped"
+ARRAY = "std_msgs/msg/Float64MultiArray"
+ACTUATORS = "actuator_msgs/msg/Actuators"
+
+FIELDS = {
+    WRENCH: ("wrench.force.x",),
+    "geometry_msgs/msg/Wrench": ("force.x",),
+    ODOMETRY: ("pose.pose.position.x", "twist.twist.linear.x"),
+    POSE: ("pose.position.x",),
+    TWIST: ("twist.linear.x",),
+    "sensor_msgs/msg/Imu": ("angular_velocity.x",),
+    "sensor_msgs/msg/BatteryState": ("voltage",),
+    "trajectory_msgs/msg/MultiDOFJointTrajectory": (
+        "points.0.transforms.0.translation.x",
+        "points.0.velocities.0.linear.x",
+        "points.0.accelerations.0.linear.x",
+    ),
+}
+
+
+def tables(**kinds):
+    """Tables of ten messages by topic; keyword a__b is topic /a/b."""
+    found = {}
+    for word, kind in kinds.items():
+        topic = "/" + word.replace("__", "/")
+        columns = {name: np.zeros(10) for name in FIELDS.get(kind, ())}
+        if kind == ARRAY:
+            columns = {"data": np.zeros((10, 6))}
+        if kind == ACTUATORS:
+            columns = {"position": np.zeros((10, 6)), "velocity": np.zeros((10, 12))}
+        if kind == "mav_msgs/msg/MotorSpeed":
+            columns = {"motor_speed": np.zeros((10, 4))}
+        found[topic] = Table(topic, kind, np.arange(10), columns=columns)
+    return found
+
+
+def played(assignment):
+    return {part: source.topic for part, source in assignment.sources.items()}
+
+
+def test_the_topics_that_wrenchgap_writes():
+    found = tables(
+        command__wrench=WRENCH,
+        desired__wrench=WRENCH,
+        command__actuators=ACTUATORS,
+        imu="sensor_msgs/msg/Imu",
+        odometry=ODOMETRY,
+        reference=ODOMETRY,
+        battery="sensor_msgs/msg/BatteryState",
+    )
+    assert played(propose(found)) == {
+        "commanded": "/command/wrench",
+        "desired": "/desired/wrench",
+        "tilt": "/command/actuators",
+        "rotor_speed": "/command/actuators",
+        "imu": "/imu",
+        "pose": "/odometry",
+        "twist": "/odometry",
+        "reference_pose": "/reference",
+        "reference_twist": "/reference",
+        "battery": "/battery",
+    }
+
+
+def test_a_payload_is_not_the_vehicle():
+    assignment = propose(tables(payload__state_estimate=ODOMETRY, cf__state_estimate=ODOMETRY, cf__setpoint=ODOMETRY))
+    assert played(assignment)["pose"] == "/cf/state_estimate"
+    assert played(assignment)["reference_pose"] == "/cf/setpoint"
+    assert "pose" not in propose(tables(payload__state_estimate=ODOMETRY)).sources
+
+
+@pytest.mark.parametrize("name", ["quad__collisions", "ft_sensor__wrench", "external_wrench", "predicted__wrench"])
+def test_measured_wrenches_are_not_commands(name):
+    assert propose(tables(**{name: WRENCH})).sources == {}
+
+
+def test_one_desired_wrench_serves_as_commanded_too():
+    assignment = propose(tables(model__desired_wrench="geometry_msgs/msg/Wrench"))
+    assert played(assignment) == {"commanded": "/model/desired_wrench", "desired": "/model/desired_wrench"}
+    assert "used for both" in assignment.notes[0]
+
+
+def test_one_wrench_of_no_particular_name_is_the_command():
+    assert played(propose(tables(wrench=WRENCH))) == {"commanded": "/wrench"}
+
+
+def test_odometry_actuators_and_reference_of_several_topics():
+    found = tables(
+        truth__pose=POSE,
+        truth__twist=TWIST,
+        tilt_hexa__desired_pose=POSE,
+        tilt_hexa__desired_velocity=TWIST,
+        tilt_hexa__plot__tilt_angle=ARRAY,
+        tilt_hexa__plot__motor_speed=ARRAY,
+    )
+    assert played(propose(found)) == {
+        "pose": "/truth/pose",
+        "twist": "/truth/twist",
+        "reference_pose": "/tilt_hexa/desired_pose",
+        "reference_twist": "/tilt_hexa/desired_velocity",
+        "tilt": "/tilt_hexa/plot/tilt_angle",
+        "rotor_speed": "/tilt_hexa/plot/motor_speed",
+    }
+
+
+def test_custom_type_with_rotor_speeds_and_a_trajectory():
+    found = tables(motors="mav_msgs/msg/MotorSpeed", path="trajectory_msgs/msg/MultiDOFJointTrajectory")
+    assert played(propose(found)) == {
+        "rotor_speed": "/motors",
+        "reference_pose": "/path",
+        "reference_twist": "/path",
+        "reference_acceleration": "/path",
+    }
+
+
+def test_candidates_are_listed():
+    found = tables(imu__raw="sensor_msgs/msg/Imu", imu__data="sensor_msgs/msg/Imu")
+    assignment = propose(found)
+    assert played(assignment)["imu"] == "/imu/data"
+    assert assignment.candidates["imu"] == ("/imu/raw",)
+
+
+def test_two_vehicles_are_not_mixed():
+    found = tables(
+        drone2__command__wrench=WRENCH,
+        drone2__odometry=ODOMETRY,
+        drone1__odometry=ODOMETRY,
+        drone1__imu="sensor_msgs/msg/Imu",
+    )
+    assert played(propose(found))["pose"] == "/drone2/odometry"
+
+
+def test_overrides_by_role_and_part():
+    found = tables(a=WRENCH, b=WRENCH, d=ARRAY)
+    assignment = propose(found, {"commanded": "/b", "rotor_speed": "/d[3,2,1,0]", "desired": "none"})
+    assert played(assignment) == {"commanded": "/b", "rotor_speed": "/d"}
+    assert assignment.sources["rotor_speed"].columns == (3, 2, 1, 0)
+    again = propose(found, assignment.as_topics())
+    assert again.sources == assignment.sources
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ("/a/b", ("/a/b", None, None)),
+        ("/a[0:3]", ("/a", None, (0, 1, 2))),
+        ("/a.velocity[6:8,1]", ("/a", "velocity", (6, 7, 1))),
+        ("/a.points.0.x", ("/a", "points.0.x", None)),
+    ],
+)
+def test_syntax(value, expected):
+    assert parse_source(value) == expected
+
+
+@pytest.mark.parametrize("value", ["/a[", "/a[x]", "/a[1:2:3]", "", "/a[2:2]"])
+def test_bad_syntax(value):
+    with pytest.raises(UsageError):
+        parse_source(value)
+
+
+@pytest.mark.parametrize(
+    ("topics", "error", "words"),
+    [
+        ({"gyro": "/a"}, UsageError, "no role is called 'gyro'; roles: commanded"),
+        ({"imu": "/nope"}, LogError, "no topic '/nope'; topics: /a, /d"),
+        ({"imu": "/a"}, LogError, "cannot play 'imu'"),
+        ({"rotor_speed": "/d[0:9]"}, LogError, "asks for column 8, but /d field 'data' has 6 columns"),
+        ({"rotor_speed": "/d.speeds"}, LogError, "no field 'speeds'; fields: data"),
+    ],
+)
+def test_wrong_overrides(topics, error, words):
+    with pytest.raises(error) as caught:
+        propose(tables(a=WRENCH, d=ARRAY), topics)
+    assert words in str(caught.value)
+
+
+def test_a_role_from_the_columns_of_an_array(logs, tmp_path):
+    time = np.arange(0, 3, 0.01)
+    data = np.stack([np.sin((i + 1) * time) for i in range(8)], axis=1)
+    recording = logs.Recording().series("/debug", "std_msgs/msg/Float64MultiArray", time, {"data": data})
+    path = recording.save(tmp_path / "log.mcap")
+    found = flight.load(path, topics={"imu": "/debug[0:6]", "battery": "/debug[7]"})
+    np.testing.assert_array_equal(found.imu.specific_force_B, data[:, 3:6])
+    np.testing.assert_array_equal(found.battery.voltage, data[:, 7])
+    with pytest.raises(LogError, match="gives 5 columns, but a imu has 6"):
+        flight.load(path, topics={"imu": "/debug[0:5]"})
