@@ -15,6 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.errors import ModelError
+
 Array = NDArray[np.float64]
 
 ARMS, ROTORS = 6, 12
@@ -132,8 +134,14 @@ class Airframe:
         return body
 
     def compile(self, timestep: float) -> mujoco.MjModel:
-        """The model, ready to step."""
-        return mujoco.MjModel.from_xml_string(self.mjcf(timestep))
+        """The model, ready to step; raises ModelError where no such vehicle can be built."""
+        try:
+            return mujoco.MjModel.from_xml_string(self.mjcf(timestep))
+        except ValueError as error:
+            reason = str(error).splitlines()[0]
+            raise ModelError(
+                f"hidden effect: MuJoCo cannot build the vehicle ({reason}); choose a smaller size"
+            ) from error
 
 
 def _text(values: object) -> str:

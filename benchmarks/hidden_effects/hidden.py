@@ -18,8 +18,9 @@ effect, and `needs_split` says that it shows only where the two rotors of a pair
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,12 +47,24 @@ HOVER_THRUST = MASS * GRAVITY / 12
 class World(Protocol):
     """What an effect may look at and push during the flight. Rotor arrays (12,), arm arrays (6,), frames E and B."""
 
-    time: float
     step: float
-    tilt: Array
-    tilt_rate: Array
     speed: Array
     airframe: Airframe
+
+    @property
+    def time(self) -> float:
+        """Seconds since the start."""
+        ...
+
+    @property
+    def tilt(self) -> Array:
+        """(6,) true tilt."""
+        ...
+
+    @property
+    def tilt_rate(self) -> Array:
+        """(6,) true tilt rate."""
+        ...
 
     @property
     def R_EB(self) -> Array:
@@ -133,14 +146,16 @@ class Hidden:
         """Other forces."""
 
 
+H = TypeVar("H", bound=Hidden)
+
 HIDDEN: dict[str, type[Hidden]] = {}
 """Every hidden effect by name."""
 
 
-def hidden(name: str) -> object:
+def hidden(name: str) -> Callable[[type[H]], type[H]]:
     """Class decorator: register under `name`."""
 
-    def register(cls: type[Hidden]) -> type[Hidden]:
+    def register(cls: type[H]) -> type[H]:
         HIDDEN[name] = cls
         return cls
 
@@ -493,7 +508,7 @@ class Wake(Hidden):
         onset = 1 / (1 + np.exp(-(down - 0.03) / 0.01))  # nothing upstream
         keep = 1 - np.minimum(loss * onset, 0.9)
         np.fill_diagonal(keep, 1.0)
-        return thrust * np.repeat(keep.prod(1), 2)
+        return np.asarray(thrust * np.repeat(keep.prod(1), 2))
 
 
 @hidden("blockage")

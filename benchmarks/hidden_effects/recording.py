@@ -66,7 +66,7 @@ def to_flight(tracks: Tracks, name: str, notes: tuple[str, ...] = ()) -> Flight:
     digest = hashlib.sha256()
     for column in vars(tracks).values():
         digest.update(np.ascontiguousarray(column).tobytes())
-    command, imu, odometry = tracks.command_ns * 1e-9, tracks.imu_ns * 1e-9, tracks.odometry_ns * 1e-9
+    command, imu, odometry = (_seconds(ns) for ns in (tracks.command_ns, tracks.imu_ns, tracks.odometry_ns))
     pose, reference = tracks.odometry, tracks.reference
     return Flight(
         name=name,
@@ -93,7 +93,7 @@ def to_flight(tracks: Tracks, name: str, notes: tuple[str, ...] = ()) -> Flight:
             velocity_E=_rotated(reference[:, 3:7], reference[:, 7:10]),
             omega_D=reference[:, 10:],
         ),
-        battery=BatterySeries("/battery", tracks.voltage_ns * 1e-9, voltage=tracks.voltage)
+        battery=BatterySeries("/battery", _seconds(tracks.voltage_ns), voltage=tracks.voltage)
         if len(tracks.voltage)
         else None,
         notes=notes,
@@ -116,7 +116,11 @@ def write_mcap(tracks: Tracks, path: Path) -> None:
                 channels[topic] = writer.register_channel(topic, "cdr", schema)
             data = bytes(store.serialize_cdr(message, kind))
             writer.add_message(channels[topic], log_ns, data, log_ns, sequence)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _seconds(ns: NDArray[np.int64]) -> Array:
+    return np.asarray(ns * 1e-9, dtype=np.float64)
 
 
 def _log_time(entry: tuple[int, str, Any]) -> int:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
 
 mujoco = pytest.importorskip("mujoco", reason="the independent engine needs MuJoCo (a development dependency)")
 
@@ -30,7 +32,7 @@ from benchmarks.hidden_effects.hidden import (  # noqa: E402
     TiltOffset,
     Wake,
 )
-from flight.errors import UsageError  # noqa: E402
+from flight.errors import ModelError, UsageError  # noqa: E402
 from flight.load import load  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -331,6 +333,11 @@ def mismatch(name: str | list[str], trajectory: str, seconds: float, split: floa
     return felt - flight.commanded.wrench_B[:-1]
 
 
+@cache
+def ideal(trajectory: str, seconds: float, split: float) -> Array:
+    return mismatch("none", trajectory, seconds, split)
+
+
 def rms(z: Array) -> Array:
     return np.asarray(np.sqrt((z**2).mean(0)))
 
@@ -364,7 +371,7 @@ def test_every_effect_flies_and_leaves_a_trace(name: str) -> None:
     assert cls.answers
     assert set(cls.answers) <= CATALOGUE
     split = 0.3 if cls.needs_split else 0.0
-    changed = mismatch(name, cls.shows_on, 6.0, split) - mismatch("none", cls.shows_on, 6.0, split)
+    changed = mismatch(name, cls.shows_on, 6.0, split) - ideal(cls.shows_on, 6.0, split)
     assert np.any(rms(changed) > (0.04, 0.04, 0.04, 0.004, 0.004, 0.004))
 
 
@@ -373,6 +380,24 @@ def test_two_effects_add() -> None:
     one, other = (mismatch(n, "hover", 1.0)[20:60].mean(0) for n in ("com_offset", "thin_air"))
     np.testing.assert_allclose(both[2], other[2] + one[2], rtol=0.05)
     np.testing.assert_allclose(both[3:5], one[3:5], rtol=0.15, atol=5e-3)
+
+
+def test_centre_of_mass_can_be_read_off_a_noisy_flight() -> None:
+    c = np.array((-0.004, 0.007, -0.005))
+    flight, _ = fly("com_offset", dict(zip("xyz", c, strict=True)), "train", 30.0, seed=3)
+    assert flight.imu is not None
+    assert flight.commanded is not None
+    low = butter(2, 8.0, fs=200.0, output="sos")
+    omega, a = (sosfiltfilt(low, s, axis=0) for s in (flight.imu.omega_B, flight.imu.specific_force_B))
+    held = flight.commanded.wrench_B
+    wanted = sosfiltfilt(low, 0.5 * (held[:-1] + held[1:]), axis=0)  # on average around each IMU stamp
+    J = np.array(INERTIA)
+    torque = J * np.gradient(omega, 0.005, axis=0) + np.cross(omega, J * omega)
+    z, F = (torque - wanted[:, 3:])[100:-100], MASS * a[100:-100]
+    columns = [-np.cross(axis, F) for axis in np.eye(3)]  # torque about O of F acting at O, as seen from c
+    A = np.stack([column.ravel() for column in columns], 1)
+    found = np.linalg.lstsq(A, z.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(found, c, atol=2e-4)
 
 
 def test_flights_repeat_and_seeds_differ() -> None:
@@ -442,3 +467,5 @@ def test_wrong_names_are_answered_with_the_right_ones() -> None:
         fly("none", None, "figure9")
     with pytest.raises(UsageError, match="2 effects"):
         fly(["wake", "mass"], [0.1])
+    with pytest.raises(ModelError, match="smaller size"):
+        fly("heavy_arms", 0.02)
