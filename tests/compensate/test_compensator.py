@@ -136,7 +136,12 @@ def test_runs_repeat_and_reset_forgets(gp):
         compensator.reset()
     for one, other in zip(*runs, strict=True):
         assert one.wrench_cmd.tobytes() == other.wrench_cmd.tobytes()
-        assert (one.sigma, one.beta, one.cost, one.iterations) == (other.sigma, other.beta, other.cost, other.iterations)
+        assert (one.sigma, one.beta, one.cost, one.iterations) == (
+            other.sigma,
+            other.beta,
+            other.cost,
+            other.iterations,
+        )
 
 
 def test_arguments_and_results_are_nobodys_but_the_callers(gp):

@@ -38,7 +38,8 @@ def test_rotation_has_negative_real_part_but_full_singular_value():
     assert result.singular_min[0] == pytest.approx(1.0)
 
 
-def test_line_is_its_own_tangent(rng=np.random.default_rng(3)):
+def test_line_is_its_own_tangent():
+    rng = np.random.default_rng(3)
     model = line(0.4)
     wrench, step = rng.normal(size=(5, 6)), rng.normal(size=(5, 6))
     change = model.mean(wrench + step) - model.mean(wrench)
