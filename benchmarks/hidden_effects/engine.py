@@ -18,6 +18,7 @@ import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +44,17 @@ STEPS_PER_TICK = 4
 GYRO_NOISE, ACCELEROMETER_NOISE = 3.4e-3, 3.17e-2  # rad/s and m/s^2, per sample
 POSITION_NOISE, ATTITUDE_NOISE, VELOCITY_NOISE, RATE_NOISE = 3e-4, 5e-4, 5e-3, 5e-3
 BATTERY_EVERY = 20  # ticks
+CRISP = partial(Airframe, arm_inertia=(3.4e-5, 3.0e-5, 2.0e-5), servo_tau=2e-3, servo_inner_tau=5e-4, servo_rate=50.0)
+ALWAYS = {"servo_lag": Airframe.servo_tau + Airframe.servo_inner_tau, "arm_reaction": Airframe.arm_inertia[0]}
+"""The arms keep their orientation in space while the hull turns under them: about 1 % of its inertia is not felt."""
 
 
 @dataclass(frozen=True)
 class Truth:
     """What was really there. `answers[i]` are the catalogue names that are right for effect i, best first.
 
+    `always` are the effects that this vehicle has even when nothing is hidden, with their sizes: naming one of them
+    is no false alarm.
     States at the control ticks, free of noise: `time` (N,), `position_E`, `velocity_E`, `omega_B`,
     `specific_force_B` (N, 3; at O unless the IMU was moved), `quat_EB` (N, 4), `tilt` (N, 6), `thrust` (N, 12).
     """
@@ -56,6 +62,7 @@ class Truth:
     effects: tuple[str, ...]
     parameters: dict[str, dict[str, Any]]
     answers: tuple[tuple[str, ...], ...]
+    always: dict[str, float]
     trajectory: str
     seed: int
     time: Array
@@ -73,6 +80,7 @@ class Truth:
             "effects": list(self.effects),
             "parameters": self.parameters,
             "answers": [list(a) for a in self.answers],
+            "always": self.always,
             "trajectory": self.trajectory,
             "seed": self.seed,
         }
@@ -81,8 +89,8 @@ class Truth:
 class Engine:
     """One vehicle in MuJoCo with its hidden effects; `step` advances it under held actuator commands."""
 
-    def __init__(self, effects: Sequence[Hidden] = ()) -> None:
-        self.airframe = Airframe()
+    def __init__(self, effects: Sequence[Hidden] = (), crisp: bool = False) -> None:
+        self.airframe = CRISP() if crisp else Airframe()
         for effect in effects:
             effect.build(self.airframe)
         self.step = 1.0 / (CONTROL_RATE * STEPS_PER_TICK)
@@ -244,6 +252,7 @@ def fly(
     *,
     noise: float = 1.0,
     pair_split: float = 0.0,
+    crisp: bool = False,
 ) -> tuple[Flight, Truth]:
     """Fly `trajectory` with hidden `effect`(s); deterministic for equal arguments.
 
@@ -251,10 +260,11 @@ def fly(
     of its parameters; one for all or a sequence with one per effect. `compensate` turns the desired wrench (6,) into
     the commanded one at every tick. `noise` scales all sensor noise. `pair_split` d swings the shares of upper and
     lower rotors by up to +-d, in step on all arms and against each other on neighbours (0.37 and 0.23 Hz), without
-    changing the wrench: that separates effects of single rotors from those of pairs.
+    changing the wrench: that separates effects of single rotors from those of pairs. `crisp` gives the vehicle
+    servos of 2.5 ms and nearly massless arms, so that without a hidden effect really nothing is missing.
     Raises UsageError for an unknown name or a flight that was lost.
     """
-    tracks, truth = _fly(effect, size, trajectory, seconds, seed, integral, compensate, noise, pair_split)
+    tracks, truth = _fly(effect, size, trajectory, seconds, seed, integral, compensate, noise, pair_split, crisp)
     return to_flight(tracks, _name(truth), (f"hidden-effects engine, trajectory {trajectory}, seed {seed}",)), truth
 
 
@@ -293,13 +303,14 @@ def _fly(
     compensate: Compensate | None,
     noise: float,
     pair_split: float,
+    crisp: bool,
 ) -> tuple[Tracks, Truth]:
     """The loop of `fly`; the numbers are still as the log holds them."""
     if trajectory not in TRAJECTORIES:
         raise UsageError(f"trajectory: got {trajectory!r}, available: {', '.join(TRAJECTORIES)}")
     chosen = choose(effect, size, seed)
     ref = reference(trajectory, seconds or TRAJECTORIES[trajectory][1], CONTROL_RATE, seed)
-    engine = Engine(tuple(chosen.values()))
+    engine = Engine(tuple(chosen.values()), crisp)
     pilot = Autopilot(integral, 1.0 / CONTROL_RATE)
     N = len(ref.time)
     desired, commanded, tilt, speed = (np.empty((N, k)) for k in (6, 6, 6, 12))
@@ -334,6 +345,7 @@ def _fly(
         effects=tuple(chosen),
         parameters={name: asdict(e) for name, e in chosen.items()},  # type: ignore[call-overload]
         answers=tuple(e.answers for e in chosen.values()),
+        always={} if crisp else dict(ALWAYS),
         trajectory=trajectory,
         seed=seed,
         time=ref.time,
@@ -415,9 +427,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--integral", type=float, default=0.3)
     parser.add_argument("--noise", type=float, default=1.0)
     parser.add_argument("--pair-split", type=float, default=0.0)
+    parser.add_argument("--crisp", action="store_true", help="servos of 2.5 ms and nearly massless arms")
     parser.add_argument("-o", "--output", type=Path, required=True, help="log to write (.mcap)")
     a = parser.parse_args(argv)
-    tracks, truth = _fly(a.effect, a.size, a.trajectory, a.seconds, a.seed, a.integral, None, a.noise, a.pair_split)
+    tracks, truth = _fly(
+        a.effect, a.size, a.trajectory, a.seconds, a.seed, a.integral, None, a.noise, a.pair_split, a.crisp
+    )
     write_mcap(tracks, a.output)
     sys.stdout.write(json.dumps({"log": str(a.output), **truth.summary()}) + "\n")
 

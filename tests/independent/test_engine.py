@@ -321,9 +321,9 @@ def test_weight_of_a_heavier_vehicle_shows_in_the_command_and_not_in_the_acceler
 # ---------------------------------------------------------------- flights
 
 
-def mismatch(name: str | list[str], trajectory: str, seconds: float, split: float = 0.0) -> Array:
+def mismatch(name: str | list[str], trajectory: str, seconds: float, split: float = 0.0, crisp: bool = False) -> Array:
     """Noise-free (N, 6) difference of the wrench felt at O and the wrench commanded over the same interval."""
-    flight, truth = fly(name, None, trajectory, seconds, seed=2, noise=0.0, pair_split=split)
+    flight, truth = fly(name, None, trajectory, seconds, seed=2, noise=0.0, pair_split=split, crisp=crisp)
     assert flight.commanded is not None
     dt = truth.time[1] - truth.time[0]
     J = np.array(INERTIA)
@@ -347,6 +347,11 @@ def test_nothing_hidden_leaves_only_the_servo_lag() -> None:
     assert np.all(rms(z)[:3] < 0.5)
     assert np.all(rms(z)[3:] < 0.06)
     assert np.all(rms(mismatch("none", "hover", 2.0)) < 1e-6)
+
+
+def test_a_crisp_vehicle_lacks_almost_nothing() -> None:
+    usual, crisp = (rms(mismatch("none", "train", 12.0, crisp=c)) for c in (False, True))
+    assert np.all(crisp < 0.3 * usual)
 
 
 @pytest.mark.parametrize("trajectory", ["train", "pitch", "figure8", "steps", "fast", "low", "turn"])
