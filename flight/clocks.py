@@ -83,14 +83,14 @@ class ClockMap:
         x = (log_time_ns - self.log_origin_ns) * 1e-9
         y = np.interp(x, self.log_knots, self.knots)
         y = y + self.rate * (np.minimum(x - self.log_knots[0], 0.0) + np.maximum(x - self.log_knots[-1], 0.0))
-        return np.asarray(self.origin_ns + np.round(y * 1e9).astype(np.int64))
+        return self.origin_ns + _nanoseconds(y)
 
     def inverse(self, stamps_ns: Stamps) -> Stamps:
         """Log times [ns] of stamps of the other clock."""
         y = (stamps_ns - self.origin_ns) * 1e-9
         x = np.interp(y, self.knots, self.log_knots)
         x = x + (np.minimum(y - self.knots[0], 0.0) + np.maximum(y - self.knots[-1], 0.0)) / self.rate
-        return np.asarray(self.log_origin_ns + np.round(x * 1e9).astype(np.int64))
+        return self.log_origin_ns + _nanoseconds(x)
 
 
 def clock_map(log_time_ns: Stamps, header_ns: Stamps) -> ClockMap:
@@ -205,6 +205,11 @@ def _agree(relations: list[Relation]) -> bool:
 def _describe(found: Relation) -> str:
     rate = "" if found.same_rate else f" at {found.rate:.4g} times its rate"
     return f"carries stamps {found.offset:+.3f} s from log time{rate} (residual {1e3 * found.residual:.2g} ms)"
+
+
+def _nanoseconds(seconds: Array) -> Stamps:
+    """Within a century: garbage in a stamp must not overflow."""
+    return np.asarray(np.round(np.clip(seconds, -3e9, 3e9) * 1e9).astype(np.int64))
 
 
 def _seconds(stamps_ns: Stamps) -> Array:

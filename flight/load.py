@@ -28,6 +28,9 @@ from flight.formats import Log, Table, read_log
 from flight.roles import PART_QUANTITY, Assignment, Source, parse_source, propose, says_command, selection
 from flight.stamps import away_from_gaps, gaps_of, increasing, nearest
 
+ABSURD = 1e12
+"""No quantity of a flight is larger in SI: a damaged sample."""
+
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
     "imu": tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
@@ -137,9 +140,13 @@ class _Builder:
         absent = _absent_half(values, name)
         stamps = self.timing.stamps[source.topic]
         unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
-        finite = np.isfinite(np.delete(values, absent, axis=1)).all(axis=1)
-        dropped: Counter[str] = Counter({"not finite": int((~finite).sum()), "no stamp": int(unset.sum())})
-        keep = np.flatnonzero(finite & ~unset)
+        present = np.delete(values, absent, axis=1)
+        finite = np.isfinite(present).all(axis=1)
+        absurd = finite & (np.abs(np.where(np.isfinite(present), present, 0.0)) > ABSURD).any(axis=1)
+        dropped: Counter[str] = Counter(
+            {"not finite": int((~finite).sum()), "absurd": int(absurd.sum()), "no stamp": int(unset.sum())}
+        )
+        keep = np.flatnonzero(finite & ~absurd & ~unset)
         if name in ("pose", "reference_pose"):
             norm = np.linalg.norm(values[keep, 3:7], axis=1)
             dropped["zero quaternion"] = int((norm < 0.5).sum())

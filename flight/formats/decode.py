@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
-from flight.formats.reader import Channel
+from flight.formats.reader import Channel, one_line
 
 Columns = dict[str, NDArray[Any]]
 Layout = dict[str, tuple[int, np.dtype[Any], int]]
@@ -76,7 +76,7 @@ def definitions_of(channel: Channel) -> Definitions:
         try:
             found |= _parsed(channel)
         except (TypesysError, AssertionError, ValueError) as error:
-            raise UndecodableError(f"its definition of {channel.type} cannot be read: {error}") from error
+            raise UndecodableError(f"its definition of {channel.type} cannot be read: {one_line(error)}") from error
     if channel.type not in found:
         raise UndecodableError(f"type {channel.type} is neither defined in the file nor known")
     return found

@@ -18,6 +18,7 @@ from typing import ClassVar
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
@@ -25,6 +26,7 @@ from mcap.records import Schema
 from flight.errors import LogError
 from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
 
+LAST_TIME = 2**63 - 1  # ns, in the year 2262
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -42,6 +44,7 @@ class McapReader(Reader):
     _cut: bool = False
     _damaged_chunks: int = 0
     _orphans: int = 0
+    _broken: int = 0
 
     @classmethod
     def accepts(cls, path: Path, head: bytes) -> bool:
@@ -56,11 +59,11 @@ class McapReader(Reader):
                 if opcode == Opcode.CHUNK:
                     chunk = self._decompressed(body)
                     for inner_opcode, inner in self._records(chunk, 0):
-                        yield from self._take(inner_opcode, inner, wanted, gathered)
+                        yield from self._safely(inner_opcode, inner, wanted, gathered)
                 elif opcode == Opcode.DATA_END:
                     break
                 else:
-                    yield from self._take(opcode, body, wanted, gathered)
+                    yield from self._safely(opcode, body, wanted, gathered)
             else:
                 self._cut = True
         yield from gathered.flush()
@@ -80,11 +83,17 @@ class McapReader(Reader):
                 return
             yield opcode, data[start:position]
 
+    def _safely(self, opcode: int, body: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
+        try:
+            yield from self._take(opcode, body, wanted, gathered)
+        except (struct.error, UnicodeDecodeError, EndOfFile, zstandard.ZstdError):
+            self._broken += 1
+
     def _take(self, opcode: int, body: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         if opcode == Opcode.MESSAGE:
             identifier, _, log_time_ns, _ = _MESSAGE.unpack_from(body)
             channel = self._channels.get(identifier)
-            if channel is None:
+            if channel is None or log_time_ns > LAST_TIME:
                 self._orphans += 1
                 return
             payload = plain_payload(body[_MESSAGE.size :]) if wanted(channel) else b""
@@ -140,8 +149,10 @@ class McapReader(Reader):
             self.notes.append(
                 f"{self._damaged_chunks} chunk(s) of {self.path.name} are damaged (checksum): all in them is left out."
             )
+        if self._broken:
+            self.notes.append(f"{self._broken} record(s) of {self.path.name} are damaged: left out.")
         if self._orphans:
-            self.notes.append(f"{self._orphans} message(s) of {self.path.name} belong to no channel: left out.")
+            self.notes.append(f"{self._orphans} message(s) of {self.path.name} belong to no channel or time: left out.")
 
 
 def _unzstd(data: bytes) -> bytes:

@@ -76,6 +76,12 @@ def normalised_type(name: str) -> str:
     return name if not rest or "/" in rest else f"{package}/msg/{rest}"
 
 
+def one_line(error: Exception, limit: int = 120) -> str:
+    """Another library's message, fit for ours."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return text if len(text) <= limit else f"{text[:limit]}..."
+
+
 def plain_payload(payload: bytes) -> bytes:
     """A CDR message, decompressed if `ros2 bag record --compression-mode message` compressed it.
 
@@ -91,9 +97,11 @@ class Gatherer:
     """Sorts messages by channel while a reader walks through a file."""
 
     pending: dict[Channel, tuple[list[int], list[bytes]]] = field(default_factory=dict)
+    total: int = 0
 
     def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Batch | None:
         """Keep one message; returns a batch when its channel has gathered enough."""
+        self.total += 1
         times, payloads = self.pending.setdefault(channel, ([], []))
         times.append(log_time_ns)
         payloads.append(payload)

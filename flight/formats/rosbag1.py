@@ -9,10 +9,9 @@ from typing import ClassVar
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as BagReader
-from rosbags.rosbag1 import ReaderError
 
 from flight.errors import LogError
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type
+from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line
 
 MAGIC = b"#ROSBAG V"
 
@@ -39,11 +38,13 @@ class Rosbag1Reader(Reader):
                     batch = gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
                     if batch is not None:
                         yield batch
-        except (ReaderError, ValueError, OSError, EOFError, RuntimeError, AssertionError) as error:
-            raise LogError(
-                f"{self.path}: not a readable ROS 1 bag ({str(error).rstrip('.')}); "
-                "a bag that was cut short is repaired by `rosbag reindex`"
-            ) from error
+        except Exception as error:  # a damaged bag makes rosbags raise many kinds
+            if not gathered.total:
+                raise LogError(
+                    f"{self.path}: not a readable ROS 1 bag ({one_line(error)}); "
+                    "a bag that was cut short is repaired by `rosbag reindex`"
+                ) from error
+            self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
         yield from gathered.flush()
 
 

@@ -19,7 +19,7 @@ import zstandard
 
 from flight.errors import LogError
 from flight.formats.mcap import McapReader
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
+from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line, plain_payload
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
 STORAGE = {".db3": "sqlite3", ".mcap": "mcap"}
@@ -38,28 +38,32 @@ class Rosbag2SqliteReader(Reader):
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Go through the table of messages in order of log time."""
-        gathered = Gatherer()
+        gathered, broken = Gatherer(), 0
         try:
             database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            database.text_factory = lambda text: text.decode(errors="replace")
             try:
                 channels = _channels(database)
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id")
                 for identifier, log_time_ns, payload in rows:
                     channel = channels.get(identifier)
-                    if channel is None:
+                    if channel is None or not isinstance(log_time_ns, int) or not isinstance(payload, bytes):
+                        broken += 1
                         continue
                     batch = gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
                     if batch is not None:
                         yield batch
             finally:
                 database.close()
-        except sqlite3.DatabaseError as error:
-            if not gathered.pending:
+        except (sqlite3.DatabaseError, UnicodeDecodeError, zstandard.ZstdError) as error:
+            if not gathered.total:
                 raise LogError(
-                    f"{self.path}: not a readable ROS 2 bag ({error}); expected an SQLite file with the tables "
-                    "topics and messages"
+                    f"{self.path}: not a readable ROS 2 bag ({one_line(error)}); expected an SQLite file with the "
+                    "tables topics and messages"
                 ) from error
-            self.notes.append(f"{self.path.name} is damaged ({error}): read as far as it goes.")
+            self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
+        if broken:
+            self.notes.append(f"{broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
         yield from gathered.flush()
 
 
