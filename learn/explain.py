@@ -167,7 +167,7 @@ class _Search:
         self.present = present
         self.progress = progress
         self.fit = fit(data, model, present)
-        self.given = held_out(data, model, present, self.fit)
+        self.given: Array = held_out(data, model, present, self.fit)
         self.current = self.given
         self.counts = np.bincount(data.block)
 
@@ -191,7 +191,8 @@ class _Search:
         return float(np.mean(difference)) / max(spread, 1e-30)
 
     def energy(self, residual: Array) -> float:
-        return float(np.sum((residual * self.data.weights) ** 2))
+        weighted = residual * self.data.weights
+        return float(np.vdot(weighted, weighted))
 
     def candidate(self, chosen: Sequence[str], name: str) -> Candidate:
         """Fit `name` together with what is there, and see what it leaves on held-out blocks."""

@@ -12,6 +12,11 @@ w_l are the axis weights, s_p the parameter's typical size (a weak prior that on
 and eta = dt_kept * 2 f_c at most 1 discounts samples that the filter has made dependent. Steps are bounded
 least-squares problems within the plausible ranges, with numerical derivatives of the whole prediction.
 
+For an effect that is `sparse` (one gain per rotor, one angle per arm) the prior's sizes are themselves estimated, one
+per parameter, by the evidence: s_p^2 <- theta_p^2 + var_p (automatic relevance determination, MacKay, "Information
+Theory, Inference, and Learning Algorithms", 45.4; EM form, Tipping, JMLR 2001). Where the data leave open which rotor
+is weak, one weak rotor is then preferred to twelve slightly odd ones.
+
 Standard deviations are those of a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays honest
 when residuals are coloured or the model is not quite right. Source: Gauss-Newton, Nocedal and Wright, "Numerical
 Optimization", 2nd ed., 10.3; clustered sandwich, Liang and Zeger, Biometrika 1986.
@@ -25,6 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
+from threadpoolctl import threadpool_limits
 
 from flight.errors import FitError, ModelError
 from learn.measurement import Record, predict
@@ -107,8 +113,9 @@ class Fit:
     """Effects with fitted values, and what they leave.
 
     `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, 3) [m/s^2] of the accelerometer;
-    `residual` (K, 6) on the fitted data, without the bias; `jacobian` (K, 6, P + 3 flights) of the prediction;
-    `axis_weights` (6,) as used last; `at_bound` names parameters that ended at a plausible limit.
+    `residual` (K, 6) on the fitted data, without the bias; `jacobian` (K, 6, P + 3 flights) of the prediction; `scale`
+    (P + 3 flights,) the prior's sizes and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names
+    parameters that ended at a plausible limit.
     """
 
     effects: tuple[ModelEffect, ...]
@@ -118,6 +125,7 @@ class Fit:
     covariance: Array
     residual: Array
     jacobian: Array
+    scale: Array
     axis_weights: Array
     at_bound: tuple[str, ...]
     iterations: int
@@ -166,13 +174,22 @@ def fit(
         reason = inapplicable(name, model, data.records)
         if reason is not None:
             raise FitError(reason)
-    problem = _Problem(data, model, tuple(names), base, tick)
-    point, used = problem.minimise(problem.start(start or base), data.weights, iterations)
-    rms = np.sqrt(np.mean(point.residual**2, axis=0))
-    weights = 1.0 / np.maximum(rms, data.noise)
-    weights = weights * (data.weights[0] / weights[:3].min())
-    point, more = problem.minimise(point, weights, iterations)
-    jacobian = problem.jacobian(point)
+    with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
+        return _fit(_Problem(data, model, tuple(names), base, tick), start or base, iterations)
+
+
+def _fit(problem: _Problem, begin: Fit | None, iterations: int) -> Fit:
+    """The passes of `fit`."""
+    data = problem.data
+    point = problem.start(begin)
+    weights = data.weights / max(float(np.sqrt(np.mean((point.residual * data.weights) ** 2))), 1e-30)
+    point, jacobian, first = problem.minimise(point, None, weights, iterations)
+    weights = 1.0 / np.maximum(np.sqrt(np.mean(point.residual**2, axis=0)), data.noise)
+    point, jacobian, second = problem.minimise(point, jacobian, weights, iterations)
+    if problem.sparse.any():
+        problem.find_relevance(point, jacobian, weights)
+        point, jacobian, third = problem.minimise(point, jacobian, weights, iterations)
+        second += third
     covariance = problem.covariance(point, jacobian, weights)
     theta, bias = problem.split(point.x)
     return Fit(
@@ -183,9 +200,10 @@ def fit(
         covariance,
         point.residual,
         jacobian,
+        problem.scale,
         weights,
         problem.at_bound(theta),
-        used + more,
+        first + second,
     )
 
 
@@ -219,6 +237,7 @@ class _Problem:
         self.low = np.array([p.low for _, p in self.parameters] + [-ACCELEROMETER_BIAS] * biases)
         self.high = np.array([p.high for _, p in self.parameters] + [ACCELEROMETER_BIAS] * biases)
         self.scale = np.array([p.scale for _, p in self.parameters] + [0.5 * ACCELEROMETER_BIAS] * biases)
+        self.sparse = np.array([find(n).sparse for n, _ in self.parameters] + [False] * biases, dtype=bool)
         self.fixed = tuple(e for e in model.effects if e.name not in names)
         self.base = base
         self.known = 0 if base is None else len(base.theta)
@@ -276,44 +295,77 @@ class _Problem:
                 self.tick()
         return np.concatenate((columns, self.bias_jacobian), axis=2)
 
-    def minimise(self, point: _Point, weights: Array, iterations: int) -> tuple[_Point, int]:
-        """Bounded Gauss-Newton with step halving."""
-        cost = self.cost(point, weights)
+    def minimise(
+        self, point: _Point, jacobian: Array | None, weights: Array, iterations: int
+    ) -> tuple[_Point, Array, int]:
+        """Bounded Gauss-Newton with step halving; returns the derivative that the last step relied on.
+
+        A step whose gain is the one that the linearisation promised ends the search: the prediction is linear there,
+        the step was the best, and the derivative still holds.
+        """
+        cost = self.cost(point.x, point.residual, weights)
+        derivative = self.jacobian(point) if jacobian is None else jacobian
         for count in range(1, iterations + 1):
-            step = self.step(point, self.jacobian(point), weights)
+            step = self.step(point, derivative, weights)
+            promised = cost - self.cost(point.x + step, point.residual - derivative @ step, weights)
             fraction = 1.0
             for _ in range(5):
                 trial = self.at(point.x + fraction * step)
-                trial_cost = self.cost(trial, weights)
-                if trial_cost <= cost:
+                gain = cost - self.cost(trial.x, trial.residual, weights)
+                if gain >= 0:
                     break
                 fraction *= 0.5
             else:
-                return point, count
-            gain = cost - trial_cost
-            point, cost = trial, trial_cost
-            if gain <= 1e-3 * cost or np.all(np.abs(fraction * step) <= 2e-3 * self.scale):
-                return point, count
-        return point, iterations
+                return point, derivative, count
+            point, cost = trial, cost - gain
+            if fraction == 1.0 and abs(promised - gain) <= 0.005 * promised + 1e-6 * cost:
+                return point, derivative, count
+            derivative = self.jacobian(point)
+            if gain <= 1e-4 * cost:
+                return point, derivative, count
+        return point, derivative, iterations
 
-    def cost(self, point: _Point, weights: Array) -> float:
+    def cost(self, x: Array, residual: Array, weights: Array) -> float:
         """The minimised quantity."""
-        data_part = self.data.independence * float(np.sum((point.residual * weights) ** 2))
-        return data_part + float(np.sum((point.x / self.scale) ** 2))
+        data_part = self.data.independence * float(np.sum((residual * weights) ** 2))
+        return data_part + float(np.sum((x / self.scale) ** 2))
 
     def step(
         self, point: _Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
     ) -> Array:
         """Gauss-Newton step within the bounds, from the rows given."""
+        H, g = self.normal_equations(point, jacobian, weights, rows)
+        return self.bounded_step(point, H * np.outer(self.scale, self.scale), g * self.scale)
+
+    def normal_equations(
+        self, point: _Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
+    ) -> tuple[Array, Array]:
+        """Curvature H and gradient g of the data's half of the cost, without the prior."""
         factor = np.sqrt(self.data.independence) * weights
-        A = (jacobian[rows] * factor[:, None]).reshape(-1, point.x.size) * self.scale
-        b = (point.residual[rows] * factor).reshape(-1)
-        H = A.T @ A + np.eye(point.x.size)  # in units of `scale` the prior is one
-        L = np.linalg.cholesky(H)
-        target = np.linalg.solve(L, A.T @ b - point.x / self.scale)
+        A = (jacobian[rows] * factor[:, None]).reshape(-1, point.x.size)
+        return A.T @ A, A.T @ (point.residual[rows] * factor).reshape(-1)
+
+    def bounded_step(self, point: _Point, H: Array, g: Array) -> Array:
+        """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
+        L = np.linalg.cholesky(H + np.eye(point.x.size))
+        target = np.linalg.solve(L, g - point.x / self.scale)
         low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
         solution = lsq_linear(L.T, target, bounds=(low - 1e-12, high + 1e-12), method="bvls")
         return np.asarray(np.clip(point.x + solution.x * self.scale, self.low, self.high) - point.x)
+
+    def find_relevance(self, point: _Point, jacobian: Array, weights: Array, rounds: int = 200) -> None:
+        """Set the prior's sizes of sparse parameters to what the evidence says, on the linearised problem."""
+        H, g = self.normal_equations(point, jacobian, weights)
+        least = 1e-2 * self.scale
+        x = point.x.copy()
+        for _ in range(rounds):
+            posterior = np.linalg.inv(H + np.diag(self.scale**-2.0))
+            x = np.clip(posterior @ (g + H @ point.x), self.low, self.high)
+            size = np.maximum(np.sqrt(x**2 + np.diag(posterior)), least)
+            change = np.abs(np.log(size / self.scale))[self.sparse].max()
+            self.scale = np.where(self.sparse, size, self.scale)
+            if change < 0.01:
+                return
 
     def covariance(self, point: _Point, jacobian: Array, weights: Array) -> Array:
         """Block sandwich (P, P) of the parameters, the biases estimated along with them."""
@@ -342,6 +394,7 @@ def held_out(data: Dataset, model: Model, names: Sequence[str], fitted: Fit, fol
     the other folds, and its prediction is evaluated in full (not linearised).
     """
     problem = _Problem(data, model, tuple(names))
+    problem.scale = fitted.scale
     point = _Point(np.concatenate((fitted.theta, fitted.bias.ravel())), fitted.residual)
     out = np.empty_like(fitted.residual)
     fold = data.block % folds

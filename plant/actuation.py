@@ -4,57 +4,57 @@
     F = sum_r T_r n_r
     M = sum_r (p_r x n_r - spin_r kappa_r n_r) T_r
 
+The rotors of arm i sit at p_i + offset n_i, and n x n = 0, so the offsets make no torque and the wrench is linear in
+the arm's sums S_i = sum T_r and Q_i = sum spin_r kappa_r T_r, times cos(alpha_i) and sin(alpha_i).
+
 Source: reference vehicle.md; Bodie et al., "An omnidirectional aerial manipulation platform", RSS 2019.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.state import Actuation, Commands
-from plant.vehicle import Arms, Vehicle
+from plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 
-def lateral_B(arms: Arms) -> Array:
-    """Where thrust goes as an arm tilts: a x n_0, (A, 3)."""
-    return np.cross(arms.axis_B, arms.normal_B)
-
-
-def arm_normals(arms: Arms, tilt: Array) -> Array:
-    """Unit thrust directions n(alpha) = cos(alpha) n_0 + sin(alpha) a x n_0, for tilt (N, A) [rad]: (N, A, 3)."""
-    return np.asarray(np.cos(tilt)[..., None] * arms.normal_B + np.sin(tilt)[..., None] * lateral_B(arms))
-
-
 def actuation(vehicle: Vehicle, commands: Commands) -> Actuation:
     """What the rotors nominally do at these commands."""
-    arms, rotors = vehicle.geometry()
+    _, rotors = vehicle.geometry()
     assert commands.tilt is not None
     assert commands.rotor_speed is not None
-    normal = arm_normals(arms, commands.tilt)[:, rotors.arm]
-    hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * normal
     speed = commands.rotor_speed
-    return Actuation(commands.tilt, speed, normal, hub, rotors.c_f * speed * np.abs(speed))
+    return Actuation(vehicle, commands.tilt, speed, rotors.c_f * speed * np.abs(speed))
 
 
-def rotor_wrench(vehicle: Vehicle, actuation: Actuation) -> Array:
+@lru_cache(maxsize=64)
+def _matrices(vehicle: Vehicle) -> tuple[Array, Array]:
+    """Sums over arms (R, 2A): thrust, then spin kappa thrust; and the wrench (4A, 6) of their cosines and sines."""
+    arms, rotors = vehicle.geometry()
+    member = (rotors.arm[:, None] == np.arange(len(arms))).astype(float)
+    sums = np.hstack((member, (rotors.spin * rotors.kappa)[:, None] * member))
+    rows = []
+    for direction in (arms.normal_B, arms.lateral_B):
+        rows.append(np.hstack((direction, np.cross(arms.position_B, direction))))
+        rows.append(np.hstack((np.zeros((len(arms), 3)), -direction)))
+    return sums, np.vstack(rows)
+
+
+def rotor_wrench(actuation: Actuation) -> Array:
     """Wrench (N, 6) about O, in B, that these thrusts make."""
-    _, rotors = vehicle.geometry()
-    n, p = actuation.normal_B, actuation.hub_B
-    force = np.einsum("nr,nri->ni", actuation.thrust, n)
-    drag = np.einsum("nr,nri->ni", -rotors.spin * rotors.kappa * actuation.thrust, n)
-    thrust_B = actuation.thrust[..., None] * n
-    px, py, pz = p[..., 0], p[..., 1], p[..., 2]
-    fx, fy, fz = thrust_B[..., 0], thrust_B[..., 1], thrust_B[..., 2]
-    lever = np.stack(
-        ((py * fz - pz * fy).sum(-1), (pz * fx - px * fz).sum(-1), (px * fy - py * fx).sum(-1)),
-        axis=-1,
-    )
-    return np.concatenate((force, lever + drag), axis=-1)
+    sums, wrench = _matrices(actuation.vehicle)
+    per_arm = actuation.thrust @ sums
+    count = actuation.tilt.shape[1]
+    cos, sin = np.cos(actuation.tilt), np.sin(actuation.tilt)
+    thrust, drag = per_arm[:, :count], per_arm[:, count:]
+    return np.asarray(np.hstack((thrust * cos, drag * cos, thrust * sin, drag * sin)) @ wrench)
 
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:
     """h(u), (N, 6) about O: what the commands make if the model is right."""
-    return rotor_wrench(vehicle, actuation(vehicle, commands))
+    return rotor_wrench(actuation(vehicle, commands))

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.actuation import lateral_B
 from plant.state import Commands
 from plant.vehicle import Arms, Rotors, Vehicle
 
@@ -47,7 +46,7 @@ def _columns(arms: Arms, rotors: Rotors) -> tuple[Array, list[tuple[int, NDArray
     """
     columns: list[Array] = []
     groups: list[tuple[int, NDArray[np.intp]]] = []
-    lateral = lateral_B(arms)
+    lateral = arms.lateral_B
     for i in range(len(arms)):
         members = np.flatnonzero(rotors.arm == i)
         if members.size == 0:

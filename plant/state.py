@@ -6,9 +6,12 @@ Every array has the sample axis first. O is the body origin; wrenches in this mo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -40,15 +43,38 @@ class State:
 
 @dataclass(frozen=True)
 class Actuation:
-    """What the rotors do: `tilt` (N, A), `rotor_speed` (N, R), `normal_B` (N, R, 3) unit thrust directions, `hub_B`
-    (N, R, 3) positions from O, `thrust` (N, R) [N] along the normals.
-    """  # noqa: D205
+    """What the rotors of a vehicle do: `tilt` (N, A), `rotor_speed` (N, R), `thrust` (N, R) [N] along the normals."""
 
+    vehicle: Vehicle
     tilt: Array
     rotor_speed: Array
-    normal_B: Array
-    hub_B: Array
     thrust: Array
+
+    @cached_property
+    def arm_normal_B(self) -> Array:
+        """Unit thrust directions of the arms (N, A, 3): cos(alpha) n_0 + sin(alpha) a x n_0."""
+        arms, _ = self.vehicle.geometry()
+        return np.asarray(np.cos(self.tilt)[..., None] * arms.normal_B + np.sin(self.tilt)[..., None] * arms.lateral_B)
+
+    @cached_property
+    def normal_B(self) -> Array:
+        """Unit thrust directions of the rotors (N, R, 3)."""
+        _, rotors = self.vehicle.geometry()
+        return np.asarray(self.arm_normal_B[:, rotors.arm])
+
+    @cached_property
+    def hub_B(self) -> Array:
+        """Positions of the rotors (N, R, 3) from O [m]."""
+        arms, rotors = self.vehicle.geometry()
+        return np.asarray(arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
+
+    def with_thrust(self, thrust: Array) -> Actuation:
+        """The same rotors with other thrusts (N, R)."""
+        made = Actuation(self.vehicle, self.tilt, self.rotor_speed, thrust)
+        for name in ("arm_normal_B", "normal_B", "hub_B"):
+            if name in self.__dict__:
+                made.__dict__[name] = self.__dict__[name]
+        return made
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ A rotor on arm i sits at `p_arm + offset n(alpha)` and makes the thrust `T = c_f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class Body:
             raise ModelError(f"vehicle.inertia: {self.inertia.tolist()} is not symmetric positive definite [kg m^2]")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arms:
     """A arms. Positions (A, 3) [m], unit tilt axes (A, 3), unit thrust directions at zero tilt (A, 3).
 
@@ -60,8 +61,13 @@ class Arms:
     def __len__(self) -> int:
         return len(self.position_B)
 
+    @cached_property
+    def lateral_B(self) -> Array:
+        """Where thrust goes as an arm tilts: a x n_0, (A, 3)."""
+        return np.cross(self.axis_B, self.normal_B)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Rotors:
     """R rotors. `arm` (R,) index of the arm that carries each, `offset` (R,) [m] along n, `spin` (R,) +1 or -1,
     `c_f` (R,) [N s^2], `kappa` (R,) [m], `radius` (R,) [m], speed limits (R,) [rad/s].
@@ -80,7 +86,7 @@ class Rotors:
         return len(self.arm)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Vehicle:
     """A vehicle as its designer believes it to be.
 

@@ -135,9 +135,8 @@ class WrenchModel:
             act = actuation(self.vehicle, commands)
             for item in self.effects:
                 if isinstance(item.effect, ThrustEffect):
-                    thrust = item.effect.apply(act, item.theta, context)
-                    act = Actuation(act.tilt, act.rotor_speed, act.normal_B, act.hub_B, thrust)
-            rotors = rotor_wrench(self.vehicle, act)
+                    act = act.with_thrust(item.effect.apply(act, item.theta, context))
+            rotors = rotor_wrench(act)
         else:
             rotors = about_origin(self.vehicle.body, commands.wrench_B)
         total = rotors

@@ -43,16 +43,16 @@ class RotorInterference(ThrustEffect):
         for arm, made in zip(rotors.arm, actuation.thrust.T, strict=True):
             thrust[:, arm] += made
         strength = loss * np.sqrt(np.maximum(thrust, 0.0) / (context.vehicle.body.mass * GRAVITY / len(arms)))
-        out = np.ones_like(actuation.thrust)
+        factor = np.ones_like(actuation.thrust)
         for j in range(len(arms)):
             source = np.flatnonzero(rotors.arm == j)
-            others = np.flatnonzero(rotors.arm != j)
             if source.size == 0:
                 continue
-            n = actuation.normal_B[:, source[0]]
-            d = actuation.hub_B[:, others] - arms.position_B[j]
-            along = -np.einsum("nri,ni->nr", d, n)
-            rho_squared = np.einsum("nri,nri->nr", d, d) - along**2
             reach = width * rotors.radius[source[0]]
-            out[:, others] -= np.where(along > 0, strength[:, j, None] * np.exp(-rho_squared / reach**2), 0.0)
-        return np.asarray(actuation.thrust * np.maximum(out, 0.0))
+            others = np.flatnonzero(rotors.arm != j)
+            n = actuation.arm_normal_B[:, j]
+            d = actuation.hub_B[:, others] - arms.position_B[j]
+            along = -np.matmul(d, n[:, :, None])[..., 0]
+            rho_squared = (d * d).sum(axis=-1) - along**2
+            factor[:, others] -= np.where(along > 0, strength[:, j, None] * np.exp(-rho_squared / reach**2), 0.0)
+        return np.asarray(actuation.thrust * np.maximum(factor, 0.0))

@@ -17,6 +17,7 @@ class RotorThrust(ThrustEffect):
     name = "rotor_thrust"
     excited_by = "tilt about two axes; force and torque together tell it from a centre-of-mass offset"
     confused_with = ("com_offset", "thrust_scale", "coaxial_loss")
+    sparse = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """One relative change per rotor."""

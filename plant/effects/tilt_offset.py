@@ -21,6 +21,7 @@ class TiltOffset(CommandEffect):
     confused_with = ("constant_wrench", "com_offset", "arm_twist", "imu_misalignment")
     order = 30
     needs_rotors = True
+    sparse = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """One angle per tilting arm."""
