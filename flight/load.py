@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -91,10 +91,9 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
         odometry=builder.odometry(),
         reference=builder.reference(),
         battery=builder.battery(),
-        notes=(),
     )
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
-    return Flight(**{**flight.__dict__, "notes": notes}), timing
+    return replace(flight, notes=notes), timing
 
 
 def _name(path: Path) -> str:

@@ -92,19 +92,18 @@ def resample(
             f"{flight.name}: no IMU; rates come from the {source}, specific force from differentiated velocity."
         )
     stretches = _intersection([_cover(role, item, 1.0 / grid_rate) for role, item in series.items()])
-    kept = [(start, stop) for start, stop in stretches if stop - start >= minimum_duration]
-    short = tuple(Gap(start, stop) for start, stop in stretches if stop - start < minimum_duration)
+    shortest = max(minimum_duration, 4.0 / grid_rate)
+    kept = [(start, stop) for start, stop in stretches if stop - start >= shortest]
+    short = tuple(Gap(start, stop) for start, stop in stretches if stop - start < shortest)
     if not kept:
         longest = max((stop - start for start, stop in stretches), default=0.0)
         raise LogError(
-            f"{flight.path}: no stretch of {minimum_duration:g} s in which {', '.join(series)} all have samples "
+            f"{flight.path}: no stretch of {shortest:g} s in which {', '.join(series)} all have samples "
             f"(longest {longest:.2f} s); see `wrenchgap inspect` for rates and gaps"
         )
     if short:
         total = sum(gap.stop - gap.start for gap in short)
-        notes.append(
-            f"{flight.name}: {len(short)} stretch(es) shorter than {minimum_duration:g} s left out ({total:.2f} s)."
-        )
+        notes.append(f"{flight.name}: {len(short)} stretch(es) shorter than {shortest:g} s left out ({total:.2f} s).")
     samples = tuple(_samples(flight, series, interval, grid_rate) for interval in kept)
     every = [item.time for item in series.values()]
     span = max(time[-1] for time in every) - min(time[0] for time in every)
@@ -160,8 +159,6 @@ def _used_series(flight: Flight, require: tuple[str, ...], rate: float, notes: l
 
 def _cover(role: str, series: Series, step: float) -> list[Interval]:
     """Where a series can be evaluated; that of a held one reaches until its last command has acted."""
-    if not role or len(series.time) < 2:
-        return []
     runs = [(float(series.time[a]), float(series.time[b - 1])) for a, b in _runs(series) if b - a >= 2]
     if role not in _HELD:
         return runs

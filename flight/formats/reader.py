@@ -19,9 +19,9 @@ BATCH = 8192
 """Messages that a reader gathers before it hands them on, at most."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Channel:
-    """A stream of messages of one type.
+    """A stream of messages of one type; two of the same content are still two, as they may be two writers'.
 
     `encoding` is that of the messages: "cdr" (ROS 2), "ros1", or another, which is listed but not decoded.
     `definition` is the text that came with the file, or None; `definition_format` is "msg" or "idl".

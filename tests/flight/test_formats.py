@@ -264,3 +264,43 @@ def test_hash_is_that_of_the_bytes(plain):
     import hashlib
 
     assert flight.load(plain).content_hash == hashlib.sha256(plain.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("form", "name"), [("mcap-none", "f.mcap"), ("mcap-zstd", "f.mcap"), ("bag-", "f.bag")])
+def test_random_damage_gives_a_report_or_one_line(form, name, logs, tmp_path):
+    path = logs.plain_flight(0.5).save(tmp_path / name, form)
+    whole, rng = path.read_bytes(), np.random.default_rng(7)
+    outcomes = set()
+    for _ in range(25):
+        data = bytearray(whole)
+        for place in rng.integers(0, len(data), rng.choice([1, 5, 50])):
+            data[place] = rng.integers(256)
+        path.write_bytes(data)
+        try:
+            outcomes.add(type(flight.inspect(path)))
+        except LogError as error:
+            outcomes.add(str(error).count("\n"))
+    assert outcomes <= {flight.Inspection, 0}
+    assert flight.Inspection in outcomes
+
+
+def test_several_writers_of_one_topic_are_one_series(logs, tmp_path):
+    from mcap.writer import Writer
+
+    store = logs.typestore(2)
+    kind = "geometry_msgs/msg/WrenchStamped"
+    path = tmp_path / "two.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = writer.register_schema(kind, "ros2msg", store.generate_msgdef(kind, ros_version=2)[0].encode())
+        channels = [writer.register_channel("/command/wrench", "cdr", schema, {"writer": str(i)}) for i in range(2)]
+        for i in range(100):
+            stamp = logs.START_NS + i * 10_000_000
+            fields = {"wrench.force.x": float(i)}
+            fields["header.stamp.sec"], fields["header.stamp.nanosec"] = divmod(stamp, 10**9)
+            writer.add_message(
+                channels[i % 2], stamp, bytes(store.serialize_cdr(logs.message(store, kind, fields), kind)), stamp
+            )
+        writer.finish()
+    np.testing.assert_array_equal(flight.load(path).commanded.wrench_B[:, 0], np.arange(100))
