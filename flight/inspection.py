@@ -15,7 +15,7 @@ from flight.errors import LogError
 from flight.flight import Flight
 from flight.formats import Log, Table, read_log
 from flight.load import build
-from flight.roles import Assignment, propose, selection
+from flight.roles import Assignment, merged_topics, propose, selection
 from flight.stamps import gaps_of, jitter, nominal_period
 
 SCHEMA_VERSION = 1
@@ -85,8 +85,10 @@ class Inspection:
         }
 
 
-def inspect(path: str | Path, topics: Mapping[str, str] | None = None) -> Inspection:
-    """Look at a log. Unlike `load` it also reports one in which no topic plays a role.
+def inspect(
+    path: str | Path, topics: Mapping[str, str] | None = None, preferred: Mapping[str, str] | None = None
+) -> Inspection:
+    """Look at a log; arguments as for `load`, but one in which no topic plays a role is reported as well.
 
     Raises
     ------
@@ -96,8 +98,8 @@ def inspect(path: str | Path, topics: Mapping[str, str] | None = None) -> Inspec
         `topics` is not understood.
     """
     path = Path(path)
-    log = read_log(path, selection(topics or {}))
-    assignment = propose(log.tables, topics, str(path))
+    log = read_log(path, selection({**(preferred or {}), **(topics or {})}))
+    assignment = propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
     flight, problem = _flight(log, assignment)
     found = checks(flight) if flight is not None else (Check("roles", "bad", problem),)
     first = min(int(table.log_time_ns[0]) for table in log.tables.values())

@@ -25,7 +25,7 @@ from flight.flight import (
     WrenchSeries,
 )
 from flight.formats import Log, Table, read_log
-from flight.roles import PART_QUANTITY, Assignment, Source, parse_source, propose, says_command, selection
+from flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, says_command, selection
 from flight.stamps import away_from_gaps, gaps_of, increasing, nearest
 
 ABSURD = 1e12
@@ -58,10 +58,9 @@ def load(
         `topics` is not understood.
     """
     path = Path(path)
-    topics = dict(topics or {})
-    log = read_log(path, selection({**(preferred or {}), **topics}))
-    wanted = {role: topic for role, topic in (preferred or {}).items() if parse_source(topic)[0] in log.tables}
-    return build(log, propose(log.tables, {**wanted, **topics}, str(path)))[0]
+    log = read_log(path, selection({**(preferred or {}), **(topics or {})}))
+    mapping = merged_topics(topics, preferred, log.tables)
+    return build(log, propose(log.tables, mapping, str(path)))[0]
 
 
 def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:

@@ -160,6 +160,20 @@ def quantities(kind: str, fields: list[str]) -> dict[str, str]:
     return {"rotor_speed": speeds[0]} if speeds else {}
 
 
+def merged_topics(
+    topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None, tables: Mapping[str, Table]
+) -> dict[str, str]:
+    """`topics`, after those entries of `preferred` that this log can follow: its topic is there, or none is wanted."""
+    followed = {
+        role: value for role, value in (preferred or {}).items() if _is_none(value) or parse_source(value)[0] in tables
+    }
+    return followed | dict(topics or {})
+
+
+def _is_none(value: str) -> bool:
+    return value.strip().lower() in ("none", "")
+
+
 def selection(topics: Mapping[str, str]) -> _Selection:
     """What to decode of a log: topics that offer something, and those that are named."""
     return _Selection(frozenset(_topic_of(value) for value in topics.values()))
@@ -389,7 +403,7 @@ def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: st
             valid = ", ".join(dict.fromkeys((*ROLES, *PART_QUANTITY)))
             raise UsageError(f"topic mapping {role}={value}: no role is called {role!r}; roles: {valid}")
         parts = ROLE_PARTS.get(role, (role,))
-        if value.strip().lower() in ("none", ""):
+        if _is_none(value):
             named |= dict.fromkeys(parts)
             continue
         found = {part: source for part in parts if (source := _named_source(value, part, tables, where, parts))}

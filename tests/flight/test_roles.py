@@ -197,3 +197,15 @@ def test_a_role_from_the_columns_of_an_array(logs, tmp_path):
     np.testing.assert_array_equal(found.battery.voltage, data[:, 7])
     with pytest.raises(LogError, match="gives 5 columns, but a imu has 6"):
         flight.load(path, topics={"imu": "/debug[0:5]"})
+
+
+def test_a_saved_mapping_is_followed_as_far_as_the_log_can(logs, tmp_path):
+    path = logs.plain_flight(1.0).save(tmp_path / "log.mcap")
+    saved = {"battery": "/not/in/this/log", "odometry": "none", "imu": "/imu"}
+    found = flight.load(path, preferred=saved)
+    assert found.odometry is None
+    assert found.imu is not None
+    assert flight.load(path, topics={"imu": "none"}, preferred=saved).imu is None
+    assert flight.inspect(path, preferred=saved).mapping == {"commanded": "/command/wrench", "imu": "/imu"}
+    with pytest.raises(LogError, match="no topic '/not/in/this/log'"):
+        flight.load(path, topics={"battery": "/not/in/this/log"})
