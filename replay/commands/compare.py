@@ -1,0 +1,98 @@
+"""`wrenchgap compare`: how well models predict what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from replay.options import (
+    Cutoff,
+    Force,
+    JsonFile,
+    Logs,
+    ModelOption,
+    Quiet,
+    Topics,
+    complete_models,
+    many,
+    parse_topics,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("compare", cls=many("--against"))(compare)
+
+
+def compare(
+    logs: Logs,
+    model: ModelOption,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--against", metavar="MODEL2", help="Further models of the same vehicle.", autocompletion=complete_models
+        ),
+    ] = None,
+    gp: Annotated[Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", metavar="PNG", help="Draw commanded, measured, predicted.")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")] = None,
+    topic: Topics = None,
+    cutoff: Cutoff = 8.0,
+    json: JsonFile = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Errors of models on flights, per axis and per flight, and where they are worst.
+
+    Always shown first: "nominal", the vehicle without effects. Effects of MODEL, other models and a GP follow, with the
+    change of rms against it, and the noise of the sensors.
+
+    Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
+    """
+    from learn import store
+    from plant import model_file
+    from replay import comparison, figures, tables
+    from replay.console import Printer, progress
+    from replay.flights import open_flights
+    from replay.results import claim, document, file_input, log_input, model_input, write_json
+
+    inputs: list[str | Path] = [*logs, model, *(against or ()), *([gp] if gp else ())]
+    claim({"--json": json, "--figure": figure, "--csv": csv}, force=force, inputs=inputs)
+    printer = Printer(quiet)
+    base = model_file.load(model)
+    others = [model_file.load(name) for name in against or ()]
+    process = store.load(gp) if gp is not None else None
+    found, notes = comparison.predictors(base, others, process, comparison.cutoff_checked(cutoff))
+    with progress("reading", quiet) as report:
+        report(0.0, "reading logs")
+        flights = comparison.distinct(
+            open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=cutoff),
+        )
+        report(0.7, "comparing")
+        result = comparison.compare(flights, base, found)
+
+    printer.show(tables.errors(result))
+    if len(flights) > 1:
+        printer.show(tables.by_flight(result))
+    last = result.evaluations[-1]
+    printer.show(tables.worst(last.name, last.worst))
+    printer.notes([*notes, *result.notes])
+    if figure is not None:
+        title = f"{base.name}: {', '.join(result.flights)}"
+        figures.wrench_figure(figures.traces(result), figure, title=title, residuals=result, force=force)
+    if csv is not None:
+        from replay.samples import write_csv
+
+        write_csv(result, csv, force=force)
+    if json is not None:
+        read = [*(log_input(f.flight) for f in flights), model_input(base)]
+        read += [model_input(other, "against") for other in others]
+        read += [file_input(gp, "gp")] if gp is not None else []
+        body = result.to_json()
+        body["notes"] = [*notes, *body["notes"]]
+        write_json(json, document("compare", {**body, "cutoff_hz": cutoff}, read), force=force)
+    printer.wrote(figure=figure, table=csv, result=json)

@@ -1,0 +1,82 @@
+"""What the commands print: results on standard output, progress on standard error."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+Report = Callable[[float, str], None]
+"""Called with the fraction done (0 to 1) and what is being done."""
+
+PATIENCE = 10.0
+"""Seconds between lines of progress where standard error is no terminal."""
+
+
+class Printer:
+    """Prints to standard output, or nothing at all when `quiet`."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
+        self._console: Any = None
+
+    @property
+    def console(self) -> Any:
+        """The rich console; wide enough for the tables where the output is a file or a pipe."""
+        if self._console is None:
+            from rich.console import Console
+
+            wide = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 132
+            self._console = Console(width=wide, highlight=False)
+        return self._console
+
+    def show(self, *renderables: Any) -> None:
+        """Print tables and texts (with rich markup)."""
+        if not self.quiet:
+            for item in renderables:
+                self.console.print(item)
+
+    def line(self, text: str = "", style: str = "") -> None:
+        """Print one text as it is, without markup."""
+        if not self.quiet:
+            self.console.print(text, style=style or None, markup=False, soft_wrap=False)
+
+    def notes(self, notes: Sequence[str], title: str = "note") -> None:
+        """Print plain sentences that a user should read."""
+        for text in dict.fromkeys(notes):
+            self.line(f"{title}: {text}", style="yellow" if title == "warning" else "dim")
+
+    def wrote(self, **files: Any) -> None:
+        """Say which files were written."""
+        for what, path in files.items():
+            if path is not None:
+                self.line(f"wrote {what.replace('_', ' ')} {path}")
+
+
+@contextmanager
+def progress(label: str, quiet: bool = False) -> Iterator[Report]:
+    """Progress of long work: a bar on a terminal that goes away, else a line every `PATIENCE` seconds."""
+    if quiet:
+        yield lambda fraction, words: None
+    elif sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(label, total=1.0)
+            yield lambda fraction, words: bar.update(task, completed=fraction, description=words or label)
+    else:
+        said = time.monotonic()
+
+        def plain(fraction: float, words: str) -> None:
+            nonlocal said
+            if time.monotonic() - said > PATIENCE:
+                said = time.monotonic()
+                sys.stderr.write(f"{label}: {100 * fraction:.0f} % {words}\n")
+                sys.stderr.flush()
+
+        yield plain

@@ -1,0 +1,130 @@
+"""Options that several commands share, their completion, and the parsing of their values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+_ROOT = Path(__file__).parent.parent
+
+
+def complete_models(incomplete: str) -> list[str]:
+    """Shipped models by name, and model files in the folder that is being typed."""
+    shipped = {p.stem for folder in ("models", "plant/models") for p in (_ROOT / folder).glob("*.toml")}
+    folder = Path(incomplete).parent if "/" in incomplete else Path()
+    files = {str(p) for p in folder.glob("*.toml")} if folder.is_dir() else set()
+    return sorted(name for name in shipped | files if name.startswith(incomplete))
+
+
+def complete_effects(incomplete: str) -> list[tuple[str, str]]:
+    """Effects of the catalogue, with the first line of what they are."""
+    from plant.effects import catalogue
+
+    known = catalogue().items()
+    return [(n, (e.__doc__ or "").splitlines()[0]) for n, e in known if n.startswith(incomplete)]
+
+
+def complete_trajectories(incomplete: str) -> list[tuple[str, str]]:
+    """Trajectories by name."""
+    from plant.trajectory import TRAJECTORIES
+
+    return [(name, words) for name, (_, _, words) in TRAJECTORIES.items() if name.startswith(incomplete)]
+
+
+def complete_topics(incomplete: str) -> list[str]:
+    """Roles and their parts, each with its equals sign."""
+    from flight.roles import ROLE_PARTS
+
+    names = dict.fromkeys(name for role, parts in ROLE_PARTS.items() for name in (role, *parts))
+    return [f"{name}=" for name in names if name.startswith(incomplete)]
+
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG...", help="Logs: .mcap, .bag, or ROS 2 bag folders.", show_default=False),
+]
+ModelOption = Annotated[
+    str,
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="MODEL",
+        help="Model file (.toml), or the name of a shipped model.",
+        autocompletion=complete_models,
+        show_default=False,
+    ),
+]
+Topics = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--topic",
+        metavar="ROLE=/TOPIC",
+        help="Say which topic plays a role, e.g. imu=/my/imu or tilt=/servo[0:6]; repeat for more.",
+        autocompletion=complete_topics,
+    ),
+]
+Cutoff = Annotated[
+    float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike [Hz].")
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Write the result as JSON as well (docs/json.md).", dir_okay=False),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Effects = Annotated[
+    list[str],
+    typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects, show_default=False),
+]
+ModelOut = Annotated[
+    Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.", show_default=False)
+]
+
+
+def many(*options: str) -> type[TyperCommand]:
+    """A command in which these options take all values up to the next option: `--from a.mcap b.mcap`."""
+
+    class Many(TyperCommand):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            return super().parse_args(ctx, list(_repeated(args, options)))
+
+    return Many
+
+
+def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
+    """`--from a b -m c` as `--from a --from b -m c`."""
+    current = ""
+    fresh = False
+    for arg in args:
+        if arg.startswith("-") and len(arg) > 1:
+            current, fresh = (arg if arg in options else ""), True
+            yield arg
+        elif current and not fresh:
+            yield from (current, arg)
+        else:
+            fresh = False
+            yield arg
+
+
+def parse_topics(texts: Sequence[str] | None) -> dict[str, str]:
+    """`["imu=/my/imu"]` as `{"imu": "/my/imu"}`; raises UsageError on anything else."""
+    from flight.errors import UsageError
+
+    found: dict[str, str] = {}
+    for text in texts or ():
+        role, equals, topic = text.partition("=")
+        if not (role and equals and topic):
+            raise UsageError(f"--topic {text}: expected ROLE=/TOPIC, e.g. --topic imu=/my/imu")
+        if role in found:
+            raise UsageError(f"--topic {role}: given twice; say it once")
+        found[role] = topic
+    return found
+
+
+def parse_names(text: str | None) -> tuple[str, ...]:
+    """`"a,b"` as `("a", "b")`."""
+    return tuple(part.strip() for part in (text or "").split(",") if part.strip())

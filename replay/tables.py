@@ -1,0 +1,136 @@
+"""Tables for the terminal. They show; nothing is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from replay.comparison import Comparison, Stretch
+
+Array = NDArray[np.float64]
+
+HEADS = ("F_x [N]", "F_y [N]", "F_z [N]", "M_x [Nm]", "M_y [Nm]", "M_z [Nm]")
+
+
+def table(title: str, *heads: str, left: int = 1) -> Table:
+    """An empty table; the first `left` columns are texts."""
+    out = Table(title=escape(title), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False)
+    for index, head in enumerate(heads):
+        out.add_column(escape(head), justify="left" if index < left else "right", overflow="fold")
+    return out
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Significant digits without exponent where a reader expects none."""
+    if value is None or not np.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    if 1e-4 <= abs(value) < 1e5:
+        decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
+        return f"{value:.{min(decimals, 6)}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def percent(value: float) -> str:
+    """A fraction as a signed percentage."""
+    return f"{100 * value:+.0f} %" if np.isfinite(value) else "-"
+
+
+def row(values: Array, digits: int = 3) -> list[str]:
+    """Six numbers."""
+    return [number(float(v), digits) for v in values]
+
+
+def fall(values: Array) -> list[str]:
+    """Six falls, coloured where they say something."""
+    out = []
+    for value in values:
+        text = f"{-100 * value:+.0f} %" if np.isfinite(value) else "-"
+        out.append(f"[green]{text}[/]" if value > 0.1 else f"[red]{text}[/]" if value < -0.1 else text)
+    return out
+
+
+def errors(comparison: Comparison) -> Table:
+    """Errors by model and axis, and the noise floor."""
+    flights = comparison.flights
+    where = flights[0] if len(flights) == 1 else f"{len(flights)} flights"
+    out = table(f"|measured - predicted| on {where}", "model", "", *HEADS, left=2)
+    for index, one in enumerate(comparison.evaluations):
+        e = one.pooled
+        name = escape(one.name)
+        out.add_row(f"[bold]{name}[/]", "mean", *row(e.mean_abs))
+        out.add_row("", "std", *row(e.std_abs))
+        out.add_row("", "rms", *row(e.rms))
+        out.add_row("", "max", *row(e.max_abs), end_section=index == 0)
+        if index:
+            out.add_row("", "change of rms", *fall(comparison.falls(one)), end_section=True)
+    out.add_row("[dim]sensor noise[/]", "rms", *row(comparison.noise))
+    return out
+
+
+def by_flight(comparison: Comparison) -> Table:
+    """Root mean square by flight."""
+    out = table("rms by flight", "flight", "model", *HEADS, left=2)
+    for index, flight in enumerate(comparison.flights):
+        for place, one in enumerate(comparison.evaluations):
+            last = place == len(comparison.evaluations) - 1
+            name = escape(flight) if place == 0 else ""
+            out.add_row(name, escape(one.name), *row(one.by_flight[index].rms), end_section=last)
+    return out
+
+
+def worst(name: str, stretches: Sequence[Stretch]) -> Table:
+    """The worst stretches of one model."""
+    heads = ("flight", "time [s]", "most on", "F rms [N]", "M rms [Nm]", "tilt [deg]", "|F| [N]")
+    out = table(f"where {name} is worst", *heads, "|omega| [rad/s]", "speed [m/s]", left=3)
+    for s in stretches:
+        force, torque = (float(np.linalg.norm(part)) for part in (s.rms[:3], s.rms[3:]))
+        state = [number(v, 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
+        out.add_row(escape(s.flight), f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
+    return out
+
+
+def parameters(rows: Sequence[tuple[str, str, float, float | None, str]], title: str) -> Table:
+    """(effect, parameter, value, standard deviation, unit)."""
+    out = table(title, "effect", "parameter", "value", "+-", "unit", left=2)
+    out.columns[-1].justify = "left"
+    last = ""
+    for effect, name, value, std, unit in rows:
+        out.add_row(escape(effect) if effect != last else "", escape(name), number(value, 4), number(std, 2), unit)
+        last = effect
+    return out
+
+
+def before_after(title: str, rows: Sequence[tuple[str, Array]], falls: Array | None = None) -> Table:
+    """Rows of six numbers, and the change from the first to the last."""
+    out = table(title, "", *HEADS)
+    for name, values in rows:
+        out.add_row(escape(name), *row(values))
+    if falls is not None:
+        out.add_row("change", *fall(falls))
+    return out
+
+
+def mean_and_std(title: str, rows: Sequence[tuple[str, Array, Array]]) -> Table:
+    """The paper's prediction table: mean +- std of absolute errors."""
+    out = table(title, "", *HEADS)
+    for name, mean, std in rows:
+        out.add_row(
+            escape(name), *(f"{number(float(m))} +- {number(float(s), 2)}" for m, s in zip(mean, std, strict=True))
+        )
+    return out
+
+
+def plain(title: str, heads: Sequence[str], rows: Sequence[Sequence[Any]], left: int = 1) -> Table:
+    """Any rows of texts."""
+    out = table(title, *heads, left=left)
+    for values in rows:
+        out.add_row(*(escape(str(v)) for v in values))
+    return out
