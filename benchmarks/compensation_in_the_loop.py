@@ -38,12 +38,14 @@ MODEL = Path(__file__).parents[1] / "models" / "tilt_hexarotor.toml"
 TORQUES = ("torque_x", "torque_y", "torque_z")
 SETTLE = 3.0
 """Seconds at the start that do not count: the references fade in."""
+WORTH_IT = 5e-3
+"""Mean |e_R| [rad] below which there is nothing to take away and a fall means nothing."""
 EFFECTS = ("com_offset", "wake", "weak_rotor", "tilt_offset", "coaxial_loss", "payload", "tether", "servo_lag")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Mean |e_R| (3,) [rad] of each flight, and how the compensator fared; `fall` is 1 - compensated / pd."""
+    """Mean |e_R| (3,) [rad] of each flight, and how the compensator fared; `pd` is without it."""
 
     effect: str
     seed: int
@@ -60,8 +62,8 @@ class Outcome:
 
     @property
     def fall(self) -> Array:
-        """Share (3,) of the error that the compensation takes away."""
-        return np.asarray(1.0 - self.compensated / self.pd)
+        """Share (3,) of the error that the compensation takes away; nan where PD alone is within `WORTH_IT`."""
+        return np.where(self.pd > WORTH_IT, 1.0 - self.compensated / np.maximum(self.pd, WORTH_IT), np.nan)
 
 
 def attitude_error(truth: Truth) -> Array:

@@ -31,7 +31,11 @@ def open_flight(
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry.
     """
-    found = flight.load(path, topics, preferred=model.topics)
+    return opened(flight.load(path, topics, preferred=model.topics), model, cutoff_hz=cutoff_hz)
+
+
+def opened(found: Flight, model: Model, *, cutoff_hz: float = CUTOFF_HZ, rate_hz: float | None = None) -> OpenFlight:
+    """A flight in memory as `open_flight` gives it; `rate_hz` is that of the records (default as `prepare`)."""
     required = tuple(r for r in ("commanded", "actuators") if getattr(found, r) is not None)[:1]
     if not required:
         raise LogError(
@@ -43,7 +47,7 @@ def open_flight(
     short: list[str] = []
     for samples in resampled.samples:
         try:
-            records.append(prepare(samples, model.vehicle, cutoff_hz=cutoff_hz))
+            records.append(prepare(samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz))
         except FitError as error:
             if len(samples) * samples.dt >= 12.0 / cutoff_hz:
                 raise
@@ -75,4 +79,3 @@ def open_flights(
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")
         opened.append(one)
     return opened
-
