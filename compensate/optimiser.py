@@ -79,12 +79,12 @@ class _Search:
         """What nlopt minimises; a float, because a 1-element array fails as `invalid_argument`."""
         self.evaluations += 1
         residual, slope = self.residual(free)
+        if not (np.isfinite(residual).all() and np.isfinite(slope).all()):
+            raise FloatingPointError("the mismatch model gave a value that is not finite")
         cost = float(residual @ residual)
         value = cost + float(self.weight @ (free * free))
         if gradient.size:
             gradient[:] = 2.0 * (slope.T @ residual + self.weight * free)
-        if not (np.isfinite(value) and np.isfinite(gradient).all()):
-            raise FloatingPointError("the mismatch model gave a value that is not finite")
         if value < self.best_penalised:
             self.best, self.best_penalised, self.best_cost = free.copy(), value, cost
         return value
