@@ -181,28 +181,30 @@ def _constant(flight: Flight) -> Iterator[Check]:
 
 
 def _stamps(flight: Flight) -> Iterator[Check]:
+    by_message: dict[tuple[str, str], list[str]] = {}
     for role, series in flight.series().items():
         if role == "battery" or len(series.time) < 3:
             continue
-        yield from _gaps(role, series)
-        spread = jitter(series.time)
-        if spread > 0.3 * series.period:
-            yield Check(
-                "jitter",
-                "warn",
-                f"{role}: the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: "
-                "stamped on arrival? Record header stamps.",
-            )
+        for name, message in _stamp_faults(series):
+            by_message.setdefault((name, message), []).append(role)
+    for (name, message), roles in by_message.items():  # topics of one recorder share their gaps
+        yield Check(name, "warn", f"{', '.join(roles)}: {message}")
 
 
-def _gaps(role: str, series: Series) -> Iterator[Check]:
+def _stamp_faults(series: Series) -> Iterator[tuple[str, str]]:
     if series.gaps:
         longest = max(series.gaps, key=lambda gap: gap.stop - gap.start)
-        yield Check(
+        yield (
             "gaps",
-            "warn",
-            f"{role}: {len(series.gaps)} gap(s), the longest {longest.stop - longest.start:.3f} s at "
-            f"{longest.start:.2f} s; stretches are split there.",
+            f"{len(series.gaps)} gap(s), the longest {longest.stop - longest.start:.3f} s at {longest.start:.2f} s; "
+            "stretches are split there.",
+        )
+    spread = jitter(series.time)
+    if spread > 0.3 * series.period:
+        yield (
+            "jitter",
+            f"the period varies by {1e3 * spread:.2g} ms around {1e3 * series.period:.3g} ms: stamped on arrival? "
+            "Record header stamps.",
         )
 
 

@@ -124,7 +124,8 @@ class Source:
 
 @dataclass(frozen=True)
 class Assignment:
-    """Who plays what. `sources` by part; `candidates` by part are the other topics that could, best first."""
+    """Who plays what. `sources` by part; `candidates` by part are the other topics that could, best first: those
+    whose name suits, or, where none was chosen, all of the right type."""
 
     sources: dict[str, Source]
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -230,7 +231,7 @@ class _Proposer:
         if good:
             _, _, topic, place = good[0]
             self.sources[part] = Source(topic, place)
-        others = tuple(entry[2] for entry in scored if not good or entry[2] != good[0][2])
+        others = tuple(entry[2] for entry in (good[1:] if good else scored))
         if others:
             self.candidates[part] = others
 
