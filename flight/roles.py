@@ -124,8 +124,11 @@ class Source:
 
 @dataclass(frozen=True)
 class Assignment:
-    """Who plays what. `sources` by part; `candidates` by part are the other topics that could, best first: those
-    whose name suits, or, where none was chosen, all of the right type."""
+    """Who plays what: `sources` by part.
+
+    `candidates` by part are the other topics that could, best first: those whose name suits, or, where none was
+    chosen, all of the right type.
+    """
 
     sources: dict[str, Source]
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
