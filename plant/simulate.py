@@ -193,7 +193,7 @@ def simulate(
             known = state if feedback == "true" else _known(state, measured, gyro)
             ask = reference.sample(n // per_control)
             commands = pilot.step(known, ask, dt * per_control, record)
-            lost = _lost(state, ask)
+            lost = loss_of_control(state, ask)
             if lost:
                 record.notes.append(f"control was lost at {t:.2f} s: {lost}; the flight ends there")
                 break
@@ -221,7 +221,7 @@ def _on(reference: Reference) -> State:
     return State(reference.time, reference.position_E, reference.quat_ED, reference.velocity_E, reference.omega_D)
 
 
-def _lost(state: State, reference: Reference) -> str:
+def loss_of_control(state: State, reference: Reference) -> str:
     """Why control counts as lost, or nothing."""
     position = float(np.linalg.norm(state.position_E - reference.position_E))
     if not np.isfinite(position) or not np.all(np.isfinite(state.omega_B)):

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_lsq_spline
 
 from flight import so3
@@ -84,10 +83,10 @@ def recorded_motion(
     r = imu_position_B
     felt = low_pass(samples.specific_force_B, dt, cutoff_hz) - cross(omega_dot, r) - cross(omega, cross(omega, r))
     acceleration = so3.rotate(attitude, felt) - _UP
-    velocity = cumulative_trapezoid(acceleration, dx=dt, axis=0, initial=0.0)
     # Exact where the acceleration is linear between samples: p += v dt + (2 a_k + a_k+1) dt^2 / 6
-    steps = dt * velocity[:-1] + dt**2 / 6.0 * (2.0 * acceleration[:-1] + acceleration[1:])
-    position = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+    now, then = acceleration[:-1], acceleration[1:]
+    velocity = _cumulated(0.5 * dt * (now + then))
+    position = _cumulated(dt * velocity[:-1] + dt**2 / 6.0 * (2.0 * now + then))
     at_stamps = np.stack([np.interp(stamps, time, column) for column in position.T], axis=-1)
     p, dp, ddp = _spline(time, stamps, odometry.position_E[inside] - at_stamps)
     specific_force = so3.rotate_inverse(attitude, acceleration + ddp + _UP)
@@ -107,6 +106,11 @@ def integrate_rate(start: Array, omega_B: Array, dt: float) -> Array:
     for k, step in enumerate(steps):
         quat[k + 1] = so3.multiply(quat[k], step)
     return so3.normalise(quat)
+
+
+def _cumulated(steps: Array) -> Array:
+    """Sums (N, 3) of N - 1 steps, from zero."""
+    return np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
 
 
 def _gyro_bias(time: Array, turned: Array, stamps: Array, quat: Array, window: float = 1.0) -> Array:
