@@ -1,0 +1,101 @@
+"""The allocation: closed form of vehicle.md, inverse of the actuation, saturation."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plant import model_file
+from plant.actuation import nominal_wrench
+from plant.allocation import HOLD_THRUST, Allocation
+
+HEXAROTOR = model_file.load("tilt_hexarotor").vehicle
+WRENCHES = st.lists(st.floats(-1, 1), min_size=6, max_size=6)
+SIZE = np.array([15.0, 15.0, 15.0, 1.5, 1.5, 1.0])
+WEIGHT = np.array([0.0, 0.0, 39.0, 0.0, 0.0, 0.0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(WRENCHES)
+def test_actuation_undoes_allocation(values):
+    wrench = (np.array(values) * SIZE + WEIGHT)[None]
+    commands, saturation = Allocation(HEXAROTOR).allocate(wrench)
+    assert saturation.rotor_speed == 0
+    np.testing.assert_allclose(nominal_wrench(HEXAROTOR, commands), wrench, atol=1e-8)
+
+
+def test_agrees_with_the_closed_form(hexarotor):
+    """lat = (sin g Fx - cos g Fy)/3 - Mz/(6L), ver = Fz/6 + (sin g Mx - cos g My)/(3L) (vehicle.md)."""
+    rng = np.random.default_rng(2)
+    W = rng.normal(size=(50, 6)) * SIZE + WEIGHT
+    commands, _ = Allocation(hexarotor).allocate(W)
+    g = np.arange(6) * np.pi / 3
+    L = 0.3
+    lat = (np.sin(g) * W[:, :1] - np.cos(g) * W[:, 1:2]) / 3 - W[:, 5:] / (6 * L)
+    ver = W[:, 2:3] / 6 + (np.sin(g) * W[:, 3:4] - np.cos(g) * W[:, 4:5]) / (3 * L)
+    wrapped = np.angle(np.exp(1j * (commands.tilt - np.arctan2(lat, ver))))
+    np.testing.assert_allclose(wrapped, 0, atol=1e-9)
+    speed = np.sqrt(np.hypot(lat, ver) / (2 * 7.2e-6))
+    np.testing.assert_allclose(commands.rotor_speed, np.repeat(speed, 2, axis=1), rtol=1e-9)
+
+
+def test_matrix_of_the_regular_star_has_the_known_gram(hexarotor):
+    A = Allocation(hexarotor).matrix
+    L = 0.3
+    np.testing.assert_allclose(A @ A.T, np.diag([3, 3, 6, 3 * L**2, 3 * L**2, 6 * L**2]), atol=1e-12)
+
+
+def test_fixed_quadrotor_makes_thrust_and_torque_but_no_side_force(quadrotor):
+    allocation = Allocation(quadrotor)
+    assert allocation.rank == 4
+    W = np.array([[0.0, 0.0, 30.0, 0.3, -0.2, 0.05]])
+    commands, _ = allocation.allocate(W)
+    np.testing.assert_allclose(nominal_wrench(quadrotor, commands), W, atol=1e-9)
+    np.testing.assert_allclose(allocation.achievable(np.array([[5.0, 3.0, 0, 0, 0, 0]])), 0, atol=1e-9)
+
+
+def test_unwraps_through_half_a_turn(hexarotor):
+    """A force that rotates once about x turns the forward arm once round, without jumps."""
+    angle = np.linspace(0, 2 * np.pi, 400)
+    W = np.zeros((400, 6))
+    W[:, 0], W[:, 1], W[:, 2] = 8.0, 40 * np.sin(angle), 40 * np.cos(angle)
+    tilt = Allocation(hexarotor).allocate(W)[0].tilt
+    assert np.abs(np.diff(tilt, axis=0)).max() < 0.2
+    assert abs(tilt[-1, 0] - tilt[0, 0]) == pytest.approx(2 * np.pi, abs=0.1)
+
+
+def test_one_at_a_time_is_the_same_as_all_at_once(hexarotor):
+    rng = np.random.default_rng(3)
+    W = np.cumsum(rng.normal(size=(200, 6)), axis=0) * 0.4 * SIZE / 15 + WEIGHT
+    allocation = Allocation(hexarotor)
+    together = allocation.allocate(W, dt=0.005)[0]
+    previous, rows = None, []
+    for w in W:
+        commands, _ = allocation.allocate(w[None], previous_tilt=previous, dt=0.005)
+        previous = commands.tilt[-1]
+        rows.append(previous)
+    np.testing.assert_allclose(np.array(rows), together.tilt, atol=1e-9)
+
+
+def test_holds_the_angle_of_an_arm_without_thrust(hexarotor):
+    W = np.tile(WEIGHT, (3, 1)).astype(float)
+    W[:, 0] = 3.0
+    W[1] = [0, 0, 0.5 * HOLD_THRUST, 0, 0, 0]
+    commands, saturation = Allocation(hexarotor).allocate(W)
+    np.testing.assert_allclose(commands.tilt[1], commands.tilt[0])
+    assert saturation.held == 1
+
+
+def test_limits_speed_and_rate(hexarotor):
+    W = np.array([[0, 0, 39.0, 0, 0, 0], [0, 0, 500.0, 0, 0, 0], [30.0, 0, 0.0, 0, 0, 0]])
+    commands, saturation = Allocation(hexarotor).allocate(W, dt=0.001)
+    assert commands.rotor_speed.max() == 1250.0
+    assert saturation.rotor_speed == 1
+    assert np.abs(np.diff(commands.tilt, axis=0)).max() <= 50.0 * 0.001 + 1e-12
+    assert saturation.tilt_rate >= 1
+
+
+def test_negative_thrust_of_a_fixed_rotor_saturates_at_zero(quadrotor):
+    commands, saturation = Allocation(quadrotor).allocate(np.array([[0, 0, -5.0, 0, 0, 0]]))
+    assert (commands.rotor_speed == 0).all()
+    assert saturation.rotor_speed == 1
