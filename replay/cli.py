@@ -14,7 +14,6 @@ import pkgutil
 import sys
 import tempfile
 import traceback
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer

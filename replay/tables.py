@@ -11,6 +11,9 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from flight.checks import Check
+from flight.inspection import Inspection
+from learn.explain import Candidate, Step
 from replay.comparison import Comparison, Stretch
 
 Array = NDArray[np.float64]
@@ -103,7 +106,9 @@ def parameters(rows: Sequence[tuple[str, str, float, float | None, str]], title:
     out.columns[-1].justify = "left"
     last = ""
     for effect, name, value, std, unit in rows:
-        out.add_row(escape(effect) if effect != last else "", escape(name), number(value, 4), number(std, 2), unit)
+        out.add_row(
+            escape(effect) if effect != last else "", escape(name), number(value, 4), number(std, 2), _unit(unit)
+        )
         last = effect
     return out
 
@@ -118,13 +123,14 @@ def before_after(title: str, rows: Sequence[tuple[str, Array]], falls: Array | N
     return out
 
 
-def mean_and_std(title: str, rows: Sequence[tuple[str, Array, Array]]) -> Table:
-    """The paper's prediction table: mean +- std of absolute errors."""
+def mean_and_std(title: str, rows: Sequence[tuple[str, Array, Array]], falls: Array) -> Table:
+    """The paper's prediction table: mean +- std of absolute errors, and the change of the mean."""
     out = table(title, "", *HEADS)
     for name, mean, std in rows:
         out.add_row(
             escape(name), *(f"{number(float(m))} +- {number(float(s), 2)}" for m, s in zip(mean, std, strict=True))
         )
+    out.add_row("change of mean", *fall(falls))
     return out
 
 
@@ -133,4 +139,73 @@ def plain(title: str, heads: Sequence[str], rows: Sequence[Sequence[Any]], left:
     out = table(title, *heads, left=left)
     for values in rows:
         out.add_row(*(escape(str(v)) for v in values))
+    return out
+
+
+def ranking(title: str, step: Step, most: int | None = None) -> Table:
+    """Candidates of one step of the selection, best first; those that can stand for the chosen one are marked."""
+    out = table(title, "", "effect", "score", *(h.split(" ")[0] for h in HEADS), "t", "parameters", left=2)
+    out.columns[-1].justify = "left"
+    alike = {name for name, _ in step.alike}
+    for candidate in step.candidates[:most]:
+        mark = "*" if candidate.name == step.chosen else "=" if candidate.name in alike else ""
+        limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
+        out.add_row(
+            mark,
+            candidate.name,
+            f"{candidate.score:.3f}",
+            *fall(candidate.falls),
+            f"{candidate.significance:.1f}",
+            escape(_values(candidate)) + limit,
+            style="bold" if mark == "*" else "",
+        )
+    return out
+
+
+def ranking_legend() -> str:
+    """What the columns of `ranking` mean."""
+    return (
+        "* chosen   = cannot be told from it   score: share of the error energy that is gone   "
+        "F, M: change of rms on held-out time   t: above 3 is beyond chance"
+    )
+
+
+def _values(candidate: Candidate) -> str:
+    """The values in a few words: all of up to three, else the clearest two."""
+    values = candidate.values()
+    if len(values) == 1:
+        name, value, std, unit = values[0]
+        return f"{name} {number(value)} +- {number(std, 2)} {_unit(unit)}".rstrip()
+    clearest = sorted(values, key=lambda v: -abs(v[1]) / max(v[2], 1e-30))
+    shown = values if len(values) <= 3 else clearest[:2]
+    more = f", ... ({len(values)})" if len(values) > 3 else ""
+    return ", ".join(f"{n} {number(v)} {_unit(u)}".rstrip() for n, v, _, u in shown) + more
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def topics(seen: Inspection) -> Table:
+    """Topics of a log: roles, rates, gaps."""
+    size = f"{seen.size / 1e6:.1f} MB" if seen.size >= 1e5 else f"{seen.size / 1e3:.1f} kB"
+    title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
+    heads = ("topic", "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out")
+    out = table(title, *heads, left=3)
+    for t in seen.topics:
+        kind = t.type.replace("/msg/", "/")
+        gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
+        jitter = "-" if t.jitter is None else number(1e3 * t.jitter, 2)
+        role = f"[bold green]{escape(', '.join(t.plays))}[/]" if t.plays else "[dim]-[/]"
+        lost = str(sum(t.dropped.values())) if t.dropped else "0"
+        out.add_row(escape(t.topic), escape(kind), role, str(t.count), number(t.rate, 4), jitter, gaps, lost)
+    return out
+
+
+def checks(found: Sequence[Check]) -> Table:
+    """Findings, the bad ones first."""
+    out = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+    colours = {"ok": "[green]ok[/]", "warn": "[yellow]warn[/]", "bad": "[bold red]bad[/]"}
+    for check in sorted(found, key=lambda c: ("bad", "warn", "ok").index(c.level)):
+        out.add_row(colours[check.level], escape(check.name), escape(check.message))
     return out

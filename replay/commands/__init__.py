@@ -1,1 +1,1 @@
-"""One module per command; each has `register(app)`. A module is found by being here: nothing else lists the commands."""
+"""One module per command, each with `register(app)`. A module is found by being here; nothing else lists them."""

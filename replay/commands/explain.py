@@ -1,0 +1,119 @@
+"""`wrenchgap explain`: which physical effect is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from replay.options import Cutoff, Force, JsonFile, Logs, ModelOption, Quiet, Topics, many, parse_names, parse_topics
+
+if TYPE_CHECKING:
+    from learn.explain import Explanation
+    from replay.console import Printer
+    from replay.explanation import Validation
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("explain", cls=many("--validate"))(explain)
+
+
+def explain(
+    logs: Logs,
+    model: ModelOption,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted."),
+    ] = None,
+    effects_only: Annotated[
+        str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
+    ] = None,
+    topic: Topics = None,
+    cutoff: Cutoff = 8.0,
+    json: JsonFile = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Rank the effects that could explain what the model misses, by the error that they take off held-out time.
+
+    Effects already in MODEL stay, fitted together with each candidate. Effects that these logs cannot tell apart are
+    reported as one group. Put the result into a model file with `wrenchgap add`.
+
+    Example: `wrenchgap explain train.mcap -m tilt_hexarotor --validate test.mcap`
+    """
+    from learn.explain import explain as find_missing
+    from learn.fit import dataset
+    from plant import model_file
+    from plant.effects import find
+    from replay import comparison, explanation
+    from replay.console import Printer, progress
+    from replay.flights import open_flights
+    from replay.results import claim, document, log_input, model_input, write_json
+
+    unseen = validate or []
+    claim({"--json": json}, force=force, inputs=[*logs, *unseen, model])
+    printer = Printer(quiet)
+    base = model_file.load(model)
+    names = parse_names(effects_only)
+    for name in names:
+        find(name)
+    topics = parse_topics(topic)
+    hz = comparison.cutoff_checked(cutoff)
+    with progress("explaining", quiet) as report:
+        report(0.0, "reading logs")
+        every = comparison.distinct(open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz))
+        flights, tests = every[: len(logs)], every[len(logs) :]
+        data = dataset([r for f in flights for r in f.records], base)
+        found = find_missing(
+            data,
+            base,
+            names=names or None,
+            progress=lambda words, k, n: report(min(1.0, k / max(n, 1)), words),
+        )
+    checked = explanation.validate(tests, flights, base, found.model) if tests else None
+    _print(printer, found, checked, model, " ".join(map(str, logs)))
+    printer.notes([note for f in every for note in f.notes])
+    if json is not None:
+        read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in tests)]
+        body = {**explanation.to_json(found, checked), "flights": [f.records[0].flight for f in flights]}
+        body["cutoff_hz"] = cutoff
+        body["notes"] = list(dict.fromkeys(note for f in every for note in f.notes))
+        write_json(json, document("explain", body, [*read, model_input(base)]), force=force)
+    printer.wrote(result=json)
+
+
+def _print(printer: Printer, found: Explanation, checked: Validation | None, source: str, logs: str) -> None:
+    from replay import explanation, tables
+
+    printer.line(explanation.sentence(found), style="bold")
+    printer.line()
+    before: list[str] = []
+    for step in found.steps:
+        if step.chosen is None and before:
+            printer.line(f"on top of {', '.join(before)}: no further effect stands out\n")
+            break
+        title = f"on top of {', '.join(before)}" if before else "candidates"
+        printer.show(tables.ranking(title, step, most=4 if before else None))
+        before += [step.chosen] if step.chosen else []
+    printer.line(tables.ranking_legend() + "\n", style="dim")
+    fitted = explanation.parameters(found)
+    if fitted:
+        rows = [(name, *values) for name, listed in fitted.items() for values in listed]
+        printer.show(tables.parameters(rows, "fitted together"))
+    rows_of = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
+    change = 1.0 - found.rms_after / found.rms_before
+    printer.show(tables.before_after("held-out time of the given logs", rows_of, change))
+    if checked is not None:
+        first, last = checked.comparison.evaluations[0], checked.comparison.evaluations[-1]
+        names = ", ".join(checked.comparison.flights)
+        rows_of = [("rms before", first.pooled.rms), ("rms after", last.pooled.rms)]
+        printer.show(tables.before_after(f"unseen: {names}", rows_of, checked.falls))
+        printer.notes(checked.warnings, "warning")
+    if found.dropped:
+        printer.line(f"dropped again, no longer needed: {', '.join(found.dropped)}")
+    for name, reason in found.inapplicable.items():
+        printer.line(f"not tried: {reason if reason.startswith('effect ') else f'{name}: {reason}'}", style="dim")
+    if found.effects:
+        printer.line(f"next: wrenchgap add {' '.join(found.effects)} -m {source} --from {logs} -o fitted.toml")

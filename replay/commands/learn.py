@@ -1,0 +1,140 @@
+"""`wrenchgap learn`: a Gaussian process on what the model leaves."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from replay.options import Cutoff, Force, JsonFile, Logs, ModelOption, Quiet, Topics, many, parse_topics
+
+if TYPE_CHECKING:
+    from replay.console import Printer
+    from replay.learning import Learnt
+
+
+class Subsample(StrEnum):
+    """k-medoids libraries."""
+
+    fasterpam = "fasterpam"
+    pyclustering = "pyclustering"
+
+
+class Mean(StrEnum):
+    """Mean functions of the process."""
+
+    zero = "zero"
+    linear = "linear"
+    constant = "constant"
+
+
+class Scale(StrEnum):
+    """Inputs for the distance between samples."""
+
+    standardised = "standardised"
+    raw = "raw"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("learn", cls=many("--validate"))(learn)
+
+
+def learn(
+    logs: Logs,
+    model: ModelOption,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="GP", help="File to write.", show_default=False)],
+    validate: Annotated[
+        list[Path] | None, typer.Option("--validate", metavar="LOG...", help="Flights to test on; never fitted.")
+    ] = None,
+    points: Annotated[int, typer.Option("--points", metavar="N", help="Training points kept.")] = 200,
+    outputs: Annotated[
+        str, typer.Option("--outputs", metavar="WHAT", help="torque, wrench, or axes like torque_x,force_z.")
+    ] = "torque",
+    subsample: Annotated[
+        Subsample, typer.Option("--subsample", help="k-medoids library; pyclustering is the paper's.")
+    ] = Subsample.fasterpam,
+    mean: Annotated[Mean, typer.Option("--mean", help="Mean function; zero is the paper's.")] = Mean.zero,
+    scale: Annotated[
+        Scale, typer.Option("--scale", help="Inputs of k-medoids; raw is the paper's.")
+    ] = Scale.standardised,
+    restarts: Annotated[int, typer.Option("--restarts", metavar="N", help="Random starts of the likelihood.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of k-medoids and restarts.")] = 0,
+    topic: Topics = None,
+    cutoff: Cutoff = 8.0,
+    json: JsonFile = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Learn what the model leaves of the measured wrench, as a function of the commanded one.
+
+    The process is added to MODEL with its effects, so name effects first and learn the rest.
+
+    Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
+    """
+    from flight.errors import UsageError
+    from learn import store
+    from learn.gp import FitSettings
+    from plant import model_file
+    from replay import comparison, learning
+    from replay.console import Printer, progress
+    from replay.flights import open_flights
+    from replay.results import claim, document, log_input, model_input, write_json
+
+    unseen = validate or []
+    claim({"--output": output, "--json": json}, force=force, inputs=[*logs, *unseen, model])
+    if points < 2 or restarts < 0 or seed < 0:
+        raise UsageError(f"learn: got {points} points, {restarts} restarts, seed {seed}; expected >= 2, >= 0, >= 0")
+    wanted = learning.parse_outputs(outputs)
+    settings = FitSettings(
+        points=points, method=subsample.value, scale=scale.value, mean=mean.value, restarts=restarts, seed=seed
+    )
+    base = model_file.load(model)
+    hz = comparison.cutoff_checked(cutoff)
+    with progress("learning", quiet) as report:
+        report(0.0, "reading logs")
+        topics = parse_topics(topic)
+        every = comparison.distinct(open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz))
+        flights, tests = every[: len(logs)], every[len(logs) :]
+        learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
+    store.save(learnt.gp, output, force=force)
+    printer = Printer(quiet)
+    _print(printer, learnt)
+    notes = [note for f in every for note in f.notes]
+    printer.notes(learnt.warnings, "warning")
+    printer.notes(notes)
+    if json is not None:
+        read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in tests)]
+        body = {**learnt.to_json(), "gp": str(output), "notes": notes}
+        write_json(json, document("learn", body, [*read, model_input(base)]), force=force)
+    printer.wrote(GP=output, result=json)
+
+
+def _print(printer: Printer, learnt: Learnt) -> None:
+    from replay import tables
+
+    gp = learnt.gp
+    printer.line(
+        f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart) on top of "
+        f"{gp.provenance.physics}"
+    )
+    for title, result in (("training", learnt.training), ("unseen", learnt.validation)):
+        if result is None:
+            continue
+        rows = [(e.name, e.pooled.mean_abs, e.pooled.std_abs) for e in result.evaluations]
+        name = f"{title}: {', '.join(result.flights)}, mean +- std of |measured - predicted|"
+        fall = 1.0 - result.evaluations[-1].pooled.mean_abs / result.evaluations[0].pooled.mean_abs
+        printer.show(tables.mean_and_std(name, rows, fall))
+    rows = [
+        (name, tables.number(float(prior)), tables.number(float(seen)))
+        for name, prior, seen in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)
+    ]
+    heads = ("output", "far from the data", "99 % of the training samples below")
+    printer.show(tables.plain("standard deviation of a prediction", heads, rows))
+    low, middle, high = learnt.real_min
+    printer.line(
+        f"conditioning: smallest eigenvalue of I + dmu/dW {low:.2f} (1st percentile), {middle:.2f} (median), "
+        f"{high:.2f} (largest); 1 is no mismatch, 0 cannot be inverted"
+    )

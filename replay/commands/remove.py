@@ -1,0 +1,43 @@
+"""`wrenchgap remove`: take effects out of a model."""
+
+from __future__ import annotations
+
+import typer
+
+from replay.options import Effects, Force, JsonFile, ModelOption, ModelOut, Quiet
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("remove")(remove)
+
+
+def remove(
+    effects: Effects,
+    model: ModelOption,
+    output: ModelOut,
+    json: JsonFile = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Take effects out of a model; the others keep their values (fit them anew with `wrenchgap add`).
+
+    Example: `wrenchgap remove servo_lag -m fitted.toml -o without.toml`
+    """
+    from plant import model_file
+    from replay import editing, tables
+    from replay.console import Printer
+    from replay.results import claim, document, model_input, write_json
+
+    claim({"--output": output, "--json": json}, force=force)
+    base = model_file.load(model)
+    source = model_input(base)  # before the output may replace it
+    saved = model_file.save(base.without(effects), output, force=force)
+    printer = Printer(quiet)
+    printer.line(f"removed {', '.join(dict.fromkeys(effects))} from {base.name}")
+    if saved.effects:
+        printer.show(tables.parameters(editing.rows_of(saved), f"effects of {saved.name}"))
+    if json is not None:
+        body = {"removed": list(dict.fromkeys(effects)), "effects": editing.effects_json(saved), "model": str(output)}
+        write_json(json, document("remove", body, [source]), force=force)
+    printer.wrote(model=output, result=json)

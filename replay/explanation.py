@@ -1,0 +1,191 @@
+"""What `explain` found, in words and in plain types, and how it does on flights that it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from flight.flight import AXES
+from learn.explain import Candidate, Explanation
+from learn.measurement import Record
+from plant.model import Model
+from replay.comparison import Comparison, Predictor, compare
+from replay.flights import OpenFlight
+
+Array = NDArray[np.float64]
+
+BEYOND = 1.15
+"""A flight lies outside when its 95th percentile exceeds the fitted maximum by this factor."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """How far a quantity went: `maximum` over the fitted flights, `percentile` (95th) over a validation flight."""
+
+    quantity: str
+    unit: str
+    maximum: float
+    percentile: float
+
+    @property
+    def outside(self) -> bool:
+        """Whether the validation flight left what was fitted."""
+        return self.percentile > BEYOND * self.maximum
+
+
+def ranges(fitted: Sequence[Record], unseen: Sequence[Record]) -> list[Range]:
+    """Tilt, body rate, speed and force of both sides; tilt and speed only where all logs have a pose."""
+    posed = all(r.has_pose for r in (*fitted, *unseen))
+    out = []
+    for quantity, unit, values in _quantities(posed):
+        known = np.concatenate([values(r) for r in fitted])
+        new = np.concatenate([values(r) for r in unseen])
+        out.append(Range(quantity, unit, float(np.max(known)), float(np.percentile(new, 95))))
+    return out
+
+
+def _quantities(posed: bool) -> list[tuple[str, str, Any]]:
+    always = [
+        ("body rate", "rad/s", lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1)),
+        ("commanded force", "N", lambda r: np.linalg.norm(r.commanded[:, :3], axis=1)),
+        ("commanded torque", "Nm", lambda r: np.linalg.norm(r.commanded[:, 3:], axis=1)),
+    ]
+    with_pose = [
+        ("tilt", "deg", lambda r: np.degrees(so3.tilt_angle(r.state_kept.quat_EB))),
+        ("speed", "m/s", lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1)),
+    ]
+    return with_pose + always if posed else always
+
+
+@dataclass(frozen=True)
+class Validation:
+    """The fitted model on flights that were not fitted: `comparison` of nominal, given and fitted model."""
+
+    comparison: Comparison
+    ranges: tuple[tuple[str, tuple[Range, ...]], ...]
+
+    @property
+    def warnings(self) -> list[str]:
+        """One sentence for each quantity that left the fitted range."""
+        return [
+            f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} "
+            f"(fitted up to {r.maximum:.3g}); the result may not carry over."
+            for flight, listed in self.ranges
+            for r in listed
+            if r.outside
+        ]
+
+    @property
+    def falls(self) -> Array:
+        """Fraction (6,) of the given model's rms that the fitted model takes off."""
+        return fall(self.comparison)
+
+
+def fall(comparison: Comparison) -> Array:
+    """Fraction (6,) of rms taken off from the first to the last model."""
+    return comparison.falls(comparison.evaluations[-1])
+
+
+def validate(flights: Sequence[OpenFlight], fitted_on: Sequence[OpenFlight], given: Model, fitted: Model) -> Validation:
+    """Given and fitted model on unseen flights."""
+    predictors = [Predictor("given", given.wrench_model), Predictor("explained", fitted.wrench_model)]
+    known = [r for f in fitted_on for r in f.records]
+    listed = tuple((f.records[0].flight, tuple(ranges(known, f.records))) for f in flights)
+    return Validation(compare(flights, given, predictors), listed)
+
+
+def sentence(explanation: Explanation) -> str:
+    """The verdict in plain words."""
+    named = " and ".join(_with_values(explanation, name) for name in explanation.effects)
+    left = _left(explanation)
+    if explanation.verdict == "nothing":
+        return f"Nothing is missing that these logs can show. {left}"
+    if explanation.verdict == "unknown" and not explanation.effects:
+        return f"Something is missing, but no effect of the catalogue explains it. {left}"
+    if explanation.verdict == "unknown":
+        return f"Partly explained by {named}; more is missing than the catalogue can explain. {left}"
+    if explanation.verdict == "group":
+        groups = "; ".join(" or ".join(group) for group in explanation.groups)
+        return f"Explained by {named}, but these logs cannot tell apart: {groups}. {left}"
+    return f"Explained by {named}. {left}"
+
+
+def _with_values(explanation: Explanation, name: str) -> str:
+    values = parameters(explanation).get(name, [])
+    if not values or len(values) > 3:
+        return name
+    return f"{name} ({', '.join(f'{n} {v:.3g} {u}'.strip() for n, v, _, u in values)})"
+
+
+def _left(explanation: Explanation) -> str:
+    after, noise = explanation.rms_after, explanation.noise
+    axis = int(np.argmax(after / np.maximum(noise, 1e-30)))
+    unit = "N" if axis < 3 else "Nm"
+    return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit} rms (sensor noise {noise[axis]:.2g})."
+
+
+def parameters(explanation: Explanation) -> dict[str, list[tuple[str, float, float, str]]]:
+    """(parameter, value, std, unit) of the chosen effects as fitted together, by effect."""
+    fit = explanation.fit
+    out: dict[str, list[tuple[str, float, float, str]]] = {}
+    for (name, p), value, std in zip(fit.parameters, fit.theta, fit.std, strict=True):
+        out.setdefault(name, []).append((p.name, float(value), float(std), p.unit))
+    return out
+
+
+def to_json(explanation: Explanation, validation: Validation | None) -> dict[str, Any]:
+    """The body of the `explain` schema."""
+    fitted = parameters(explanation)
+    return {
+        "verdict": explanation.verdict,
+        "effects": list(explanation.effects),
+        "groups": [list(group) for group in explanation.groups],
+        "ranking": [_candidate(c) for c in explanation.ranking],
+        "axes": list(AXES),
+        "summary": sentence(explanation),
+        "fitted": [{"effect": name, "parameters": _named(fitted.get(name, []))} for name in explanation.effects],
+        "steps": [
+            {
+                "chosen": step.chosen,
+                "alike": [{"effect": name, "cosine": cosine} for name, cosine in step.alike],
+                "candidates": [_candidate(c) for c in step.candidates],
+            }
+            for step in explanation.steps
+        ],
+        "dropped": list(explanation.dropped),
+        "not_tried": [{"effect": name, "reason": reason} for name, reason in explanation.inapplicable.items()],
+        "rms_before": explanation.rms_before,
+        "rms_after": explanation.rms_after,
+        "noise": explanation.noise,
+        "validation": None if validation is None else _validation(validation),
+    }
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    return {
+        "effect": candidate.name,
+        "heldout_fall": candidate.falls,
+        "score": candidate.score,
+        "parameters": _named(candidate.values()),
+        "evidence": candidate.evidence,
+        "significance": candidate.significance,
+        "implausible": list(candidate.implausible),
+    }
+
+
+def _named(values: Sequence[tuple[str, float, float, str]]) -> list[dict[str, Any]]:
+    return [{"name": n, "value": v, "std": s, "unit": u} for n, v, s, u in values]
+
+
+def _validation(validation: Validation) -> dict[str, Any]:
+    body = validation.comparison.to_json()
+    listed = [
+        {"flight": flight, "ranges": [{**r.__dict__, "outside": r.outside} for r in found]}
+        for flight, found in validation.ranges
+    ]
+    return {**body, "fall": validation.falls, "ranges": listed, "warnings": validation.warnings}

@@ -1,0 +1,157 @@
+"""A Gaussian process learnt from flights, and how well it predicts.
+
+Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench. Samples are thinned to
+1 / (2 f_c) or more, because the filter has made closer ones dependent (reference paper-decisions.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.errors import UsageError
+from flight.flight import AXES
+from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
+from learn.measurement import Record
+from learn.train import fit
+from plant.mismatch import conditioning, output_indices
+from plant.model import Model
+from plant.model_file import content_hash, tool_version
+from replay.comparison import Comparison, Predictor, compare
+from replay.flights import OpenFlight
+
+Array = NDArray[np.float64]
+
+TORQUE = AXES[3:]
+NEARLY_SINGULAR = 0.2
+"""Smallest real part of the eigenvalues of I + dmu/dW below which the correction is ill-conditioned."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is learnt from: commands `inputs` (M, 6), mismatch `outputs` (M, 6), `spacing` [s] between samples."""
+
+    inputs: Array
+    outputs: Array
+    spacing: float
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """A GP and what it does on the training flights and, where given, on others."""
+
+    gp: GaussianProcess
+    samples: int
+    spacing: float
+    training: Comparison
+    validation: Comparison | None
+    real_min: Array  # (3,) 1st percentile, median, maximum of the smallest real part along the training commands
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user should know before trusting the correction."""
+        if self.real_min[0] > NEARLY_SINGULAR:
+            return []
+        return [
+            f"I + dmu/dW is nearly singular on the training flights (smallest eigenvalue {self.real_min[0]:.2f}): in "
+            "slow flight the mismatch is minus the command, and the GP has learnt just that; train on a flight with "
+            "excitation on all axes, or add effects first."
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """The body of the `learn` schema."""
+        gp = self.gp
+        low, middle, high = self.real_min
+        return {
+            "axes": list(AXES),
+            "outputs": list(gp.outputs),
+            "settings": dict(gp.settings.__dict__),
+            "samples": self.samples,
+            "points": len(gp.inputs),
+            "spacing_s": self.spacing,
+            "cutoff_hz": gp.provenance.cutoff_hz,
+            "physics": gp.provenance.physics,
+            "sigma_prior": gp.sigma_prior,
+            "sigma_training": gp.sigma_training,
+            "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
+            "training": self.training.to_json(),
+            "validation": None if self.validation is None else self.validation.to_json(),
+            "warnings": self.warnings,
+        }
+
+
+def parse_outputs(text: str) -> tuple[str, ...]:
+    """`torque`, `wrench`, or names of axes separated by commas."""
+    if text == "torque":
+        return TORQUE
+    if text == "wrench":
+        return AXES
+    names = tuple(part.strip() for part in text.split(",") if part.strip())
+    wrong = [n for n in names if n not in AXES]
+    if wrong or not names or len(set(names)) < len(names):
+        raise UsageError(f"--outputs {text}: expected torque, wrench, or different names out of {', '.join(AXES)}")
+    return names
+
+
+def samples(records: Sequence[Record], model: Model) -> Samples:
+    """Commands and mismatches of all records, thinned to at least 1 / (2 f_c)."""
+    nominal = Predictor("physics", model.wrench_model)
+    inputs, outputs = [], []
+    spacing = 0.0
+    for record in records:
+        kept = record.dt * (record.keep.step or 1)
+        step = max(1, math.ceil(1.0 / (2.0 * record.cutoff_hz * kept) - 1e-9))
+        residual = record.measured - nominal.predict(record, model.vehicle.body)
+        inputs.append(record.commanded[::step])
+        outputs.append(residual[::step])
+        spacing = kept * step
+    return Samples(np.concatenate(inputs), np.concatenate(outputs), spacing)
+
+
+def learn(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    outputs: tuple[str, ...],
+    settings: FitSettings,
+    *,
+    validation: Sequence[OpenFlight] = (),
+    progress: Callable[[float, str], None] | None = None,
+) -> Learnt:
+    """Learn what `model` leaves on `flights`, and see what the GP does there and on `validation`."""
+    records = [r for f in flights for r in f.records]
+    data = samples(records, model)
+    gp = fit(
+        data.inputs,
+        data.outputs[:, output_indices(outputs)],
+        outputs,
+        settings,
+        provenance=Provenance(
+            vehicle=model.vehicle.name,
+            model_hash=content_hash(model),
+            physics=", ".join(e.name for e in model.effects) or "nominal",
+            cutoff_hz=records[0].cutoff_hz,
+            logs=tuple(LogSource(f.flight.path.name, f.flight.content_hash) for f in flights),
+            version=tool_version(),
+            date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        ),
+        progress=progress,
+    )
+    name = model.name if model.effects else "nominal"
+    found = [Predictor("nominal", model.nominal.wrench_model)]
+    found += [Predictor(name, model.wrench_model)] if model.effects else []
+    found.append(Predictor(f"{name}+GP", model.wrench_model, gp))
+    real = conditioning(gp, data.inputs).real_min
+    return Learnt(
+        gp,
+        len(data.inputs),
+        data.spacing,
+        compare(flights, model, found),
+        compare(validation, model, found) if validation else None,
+        np.array([np.percentile(real, 1), np.median(real), real.max()]),
+    )
