@@ -40,6 +40,8 @@ INDISTINCT = 2.5
 """Paired t over blocks below which two explanations cannot be told apart."""
 LEAST_EVIDENCE = 0.2
 """Smallest evidence (sum of log rms ratios over the axes) worth a name: e.g. 7 % of the rms of three axes."""
+MATERIAL = 0.2
+"""Smallest parameter worth a name, in typical sizes (`Parameter.scale`): e.g. 1 % of thrust, 6 ms of lag."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,12 @@ class Candidate:
     def size(self) -> int:
         """Number of parameters of this effect."""
         return sum(name == self.name for name, _ in self.fit.parameters)
+
+    @property
+    def material(self) -> bool:
+        """Whether the effect is large enough to be worth a name."""
+        rows = zip(self.fit.parameters, self.fit.theta, strict=True)
+        return any(abs(v) >= MATERIAL * p.scale for (name, p), v in rows if name == self.name)
 
     def values(self) -> list[tuple[str, float, float, str]]:
         """(parameter, value, standard deviation, unit) of this effect."""
@@ -187,7 +195,7 @@ class _Search:
         difference = self.blocks(worse, variance) - self.blocks(better, variance)
         if len(difference) < 3:
             return 0.0
-        spread = float(np.std(difference, ddof=1)) / np.sqrt(len(difference))
+        spread = float(np.std(difference, ddof=1) / np.sqrt(len(difference)))
         return float(np.mean(difference)) / max(spread, 1e-30)
 
     def energy(self, residual: Array) -> float:
@@ -221,7 +229,9 @@ class _Search:
             found.append(self.candidate(chosen, name))
         found.sort(key=lambda c: (bool(c.implausible), -c.score))
         worthy = [
-            c for c in found if not c.implausible and c.significance > SIGNIFICANT and c.evidence > LEAST_EVIDENCE
+            c
+            for c in found
+            if not c.implausible and c.material and c.significance > SIGNIFICANT and c.evidence > LEAST_EVIDENCE
         ]
         if not worthy:
             return Step(tuple(found), None, ())

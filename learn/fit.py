@@ -321,7 +321,7 @@ class _Problem:
             if fraction == 1.0 and abs(promised - gain) <= 0.005 * promised + 1e-6 * cost:
                 return point, derivative, count
             derivative = self.jacobian(point)
-            if gain <= 1e-4 * cost:
+            if gain <= 1e-3 * cost:
                 return point, derivative, count
         return point, derivative, iterations
 

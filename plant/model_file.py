@@ -5,6 +5,7 @@ Writing keeps the file's own text, comments and order, and replaces only the eff
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -130,7 +131,9 @@ class _Table:
         if key in self._values:
             return self._values.pop(key)
         if default is None:
-            raise ModelError(f"{self._key(key)}: is missing; see docs/model-file.md")
+            near = difflib.get_close_matches(key, self._values, 1)
+            meant = f"; {near[0]!r} is there: did you mean {key!r}?" if near else "; see docs/model-file.md"
+            raise ModelError(f"{self._key(key)}: is missing{meant}")
         return default
 
     def has(self, key: str) -> bool:

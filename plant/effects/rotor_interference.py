@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.errors import ModelError
 from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
@@ -39,20 +40,34 @@ class RotorInterference(ThrustEffect):
         if loss == 0.0 or width <= 0.0:
             return actuation.thrust
         arms, rotors = context.vehicle.geometry()
-        thrust = np.zeros((len(actuation.thrust), len(arms)))
-        for arm, made in zip(rotors.arm, actuation.thrust.T, strict=True):
-            thrust[:, arm] += made
-        strength = loss * np.sqrt(np.maximum(thrust, 0.0) / (context.vehicle.body.mass * GRAVITY / len(arms)))
-        factor = np.ones_like(actuation.thrust)
+        per_arm = actuation.thrust @ (rotors.arm[:, None] == np.arange(len(arms)))
+        strength = np.sqrt(np.maximum(per_arm, 0.0) * len(arms) / (context.vehicle.body.mass * GRAVITY))
+        lost = np.zeros_like(actuation.thrust)
         for j in range(len(arms)):
             source = np.flatnonzero(rotors.arm == j)
             if source.size == 0:
                 continue
-            reach = width * rotors.radius[source[0]]
             others = np.flatnonzero(rotors.arm != j)
-            n = actuation.arm_normal_B[:, j]
-            d = actuation.hub_B[:, others] - arms.position_B[j]
-            along = -np.matmul(d, n[:, :, None])[..., 0]
-            rho_squared = (d * d).sum(axis=-1) - along**2
-            factor[:, others] -= np.where(along > 0, strength[:, j, None] * np.exp(-rho_squared / reach**2), 0.0)
-        return np.asarray(actuation.thrust * np.maximum(factor, 0.0))
+            along, rho_squared = _place_in_wake(actuation, j, others)
+            reach = width * rotors.radius[source[0]]
+            inside = (along > 0) & (rho_squared < (3.0 * reach) ** 2)
+            share = np.zeros_like(along)
+            share[inside] = np.exp(-rho_squared[inside] / reach**2)
+            lost[:, others] += loss * strength[:, j, None] * share
+        return np.asarray(actuation.thrust * np.maximum(1.0 - lost, 0.0))
+
+
+def _place_in_wake(actuation: Actuation, j: int, hubs: NDArray[np.intp]) -> tuple[Array, Array]:
+    """How far downstream of arm j (N, H) and how far squared from its wake's axis (N, H) the hubs sit.
+
+    With d = p_i + h_i n_i - p_j from arm j to a hub: downstream -d.n_j, distance squared |d|^2 - (d.n_j)^2.
+    """
+    arms, rotors = actuation.vehicle.geometry()
+    on, h = rotors.arm[hubs], rotors.offset[hubs]
+    apart = arms.position_B[on] - arms.position_B[j]
+    n_j, n = actuation.arm_normal_B[:, j], actuation.arm_normal_B
+    cosines = np.matmul(n, n_j[:, :, None])[..., 0]
+    along = -(n_j @ apart.T + h * cosines[:, on])
+    lever = np.einsum("nai,ai->na", n, arms.position_B) - n @ arms.position_B[j]
+    squared = (apart**2).sum(axis=1) + h**2 + 2.0 * h * lever[:, on]
+    return along, squared - along**2

@@ -1,0 +1,138 @@
+"""The measured wrench, against closed forms."""
+
+import numpy as np
+import pytest
+
+from flight.errors import FitError
+from flight.flight import Samples
+from learn.measurement import derivative, low_pass, predict, prepare
+from plant import model_file
+from plant.vehicle import Body, Vehicle
+
+DT = 0.005
+BODY = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
+
+
+def vehicle(imu=(0.0, 0.0, 0.0)):
+    return Vehicle("w", BODY, None, None, np.array(imu))
+
+
+def samples(omega, force, wrench, seconds=10.0, **rest):
+    t = np.arange(round(seconds / DT)) * DT
+    rows = {
+        k: np.stack([np.broadcast_to(c, t.shape) for c in f(t)], axis=1)
+        for k, f in {"omega_B": omega, "specific_force_B": force, "wrench_cmd_B": wrench}.items()
+    }
+    return Samples("f", t, DT, rows["omega_B"], rows["specific_force_B"], rows["wrench_cmd_B"], **rest)
+
+
+def zero3(t):
+    return (0 * t, 0 * t, 0 * t)
+
+
+def zero6(t):
+    return zero3(t) + zero3(t)
+
+
+def test_torque_of_a_swinging_body():
+    """omega_x = a sin wt gives M_x = J_xx a w cos wt, damped by the filter's gain at w, nothing on the other axes."""
+    a, w = 0.8, 2 * np.pi * 1.5
+    s = samples(lambda t: (a * np.sin(w * t), 0 * t, 0 * t), zero3, zero6)
+    record = prepare(s, vehicle())
+    gain = 1 / (1 + (np.tan(np.pi * 1.5 * DT) / np.tan(np.pi * 8.0 * DT)) ** 4)  # Butterworth, bilinear, twice
+    expected = 0.1 * a * w * np.cos(w * record.time) * gain
+    np.testing.assert_allclose(record.measured[:, 3], expected, atol=2e-3 * 0.1 * a * w)
+    np.testing.assert_allclose(record.measured[:, [0, 1, 2, 4, 5]], 0, atol=1e-9)
+
+
+def test_gyroscopic_torque_of_a_steady_spin():
+    """Steady omega: M = omega x J omega."""
+    w = np.array([0.5, 1.0, -0.7])
+    record = prepare(samples(lambda t: tuple(v + 0 * t for v in w), zero3, zero6), vehicle())
+    np.testing.assert_allclose(
+        record.measured[:, 3:], np.tile(np.cross(w, BODY.inertia @ w), (len(record), 1)), atol=1e-9
+    )
+
+
+def test_force_is_mass_times_specific_force_without_gravity():
+    record = prepare(samples(zero3, lambda t: (0 * t, 0 * t, 9.81 + 0 * t), zero6), vehicle())
+    np.testing.assert_allclose(record.measured[:, 2], 2.0 * 9.81)
+
+
+def test_lever_arm_of_the_imu_is_taken_out():
+    """An IMU at +x on a body that spins about z feels -w^2 r; the force about the centre must be zero."""
+    w, r = 3.0, 0.1
+    s = samples(lambda t: (0 * t, 0 * t, w + 0 * t), lambda t: (-(w**2) * r + 0 * t, 0 * t, 0 * t), zero6)
+    np.testing.assert_allclose(prepare(s, vehicle((r, 0, 0))).measured[:, :3], 0, atol=1e-9)
+
+
+def test_same_filter_on_both_sides_leaves_no_lag():
+    """A perfect vehicle (measured = commanded) has no residual, however fast the command."""
+    rng = np.random.default_rng(0)
+    phase = rng.uniform(0, 6, 8)
+
+    def wave(t):
+        return sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(np.linspace(0.5, 6, 8), phase, strict=True))
+
+    s = samples(
+        zero3,
+        lambda t: (0 * t, 0 * t, 9.81 + 0.5 * wave(t)),
+        lambda t: (*(0 * t,) * 2, 2 * (9.81 + 0.5 * wave(t)), *(0 * t,) * 3),
+    )
+    record = prepare(s, vehicle())
+    from plant.wrench_model import WrenchModel
+
+    np.testing.assert_allclose(record.measured - predict(record, WrenchModel(vehicle())), 0, atol=1e-9)
+    np.testing.assert_allclose(record.measured - record.commanded, 0, atol=1e-9)
+
+
+def test_derivative_is_fourth_order():
+    errors = []
+    for n in (100, 200):
+        t = np.linspace(0, 1, n + 1)
+        errors.append(np.abs(derivative(np.sin(6 * t)[:, None], 1 / n)[5:-5, 0] - 6 * np.cos(6 * t[5:-5])).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_low_pass_has_no_phase_and_the_known_gain():
+    t = np.arange(4000) * DT
+    wave = np.sin(2 * np.pi * 8.0 * t)[:, None]
+    out = low_pass(wave, DT, 8.0)
+    np.testing.assert_allclose(out[1000:3000], 0.5 * wave[1000:3000], atol=1e-3)  # -6 dB at the cut-off, in phase
+
+
+def test_noise_level_is_that_of_the_white_noise_put_in():
+    """Against the spread of many filtered noise-only samples."""
+    rng = np.random.default_rng(1)
+    t = np.arange(40000) * DT
+    quiet = Samples(
+        "n", t, DT, 3e-3 * rng.normal(size=(len(t), 3)), 0.03 * rng.normal(size=(len(t), 3)), np.zeros((len(t), 6))
+    )
+    record = prepare(quiet, vehicle())
+    np.testing.assert_allclose(record.noise, record.measured.std(axis=0), rtol=0.1)
+
+
+def test_refuses_a_stretch_shorter_than_the_filter():
+    with pytest.raises(FitError, match="too short"):
+        prepare(samples(zero3, zero3, zero6, seconds=0.5), vehicle())
+
+
+def test_refuses_a_cut_off_above_the_rate():
+    with pytest.raises(FitError, match="cut-off"):
+        prepare(samples(zero3, zero3, zero6), vehicle(), cutoff_hz=150.0)
+
+
+def test_refuses_actuators_of_another_vehicle():
+    s = samples(zero3, zero3, zero6, tilt_cmd=np.zeros((2000, 4)), rotor_speed_cmd=np.zeros((2000, 4)))
+    with pytest.raises(FitError, match="4 rotor speeds"):
+        prepare(s, model_file.load("tilt_hexarotor").vehicle)
+
+
+def test_allocates_where_the_log_has_no_actuators():
+    m = model_file.load("tilt_hexarotor")
+    s = samples(
+        zero3, lambda t: (0 * t, 0 * t, 9.81 + 0 * t), lambda t: (0 * t, 0 * t, 39.24 + np.sin(t), *(0 * t,) * 3)
+    )
+    record = prepare(s, m.vehicle)
+    assert record.source == "allocated"
+    np.testing.assert_allclose(predict(record, m.wrench_model), record.commanded, atol=1e-9)

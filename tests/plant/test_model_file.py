@@ -1,0 +1,162 @@
+"""Model files: read whole, wrong keys named, comments kept, effects round-tripped."""
+
+import numpy as np
+import pytest
+
+from flight.errors import ModelError, UsageError
+from plant import model_file
+from plant.model import make_effect
+from plant.wrench_model import Provenance
+
+TEXT = """# my vehicle
+schema = 1
+[vehicle]
+name = "mine"
+mass = 2.0            # weighed on Tuesday
+inertia = [0.02, 0.02, 0.04]
+[vehicle.arm]
+length = 0.2
+[vehicle.rotor]
+c_f = 8e-6
+kappa = 0.016
+radius = 0.1
+speed_max = 1100.0
+[[vehicle.arms]]
+azimuth_deg = 45.0
+rotors = [{ spin = 1 }]
+[[vehicle.arms]]
+azimuth_deg = 135.0
+rotors = [{ spin = -1 }]
+[[vehicle.arms]]
+azimuth_deg = 225.0
+rotors = [{ spin = 1 }]
+[[vehicle.arms]]
+position = [0.15, -0.14, 0.0]
+tilts = false
+rotors = [{ spin = -1, c_f = 9e-6 }]
+"""
+
+
+def test_reads_geometry_and_defaults():
+    vehicle = model_file.loads(TEXT).vehicle
+    np.testing.assert_allclose(vehicle.arms.position_B[0], 0.2 * np.array([np.sqrt(0.5), np.sqrt(0.5), 0]))
+    np.testing.assert_allclose(vehicle.arms.position_B[3], [0.15, -0.14, 0])
+    assert vehicle.arms.tilts.tolist() == [True, True, True, False]
+    assert vehicle.rotors.c_f.tolist() == [8e-6, 8e-6, 8e-6, 9e-6]
+    assert vehicle.rotors.speed_min.tolist() == [0.0] * 4
+
+
+def test_wrench_only_vehicle_needs_no_arms():
+    vehicle = model_file.loads("schema = 1\n[vehicle]\nname = 'w'\nmass = 1.0\ninertia = [1.0, 1.0, 1.0]\n").vehicle
+    assert not vehicle.has_rotors
+    with pytest.raises(ModelError, match="arms"):
+        vehicle.geometry()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass = 2.0 ", "mass = -2.0 ", "mass"),
+        ("mass = 2.0 ", "mass = 'heavy' ", "vehicle.mass"),
+        ("mass = 2.0 ", "mass = nan ", "vehicle.mass"),
+        ("mass = 2.0 ", "", "vehicle.mass: is missing"),
+        ("schema = 1", "schema = 7", "schema"),
+        ("inertia = [0.02, 0.02, 0.04]", "inertia = [0.02, -0.02, 0.04]", "inertia"),
+        ("inertia = [0.02, 0.02, 0.04]", "inertia = [0.02, 0.02]", "vehicle.inertia"),
+        ("kappa = 0.016", "kapa = 0.016", "kapa"),
+        ("spin = 1 }]", "spin = 2 }]", "spin"),
+        ("c_f = 8e-6", "c_f = 0", "c_f"),
+        ("speed_max = 1100.0", "speed_max = -3", "speed_max"),
+        ("position = [0.15, -0.14, 0.0]", "position = [0.15, -0.14]", "position"),
+        ("[vehicle]\n", "[vehicle\n", "TOML"),
+        ("length = 0.2", "", "length"),
+    ],
+)
+def test_says_what_is_wrong_in_one_line(old, new, message):
+    assert old in TEXT
+    with pytest.raises(ModelError, match=message) as caught:
+        model_file.loads(TEXT.replace(old, new, 1))
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_key_lists_the_known_ones():
+    with pytest.raises(ModelError, match=r"vehicle\.wings.*mass"):
+        model_file.loads(TEXT.replace("mass = 2.0", "wings = 2\nmass = 2.0", 1))
+
+
+def test_unknown_effect_lists_the_catalogue():
+    with pytest.raises(ModelError, match=r"'gremlins'.*com_offset"):
+        model_file.loads(TEXT + "[[effects]]\nname = 'gremlins'\n[effects.parameters]\nx = 1.0\n")
+
+
+def test_effects_survive_a_round_trip_with_comments(tmp_path):
+    model = model_file.loads(TEXT)
+    effect = make_effect(model.vehicle, "com_offset", {"x": 0.001, "z": -0.0025})
+    source = Provenance((("flight one.mcap", "ab" * 32),), "2026-11-21T00:00:00Z", "0.1.0", 'joint "fit"')
+    from dataclasses import replace
+
+    effect = replace(effect, std=np.array([1e-4, 2e-4, 3e-4]), provenance=source)
+    saved = model_file.save(model.with_effects([effect]), tmp_path / "m.toml")
+    text = (tmp_path / "m.toml").read_text()
+    assert "# weighed on Tuesday" in text
+    again = model_file.load(tmp_path / "m.toml")
+    assert again.effects[0].name == "com_offset"
+    np.testing.assert_allclose(again.effects[0].theta, [0.001, 0, -0.0025])
+    np.testing.assert_allclose(again.effects[0].std, [1e-4, 2e-4, 3e-4])
+    assert again.effects[0].provenance == source
+    assert model_file.content_hash(again) == model_file.content_hash(saved)
+    assert model_file.dumps(again.without(["com_offset"])).strip() == TEXT.strip()
+
+
+def test_model_made_in_code_can_be_written():
+    from dataclasses import replace
+
+    shipped = model_file.load("tilt_hexarotor")
+    again = model_file.loads(model_file.dumps(replace(shipped, text="")))
+    np.testing.assert_allclose(again.vehicle.arms.axis_B, shipped.vehicle.arms.axis_B, atol=1e-12)
+    np.testing.assert_allclose(again.vehicle.rotors.spin, shipped.vehicle.rotors.spin)
+    assert again.controller == shipped.controller
+    assert dict(again.topics) == dict(shipped.topics)
+
+
+def test_never_overwrites_without_force(tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text("precious")
+    model = model_file.loads(TEXT)
+    with pytest.raises(UsageError, match="--force"):
+        model_file.save(model, path)
+    assert path.read_text() == "precious"
+    model_file.save(model, path, force=True)
+    assert "precious" not in path.read_text()
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in model_file._SHIPPED[1].glob("*.toml")))
+def test_shipped_models_are_usable(name):
+    model = model_file.load(name)
+    assert model.vehicle.body.mass > 0
+    if model.vehicle.has_rotors:
+        from plant.allocation import Allocation
+        from plant.vehicle import GRAVITY
+
+        hover = np.array([[0, 0, model.vehicle.body.mass * GRAVITY, 0, 0, 0]])
+        _, saturation = Allocation(model.vehicle).allocate(hover)
+        assert saturation.rotor_speed == 0
+
+
+def test_missing_model_lists_the_shipped_ones():
+    with pytest.raises(ModelError, match="tilt_hexarotor"):
+        model_file.load("no_such_vehicle")
+
+
+def test_two_effects_of_one_name_are_refused():
+    model = model_file.loads(TEXT)
+    effect = make_effect(model.vehicle, "com_offset", [0, 0, 0.001])
+    with pytest.raises(ModelError, match="twice"):
+        model.with_effects([effect, effect])
+
+
+def test_removing_what_is_not_there_says_what_is():
+    model = model_file.loads(TEXT).with_effects([])
+    with pytest.raises(ModelError, match="none"):
+        model.without(["com_offset"])
