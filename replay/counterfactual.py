@@ -28,7 +28,7 @@ the re-flight differs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -235,7 +235,7 @@ def _held(samples: Samples, log: Flight) -> Samples:
     def mean(series: Series, values: Array) -> Array:
         run = (series.time >= samples.time[0] - 1.0) & (series.time <= samples.time[-1] + 1.0)
         middle = samples.time + 0.5 * samples.dt
-        return np.asarray(held_mean(middle, series.time[run], values[run], series.period, samples.dt))
+        return held_mean(middle, series.time[run], values[run], series.period, samples.dt)
 
     used: dict[str, Array] = {}
     if samples.wrench_cmd_B is not None and log.commanded is not None:
@@ -264,7 +264,7 @@ class Inference:
     memory        of the model's command effects before the first period
     tilt          (A,) allocated one period before the first, None at the start of a log
     along_z       whether the law is that of a vehicle that pushes along its z axis only
-    explained     (6,) share of the desired wrench's variance that the law explains
+    explained     (6,) share of the desired wrench's variance that the law explains; nan on axes that hardly moved
     """
 
     recording: Recording
@@ -313,7 +313,7 @@ def infer(
     made, _ = plant.actuate(nominal, state, r.dt)
     needed = about_origin(plant.body, measured_wrench(plant.body, motion))
     over_period = np.concatenate((0.5 * (needed[:-1] + needed[1:]), needed[-1:]))
-    base = over_period - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt))
+    base: Array = over_period - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt))
 
     def disturbance(k: int, now: State) -> Array:
         return base[r.first + k] + _pull(plant.body, r.motion, r.first + k, now)
@@ -325,7 +325,6 @@ def infer(
     along_z = pushes_along_z_only(model.vehicle) or not np.any(r.desired[:, :2])
     integral, law = _law(model, r, flown.state, along_z)
     offset = r.desired[window] - law
-    spread = np.maximum(np.var(r.desired[window], axis=0), 1e-18)
     return Inference(
         recording=r,
         model=model,
@@ -340,8 +339,15 @@ def infer(
         memory=memory,
         tilt=None if ours is None or ours.tilt is None or r.first == 0 else ours.tilt[r.first - 1],
         along_z=along_z,
-        explained=1.0 - np.var(offset, axis=0) / spread,
+        explained=_explained(r.desired[window], offset),
     )
+
+
+def _explained(desired: Array, offset: Array) -> Array:
+    """1 - var(e) / var(W_des) per axis (6,); nan where W_des moves less than 1 % of the liveliest axis of its kind."""
+    moved, left = np.std(desired, axis=0), np.std(offset, axis=0)
+    used = np.concatenate([part > 0.01 * part.max() for part in (moved[:3], moved[3:])])
+    return np.where(used, 1.0 - (left / np.where(used, moved, 1.0)) ** 2, np.nan)
 
 
 def _allocated(r: Recording, vehicle: Vehicle) -> tuple[Commands | None, Array | None, Array | None]:
@@ -403,7 +409,7 @@ def _pull(body: Body, recorded: RecordedMotion, k: int, now: State) -> Array:
     ahead = w**2 * (target.position_E[k] - now.position_E[0]) + 2.0 * w * (target.velocity_E[k] - now.velocity_E[0])
     turn = so3.log(so3.multiply(so3.conjugate(now.quat_EB[0]), target.quat_EB[k]))
     turning = w**2 * turn + 2.0 * w * (target.omega_B[k] - now.omega_B[0])
-    wrench = np.concatenate((body.mass * so3.rotate_inverse(now.quat_EB[0], ahead), body.inertia @ turning))
+    wrench: Array = np.concatenate((body.mass * so3.rotate_inverse(now.quat_EB[0], ahead), body.inertia @ turning))
     return np.asarray(about_origin(body, wrench[None])[0])
 
 
@@ -663,7 +669,7 @@ class Change:
     gains        of the control law
     believed     vehicle that controller and allocation assume
     compensator  in the loop
-    words        what is changed, for tables and provenance
+    words        what is changed, for tables and provenance; without any, nothing is
     """
 
     plant: Model | None = None
@@ -722,8 +728,7 @@ class Counterfactual:
                 f"{100 * null['position_m_max']:.1f} cm off the recorded flight at most (goal {ATTITUDE_GOAL_DEG} deg, "
                 f"{100 * POSITION_GOAL_M:.0f} cm): IMU and odometry disagree, or the log is too coarse"
             )
-        used = np.var(r.desired[r.window], axis=0) > 1e-12
-        weak = [a for a, share, u in zip(AXES, explained, used, strict=True) if u and share < EXPLAINED_GOAL]
+        weak = [axis for axis, share in zip(AXES, explained, strict=True) if share < EXPLAINED_GOAL]
         if weak:
             found.append(
                 f"{r.flight.name}: the control law of {self.inference.model.name} explains less than "
@@ -754,29 +759,22 @@ class Counterfactual:
 
 
 def counterfactual(
-    log: Flight,
+    recording: Recording,
     model: Model,
     change: Change | None = None,
     *,
-    start: float = 0.0,
-    duration: float | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     progress: Report | None = None,
 ) -> Counterfactual:
-    """Infer, fly the null run, and fly again with the change.
-
-    Raises LogError for a log that lacks commands, odometry or reference, UsageError for times outside of it.
-    """
+    """Infer, fly the null run, and fly again with the change."""
     change = change or Change()
     report = progress or (lambda fraction, words: None)
 
     def stage(begin: float, end: float, words: str) -> Report:
         return lambda fraction, _: report(begin + (end - begin) * fraction, words)
 
-    recording = read_recording(log, model.vehicle, start=start, duration=duration, cutoff_hz=cutoff_hz)
     inference = infer(recording, model, cutoff_hz=cutoff_hz, progress=stage(0.0, 0.3, "inferring the disturbance"))
-    null = refly(inference, progress=stage(0.3, 0.6, "null run"))
-    changed = null
+    null = changed = refly(inference, progress=stage(0.3, 0.6, "null run"))
     if change.words:
         changed = refly(
             inference,
@@ -831,15 +829,3 @@ def as_flight(inference: Inference, reflight: Reflight) -> Flight:
         battery=None if state.voltage is None else BatterySeries("/battery", time, state.voltage),
         notes=(flown.stopped,) if flown.stopped else (),
     )
-
-
-def provenance(result: Counterfactual, inputs: Mapping[str, str]) -> dict[str, str]:
-    """What a written re-flight says about itself; `inputs` are hashes by file."""
-    null = result.null_run
-    return {
-        "kind": "counterfactual",
-        "of": f"{result.inference.recording.flight.name} {result.inference.recording.flight.content_hash}",
-        "changes": "; ".join(result.change.words) or "nothing",
-        "null_run": f"{null['attitude_deg_max']:.4f} deg, {null['position_m_max']:.5f} m at most",
-        **inputs,
-    }

@@ -1,0 +1,166 @@
+"""What the command line asks of a counterfactual, and what it shows and writes of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+import flight
+from compensate import Compensator, Settings
+from flight.errors import ModelError, UsageError
+from learn.gp import GaussianProcess
+from plant.controller import ControllerGains
+from plant.model import Model
+from plant.model_file import tool_version
+from plant.vehicle import Vehicle
+from replay import tables
+from replay.counterfactual import Change, Counterfactual
+from replay.editing import set_by_hand
+
+Settable = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")
+"""Gains that a counterfactual may change."""
+
+
+def changed_gains(gains: ControllerGains, texts: Sequence[str]) -> ControllerGains:
+    """Gains with some replaced by texts such as `integral=0` or `omega_attitude=5,5,3.5` (one number: all axes).
+
+    Raises UsageError for an unknown name or a value that is no number, ModelError for one out of range.
+    """
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if name not in Settable or not equals:
+            raise UsageError(f"--gains {text}: expected NAME=VALUE with a name out of {', '.join(Settable)}")
+        try:
+            numbers = tuple(float(value) for value in values.split(","))
+        except ValueError:
+            raise UsageError(f"--gains {text}: {values!r} is not a number, or three with commas between") from None
+        per_axis = name in ("zeta_attitude", "omega_attitude")
+        if len(numbers) not in ((1, 3) if per_axis else (1,)):
+            raise UsageError(f"--gains {text}: got {len(numbers)} numbers, expected {'1 or 3' if per_axis else '1'}")
+        spread = numbers * 3 if per_axis and len(numbers) == 1 else numbers
+        changed: dict[str, Any] = {name: spread if per_axis else numbers[0]}
+        gains = replace(gains, **changed)
+    return gains
+
+
+def believed_vehicle(model: Model, believed: Model) -> Vehicle:
+    """The model's vehicle with mass, inertia and centre of mass as `believed` (with its effects) has them."""
+    if believed.vehicle.name != model.vehicle.name:
+        raise ModelError(
+            f"{believed.name}: is a model of {believed.vehicle.name}, expected one of {model.vehicle.name}; "
+            "a controller can be told another mass, inertia and centre of mass, not another vehicle"
+        )
+    return replace(model.vehicle, body=believed.wrench_model.body)
+
+
+def change(
+    model: Model,
+    *,
+    period: float,
+    gp: tuple[str, GaussianProcess] | None = None,
+    without: Sequence[str] = (),
+    with_: Sequence[str] = (),
+    gains: Sequence[str] = (),
+    believe: Model | None = None,
+) -> Change:
+    """What the options of the command line ask for; `period` [s] is that of the control loop."""
+    plant = set_by_hand(model.without(without), with_) if without or with_ else None
+    words = [f"without {name}" for name in without] + [f"with {text}" for text in with_]
+    words += [f"gains {text}" for text in gains]
+    if believe is not None:
+        words.append(f"controller believes {believe.name}")
+    compensator = None
+    if gp is not None:
+        name, process = gp
+        process.check_vehicle(model.vehicle.name)
+        words.append(f"compensated by {name}")
+        compensator = Compensator(process, Settings(dt=period))
+    return Change(
+        plant=plant,
+        gains=changed_gains(model.controller, gains) if gains else None,
+        believed=None if believe is None else believed_vehicle(model, believe),
+        compensator=compensator,
+        words=tuple(words),
+    )
+
+
+def warnings(result: Counterfactual, process: GaussianProcess | None) -> list[str]:
+    """What makes a GP's counterfactual look better than it is."""
+    log = result.inference.recording.flight
+    if process is not None and log.content_hash in [source.sha256 for source in process.provenance.logs]:
+        return [f"{log.name}: the GP was learnt from this very flight, so it flatters itself; use an unseen one"]
+    return []
+
+
+def show(result: Counterfactual) -> list[Table]:
+    """The null run, the disturbance, and the tracking errors."""
+    content, null = result.content, result.null_run
+    first = tables.table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
+    first.add_row(escape("attitude [deg]"), f"{null['attitude_deg_max']:.3f}", f"{null['attitude_deg_rms']:.3f}")
+    first.add_row(escape("position [mm]"), f"{1e3 * null['position_m_max']:.2f}", f"{1e3 * null['position_m_rms']:.2f}")
+
+    second = tables.table("what the model does not explain", "", *tables.HEADS)
+    for key, name in (("mean", "mean"), ("rms", "rms"), ("rms_above_10_hz", "rms above 10 Hz"), ("max_abs", "max")):
+        second.add_row(f"disturbance, {name}", *tables.row(np.array(content["disturbance"][key])))
+    shares = [f"{100 * s:.0f} %" if np.isfinite(s) else "-" for s in result.inference.explained]
+    second.add_row("command explained by the control law", *shares)
+
+    named = [("recorded", "recorded"), ("null run", "null_run")]
+    if result.change.words:
+        named.append(("; ".join(result.change.words), "counterfactual"))
+    heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
+    third = tables.table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
+    for name, key in named:
+        one = content["tracking"][key]
+        attitude, position = one["attitude_error"], one["position_error_m"]
+        angles = [np.degrees(np.arcsin(min(v, 1.0))) for v in (*attitude["mean_abs"], *attitude["median_abs"])]
+        lengths = [1e3 * position["mean"], 1e3 * position["max"]]
+        third.add_row(escape(name), *(f"{a:.3f}" for a in angles), *(f"{v:.1f}" for v in lengths))
+    if result.change.words:
+        before, after = (content["tracking"][key] for key in ("null_run", "counterfactual"))
+        falls = [_fall(before["attitude_error"][k], after["attitude_error"][k]) for k in ("mean_abs", "median_abs")]
+        lengths = [_fall([before["position_error_m"][k]], [after["position_error_m"][k]]) for k in ("mean", "max")]
+        third.add_row("change", *(text for part in (*falls, *lengths) for text in tables.fall(np.array(part))))
+    return [first, second, third]
+
+
+def _fall(before: Sequence[float], after: Sequence[float]) -> list[float]:
+    """Fractions by which numbers fell; nan where there was nothing to fall."""
+    return [1.0 - a / b if b > 0 else float("nan") for a, b in zip(after, before, strict=True)]
+
+
+def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]], *, force: bool) -> None:
+    """The re-flight as MCAP, with the disturbance, the compensator's decisions and where it all comes from."""
+    null = result.null_run
+    metadata: dict[str, str] = {
+        "command": "counterfactual",
+        "version": tool_version(),
+        "changes": "; ".join(result.change.words) or "nothing",
+        "null_run": f"{null['attitude_deg_max']:.4f} deg, {null['position_m_max']:.5f} m at most",
+    }
+    metadata |= {f"{i['role']}": f"{i['file']} {i['sha256']}" for i in inputs}
+    flight.write(result.log, path, extra=result.series, metadata=metadata, force=force)
+
+
+def to_json(result: Counterfactual, extra_notes: Sequence[str] = ()) -> dict[str, Any]:
+    """The body of the JSON (docs/json.md, wrenchgap.counterfactual/1)."""
+    content = dict(result.content)
+    return {**content, "notes": [*content["notes"], *extra_notes]}
+
+
+__all__ = [
+    "Settable",
+    "believed_vehicle",
+    "change",
+    "changed_gains",
+    "show",
+    "to_json",
+    "warnings",
+    "write_log",
+]
