@@ -28,6 +28,13 @@ REACH = 3.0
 is as near to the singular -1 as a model should be believed."""
 
 
+ACCEPT = 1e-4
+"""The paper's threshold for J: 0.01 Nm, for a vehicle whose mismatch is some 0.5 Nm."""
+ACCEPT_SHARE = 0.02
+"""Share of the largest mismatch seen that may remain. A 40 g quadrotor has torques of 1e-4 Nm: there 0.01 Nm would
+accept anything."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """How to compensate. None asks for the default that the model suggests.
@@ -35,7 +42,8 @@ class Settings:
     dt                period at which `step` is called [s]
     correction_max    (6,) largest absolute correction [N, Nm]; default three times the largest mismatch in the
                       training data, unbounded for a model that does not know its data
-    accept            J below which an optimum counts as a solution
+    accept            J below which an optimum counts as a solution; default the paper's 1e-4 (0.01 Nm), or less for
+                      a small vehicle: the square of 2 % of the largest mismatch in the training data
     regulariser       weight of the squared torque correction in the search
     max_evaluations   of the model in one search
     filter_uncertain  False switches the uncertainty filter off: the correction is the optimum
@@ -47,7 +55,7 @@ class Settings:
 
     dt: float = 0.01
     correction_max: tuple[float, ...] | None = None
-    accept: float = 1e-4
+    accept: float | None = None
     regulariser: float = 0.0
     max_evaluations: int = 100
     filter_uncertain: bool = True
@@ -118,7 +126,7 @@ class Compensator:
             model=model,
             lower=-bound,
             upper=bound,
-            accept=self.settings.accept,
+            accept=_accept(model, self.settings),
             regulariser=self.settings.regulariser,
             max_evaluations=self.settings.max_evaluations,
         )
@@ -175,6 +183,16 @@ def _checked(wrench_des: ArrayLike) -> Array:
     if not np.isfinite(wrench).all():
         raise UsageError(f"compensate: desired wrench {wrench.tolist()} is not finite; check the controller")
     return wrench
+
+
+def _accept(model: MismatchModel, settings: Settings) -> float:
+    """J below which an optimum is accepted."""
+    if settings.accept is not None:
+        return settings.accept
+    if not isinstance(model, KnowsItsData):
+        return ACCEPT
+    share = float(np.sum((ACCEPT_SHARE * model.mismatch_max) ** 2))
+    return min(ACCEPT, share) if share > 0 else ACCEPT
 
 
 def _bounds(model: MismatchModel, settings: Settings) -> Array:

@@ -25,8 +25,15 @@ from plant.mismatch import Linearises, MismatchModel, output_indices
 Array = NDArray[np.float64]
 
 TORQUES = np.array([axis.startswith("torque") for axis in AXES])
-GOOD_ENOUGH = 1e-10
-"""J below which the search stops: 10 micronewton metres."""
+GOOD_ENOUGH = 1e-6
+"""The search stops where J is below this share of the acceptance threshold: a thousandth of its error."""
+SEARCH_ERRORS: tuple[type[Exception], ...] = (
+    *(getattr(nlopt, name) for name in ("exception", "RoundoffLimited", "ForcedStop") if hasattr(nlopt, name)),
+    RuntimeError,
+    ValueError,
+    FloatingPointError,
+)
+"""What a search may raise: nlopt (classes of its own in new versions, Python's in old ones) or our objective."""
 
 
 @dataclass(frozen=True)
@@ -145,14 +152,14 @@ class Optimiser:
         descent.set_min_objective(search.objective)
         descent.set_lower_bounds(lower)
         descent.set_upper_bounds(upper)
-        descent.set_stopval(GOOD_ENOUGH)
+        descent.set_stopval(GOOD_ENOUGH * self.accept)
         descent.set_ftol_rel(1e-9)
         descent.set_xtol_rel(1e-9)
         descent.set_maxeval(self.max_evaluations)
         trouble = ""
         try:
             descent.optimize(np.clip(start, lower, upper))
-        except (nlopt.RoundoffLimited, RuntimeError, ValueError, FloatingPointError) as error:
+        except SEARCH_ERRORS as error:
             trouble = f"search stopped early: {' '.join(str(error).split()) or type(error).__name__}"
         if not np.isfinite(search.best_penalised):
             raise FloatingPointError(trouble or "the search evaluated nothing")

@@ -167,6 +167,20 @@ def test_default_bounds_come_from_the_data(gp):
     assert np.abs(wider.optimum[4:]).max() > 0.03
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 30.0])
+def test_accuracy_follows_the_size_of_the_vehicle(gp, size):
+    """Torques of a palm-sized quadrotor are a thousandth of these; its correction must be as accurate in proportion."""
+    scaled = SCALE * [1, 1, 1, size, size, size]
+    small = replace(gp, input_scale=scaled, output_scale=gp.output_scale * size, mismatch_max=gp.mismatch_max * size)
+    compensator = Compensator(small, Settings(filter_uncertain=False))
+    for seed in range(10):
+        wrench = HOVER + scaled * np.random.default_rng(seed).uniform(-1, 1, 6)
+        result = compensator.step(wrench)
+        left = small.mean(result.wrench_cmd[None])[0] + result.correction[3:]
+        assert result.accepted
+        assert np.abs(left).max() < 2e-3 * np.abs(small.mean(wrench[None])[0]).max()
+
+
 def test_constant_and_linear_baselines_share_the_interface():
     constant = LinearMismatch(TORQUES, np.array([0.1, -0.2, 0.3]), np.zeros((3, 6)), np.full(3, 0.1))
     result = Compensator(constant).step(HOVER)

@@ -202,6 +202,14 @@ def test_solver_that_fails_is_not_the_loops_problem(monkeypatch):
     assert "nlopt failure" in found.trouble
 
 
+def test_errors_of_nlopts_own_classes_are_caught_too():
+    """A Jacobian of the wrong sign: the search steps uphill and nlopt raises what is no RuntimeError of Python."""
+    found = solve(Formula(lambda m: 0.1 * np.tanh(m) + 0.3, lambda m: -4.0 * np.eye(3)), bound=np.full(6, 5.0))
+    assert "stopped early" in found.trouble
+    assert not found.accepted
+    assert np.isfinite(found.cost)
+
+
 def test_search_that_gives_up_late_keeps_its_best_point(monkeypatch):
     import nlopt
 
