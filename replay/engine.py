@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,14 @@ from compensate import Compensator, Settings
 from flight.errors import FitError, LogError, UsageError
 from flight.flight import AXES, ActuatorSeries, Flight, WrenchSeries
 from learn.gp import GaussianProcess
-from learn.measurement import CUTOFF_HZ, Record, predict
+from learn.measurement import CUTOFF_HZ
 from plant.actuation import nominal_wrench
 from plant.allocation import Allocation, Saturation
 from plant.mismatch import Conditioning, conditioning, output_indices
 from plant.model import Model
 from plant.state import Commands
 from plant.wrench_model import about_com, about_origin
+from replay.comparison import Predictor, predictors
 from replay.flights import opened
 
 Array = NDArray[np.float64]
@@ -74,6 +75,7 @@ class Replay:
     predicted_new        (K, 6) model and GP at the new command in the state that was flown, filtered
     mismatch_before      (K, L) mu(W): the wrench error without correction, on the outputs of the GP
     mismatch_after       (K, L) mu(W + dW) + dW: what is left of it
+    sigma_threshold      sigma at which half of the optimum is taken; inf where the filter is off
     dt                   [s], the period that the filter was told
     restarts             how many times the compensator started afresh after a gap
     saturation           of the new commands, and of the logged ones; None for a model without rotors
@@ -97,6 +99,7 @@ class Replay:
     conditioning: Conditioning
     saturation: Saturation | None
     saturation_logged: Saturation | None
+    sigma_threshold: float
     dt: float
     restarts: int
     notes: tuple[str, ...]
@@ -124,7 +127,7 @@ def replay(
     `source` is by default the desired wrench where the log has it, else the commanded one, which is computed from the
     actuators where only they are logged. `settings.dt` is replaced by the log's period.
 
-    Raises FitError for a GP of another vehicle, LogError where the log lacks the wrench, UsageError for a bad source.
+    Raises FitError for a GP of another vehicle, LogError where the log lacks the wrench.
     """
     gp.check_vehicle(model.vehicle.name)
     if len(gp.input_mean) != len(AXES):
@@ -133,17 +136,23 @@ def replay(
         )
     logged, notes = logged_command(flight, model)
     series, chosen = _input(flight, logged, source)
+    cutoff = gp.provenance.cutoff_hz or CUTOFF_HZ
+    candidates, said = predictors(model, (), gp, cutoff)
+    predictor = candidates[-1]
     settings = replace(settings or Settings(), dt=series.period)
     starts = np.unique([0, *(int(np.searchsorted(series.time, gap.stop)) for gap in series.gaps)])
     starts = starts[starts < len(series.time)]
     with threadpool_limits(1):
-        steps = _run(Compensator(gp, settings), series.wrench_B, starts, progress)
+        compensator = Compensator(gp, settings)
+        steps = _run(compensator, series.wrench_B, starts, progress)
         rows = output_indices(gp.outputs)
         before = gp.mean(series.wrench_B)
         after = gp.mean(steps.commanded) + steps.correction[:, rows]
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, series.wrench_B[::stride])
-        measured, predicted, predicted_new, words = _predictions(flight, model, gp, series, logged, steps.commanded)
+        measured, predicted, predicted_new, words = _predictions(
+            flight, model, predictor, cutoff, series, logged, steps.commanded
+        )
     return Replay(
         flight=flight,
         model=model,
@@ -163,9 +172,10 @@ def replay(
         conditioning=condition,
         saturation=_saturation(model, steps.commanded, starts, series.period),
         saturation_logged=_saturation(model, series.wrench_B, starts, series.period),
+        sigma_threshold=float(compensator.uncertainty.threshold),
         dt=series.period,
         restarts=len(starts) - 1,
-        notes=tuple(dict.fromkeys((*flight.notes, *notes, *words, *_physics_note(gp)))),
+        notes=tuple(dict.fromkeys((*flight.notes, *notes, *words, *said, *_remainder_note(predictor)))),
     )
 
 
@@ -197,13 +207,20 @@ def logged_command(flight: Flight, model: Model) -> tuple[WrenchSeries | None, t
     return WrenchSeries(actuators.topic, actuators.time, wrench, gaps=actuators.gaps), (note,)
 
 
+def checked(source: str | None) -> Source | None:
+    """The source by name; raises UsageError on another word."""
+    for name in get_args(Source):
+        if name == source:
+            return cast(Source, name)
+    if source is None:
+        return None
+    raise UsageError(f"--source {source}: expected {' or '.join(get_args(Source))}")
+
+
 def _input(flight: Flight, logged: WrenchSeries | None, source: Source | None) -> tuple[WrenchSeries, Source]:
     """The series to compensate."""
-    available: dict[str, WrenchSeries | None] = {"desired": flight.desired, "commanded": logged}
-    if source is not None and source not in available:
-        raise UsageError(f"--source {source}: expected {' or '.join(get_args(Source))}")
-    for name in get_args(Source):
-        series = available[name]
+    available: dict[Source, WrenchSeries | None] = {"desired": flight.desired, "commanded": logged}
+    for name, series in available.items():
         if source in (None, name) and series is not None:
             return series, name
     have = ", ".join(name for name, series in available.items() if series is not None)
@@ -250,7 +267,8 @@ def _run(compensator: Compensator, wrench: Array, starts: NDArray[np.int64], pro
 def _predictions(
     flight: Flight,
     model: Model,
-    gp: GaussianProcess,
+    predictor: Predictor,
+    cutoff: float,
     series: WrenchSeries,
     logged: WrenchSeries | None,
     commanded: Array,
@@ -267,7 +285,6 @@ def _predictions(
     if logged is None:
         logged = series
         notes = (f"{flight.name}: only a desired wrench in the log; taken as what was commanded.",)
-    cutoff = gp.provenance.cutoff_hz or CUTOFF_HZ
     every = 1.0 / series.period
     flown = replace(flight, commanded=logged, notes=())
     new = replace(
@@ -282,28 +299,19 @@ def _predictions(
         return unknown, unknown, unknown, (*notes, f"no measured wrench: {error}")
     return (
         _at(series.time, [(r.time, r.measured) for r in before.records]),
-        _at(series.time, [(r.time, _predicted(r, model, gp)) for r in before.records]),
-        _at(series.time, [(r.time, _predicted(r, model, gp)) for r in after.records]),
+        _at(series.time, [(r.time, predictor.predict(r, model.vehicle.body)) for r in before.records]),
+        _at(series.time, [(r.time, predictor.predict(r, model.vehicle.body)) for r in after.records]),
         (*notes, *before.notes),
     )
 
 
-def _predicted(record: Record, model: Model, gp: GaussianProcess) -> Array:
-    """Filtered prediction (K, 6) of model and GP.
-
-    A GP learnt on the nominal mismatch W_meas - W_cmd adds to the command; one learnt on what a model leaves adds to
-    that model.
-    """
-    base = record.commanded if gp.provenance.physics == "nominal" else predict(record, model.wrench_model)
-    predicted = base.copy()
-    predicted[:, output_indices(gp.outputs)] += gp.mean(record.commanded)
-    return predicted
-
-
-def _physics_note(gp: GaussianProcess) -> tuple[str, ...]:
-    if gp.provenance.physics == "nominal":
+def _remainder_note(predictor: Predictor) -> tuple[str, ...]:
+    if not predictor.model.effects:
         return ()
-    return (f"the GP was learnt on what {gp.provenance.physics} leaves: only that remainder is compensated here",)
+    return (
+        f"{predictor.name}: the GP was learnt on what the effects of the model leave; only that remainder is "
+        "compensated.",
+    )
 
 
 def _pieces(series: WrenchSeries) -> list[tuple[Array, Array]]:
