@@ -316,7 +316,7 @@ def infer(
     base: Array = over_period - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt))
 
     def disturbance(k: int, now: State) -> Array:
-        return base[r.first + k] + _pull(plant.body, r.motion, r.first + k, now)
+        return np.asarray(base[r.first + k] + _pull(plant.body, r.motion, r.first + k, now))
 
     def command(k: int, now: State) -> Commands:
         return _rows(nominal, slice(r.first + k, r.first + k + 1))
@@ -669,7 +669,7 @@ class Change:
     gains        of the control law
     believed     vehicle that controller and allocation assume
     compensator  in the loop
-    words        what is changed, for tables and provenance; without any, nothing is
+    words        the same for tables and provenance
     """
 
     plant: Model | None = None
@@ -681,17 +681,29 @@ class Change:
 
 @dataclass(frozen=True)
 class Counterfactual:
-    """An inference, its null run, and the re-flight with the change (the null run itself where nothing changed)."""
+    """An inference, its null run, and the re-flight with the change (the null run itself where nothing changed).
+
+    `uncompensated` is the re-flight with all of the change but its compensator: what the compensated one is to be
+    compared with. It is the null run where nothing else was changed, None where no compensator flew.
+    """
 
     inference: Inference
     null: Reflight
     changed: Reflight
     change: Change
+    uncompensated: Reflight | None = None
 
     @cached_property
     def null_run(self) -> dict[str, float]:
         """Errors of the null run, see `null_error`."""
         return null_error(self.inference, self.null)
+
+    @cached_property
+    def tracking(self) -> dict[str, dict[str, Any]]:
+        """Tracking errors of the recorded flight, the null run, the uncompensated one if any, the counterfactual."""
+        flown = {"null_run": self.null, "uncompensated": self.uncompensated, "counterfactual": self.changed}
+        of = {name: tracking_of(self.inference, one) for name, one in flown.items() if one is not None}
+        return {"recorded": tracking_of(self.inference), **of}
 
     @cached_property
     def content(self) -> dict[str, Any]:
@@ -703,11 +715,7 @@ class Counterfactual:
             "changes": list(self.change.words),
             "start_s": float(r.time[r.first]),
             "null_run": self.null_run,
-            "tracking": {
-                "recorded": tracking_of(self.inference),
-                "null_run": tracking_of(self.inference, self.null),
-                "counterfactual": tracking_of(self.inference, self.changed),
-            },
+            "tracking": self.tracking,
             "axes": list(AXES),
             "disturbance": self.inference.statistics,
             "controller_explained": self.inference.explained.tolist(),
@@ -774,18 +782,23 @@ def counterfactual(
         return lambda fraction, _: report(begin + (end - begin) * fraction, words)
 
     inference = infer(recording, model, cutoff_hz=cutoff_hz, progress=stage(0.0, 0.3, "inferring the disturbance"))
-    null = changed = refly(inference, progress=stage(0.3, 0.6, "null run"))
-    if change.words:
-        changed = refly(
+    null = refly(inference, progress=stage(0.3, 0.5, "null run"))
+
+    def fly(compensator: Compensates | None, begin: float, end: float) -> Reflight:
+        return refly(
             inference,
             change.plant,
             gains=change.gains,
             believed=change.believed,
-            compensator=change.compensator,
-            progress=stage(0.6, 1.0, "counterfactual"),
+            compensator=compensator,
+            progress=stage(begin, end, "counterfactual"),
         )
-    report(1.0, "done")
-    return Counterfactual(inference, null, changed, change)
+
+    others = any(item is not None for item in (change.plant, change.gains, change.believed))
+    plain = fly(None, 0.5, 0.7) if others else null
+    if change.compensator is None:
+        return Counterfactual(inference, null, plain, change)
+    return Counterfactual(inference, null, fly(change.compensator, 0.7, 1.0), change, uncompensated=plain)
 
 
 def as_flight(inference: Inference, reflight: Reflight) -> Flight:

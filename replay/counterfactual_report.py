@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
@@ -22,6 +23,8 @@ from plant.vehicle import Vehicle
 from replay import tables
 from replay.counterfactual import Change, Counterfactual
 from replay.editing import set_by_hand
+
+Array = NDArray[np.float64]
 
 Settable = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")
 """Gains that a counterfactual may change."""
@@ -111,28 +114,28 @@ def show(result: Counterfactual) -> list[Table]:
     shares = [f"{100 * s:.0f} %" if np.isfinite(s) else "-" for s in result.inference.explained]
     second.add_row("command explained by the control law", *shares)
 
-    named = [("recorded", "recorded"), ("null run", "null_run")]
-    if result.change.words:
-        named.append(("; ".join(result.change.words), "counterfactual"))
+    words = "; ".join(result.change.words)
+    names = {"recorded": "recorded", "null_run": "null run", "counterfactual": words}
+    if result.uncompensated is not result.null:
+        names["uncompensated"] = "the same, not compensated"
+    before = "uncompensated" if result.uncompensated is not None else "null_run"
     heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
     third = tables.table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
-    for name, key in named:
-        one = content["tracking"][key]
-        attitude, position = one["attitude_error"], one["position_error_m"]
-        angles = [np.degrees(np.arcsin(min(v, 1.0))) for v in (*attitude["mean_abs"], *attitude["median_abs"])]
-        lengths = [1e3 * position["mean"], 1e3 * position["max"]]
-        third.add_row(escape(name), *(f"{a:.3f}" for a in angles), *(f"{v:.1f}" for v in lengths))
-    if result.change.words:
-        before, after = (content["tracking"][key] for key in ("null_run", "counterfactual"))
-        falls = [_fall(before["attitude_error"][k], after["attitude_error"][k]) for k in ("mean_abs", "median_abs")]
-        lengths = [_fall([before["position_error_m"][k]], [after["position_error_m"][k]]) for k in ("mean", "max")]
-        third.add_row("change", *(text for part in (*falls, *lengths) for text in tables.fall(np.array(part))))
+    errors = {key: _errors(one) for key, one in result.tracking.items()}
+    for key, values in errors.items():
+        if names.get(key):
+            third.add_row(escape(names[key]), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+    if words:
+        falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
+        third.add_row("change", *tables.fall(falls))
     return [first, second, third]
 
 
-def _fall(before: Sequence[float], after: Sequence[float]) -> list[float]:
-    """Fractions by which numbers fell; nan where there was nothing to fall."""
-    return [1.0 - a / b if b > 0 else float("nan") for a, b in zip(after, before, strict=True)]
+def _errors(one: Mapping[str, Any]) -> Array:
+    """Mean and median of |e_R| per axis as angles [deg], mean and largest distance [mm]: (8,)."""
+    attitude, position = one["attitude_error"], one["position_error_m"]
+    sines = np.array([*attitude["mean_abs"], *attitude["median_abs"]])
+    return np.array([*np.degrees(np.arcsin(np.minimum(sines, 1.0))), 1e3 * position["mean"], 1e3 * position["max"]])
 
 
 def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]], *, force: bool) -> None:
