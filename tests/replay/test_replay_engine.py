@@ -1,0 +1,220 @@
+"""The compensation of a recorded flight: what it computes, where it starts afresh, what it writes and refuses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import flight
+from compensate import Compensator, Settings
+from flight import Gap, WrenchSeries
+from flight.errors import FitError, LogError, UsageError
+from learn import store
+from learn.gp import FitSettings, GaussianProcess, Provenance
+from learn.train import fit
+from plant import model_file
+from plant.model import make_effect
+from plant.simulate import simulate
+from plant.trajectory import named
+from replay import engine, replay_report
+from replay.cli import app
+from replay.flights import opened
+
+TORQUES = ("torque_x", "torque_y", "torque_z")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return model_file.load("tilt_hexarotor")
+
+
+@pytest.fixture(scope="module")
+def flown(model):
+    """Six seconds with a centre of mass that the controller does not know."""
+    truth = model.with_effects([make_effect(model.vehicle, "com_offset", [0.004, -0.007, 0.005])])
+    path = named("hover", 6.0, excitation=2.0, seed=1)
+    return simulate(truth, model, path, rng=np.random.default_rng(1), name="offset")
+
+
+@pytest.fixture(scope="module")
+def gp(flown, model):
+    records = opened(flown, model).records
+    commanded = np.concatenate([r.commanded for r in records])
+    mismatch = np.concatenate([r.measured - r.commanded for r in records])[:, 3:]
+    source = Provenance(vehicle="tilt_hexarotor", cutoff_hz=8.0, model_hash=model_file.content_hash(model.nominal))
+    return fit(commanded, mismatch, TORQUES, FitSettings(points=60, restarts=0), provenance=source)
+
+
+@pytest.fixture(scope="module")
+def result(flown, model, gp):
+    return engine.replay(flown, model, gp)
+
+
+def test_correction_makes_the_predicted_wrench_the_desired_one(result, flown):
+    assert result.source == "desired"
+    assert np.array_equal(result.time, flown.desired.time)
+    assert np.array_equal(result.wrench, flown.desired.wrench_B)
+    assert result.steps.commanded == pytest.approx(result.wrench + result.steps.correction, abs=1e-12)
+    assert np.abs(result.mismatch_before).mean() > 0.1
+    assert np.abs(result.mismatch_after).mean() < 0.03 * np.abs(result.mismatch_before).mean()
+    assert (result.steps.correction[:, :3] == 0).all()
+
+
+def test_correction_is_the_weight_about_the_true_centre_of_mass(result, flown):
+    """The plant loses r x F; a correction that knows it commands r x F more (Newton-Euler, slow flight)."""
+    inner = slice(200, -200)
+    lever = np.cross([0.004, -0.007, 0.005], flown.desired.wrench_B[inner, :3])
+    error = result.steps.correction[inner, 3:] - lever
+    assert np.abs(error).mean(axis=0).max() < 0.1 * np.abs(lever).max()
+
+
+def test_measured_and_predicted_agree_where_there_is_a_measurement(result):
+    known = np.isfinite(result.measured).all(axis=1)
+    assert 0.7 < known.mean() < 1.0, "the filter's edges are left out, the rest is not"
+    nominal = np.abs(result.measured - result.logged)[known, 3:].mean(axis=0)
+    learnt = np.abs(result.measured - result.predicted)[known, 3:].mean(axis=0)
+    assert (learnt[:2] < 0.2 * nominal[:2]).all()
+    asked = np.abs(result.predicted_new - result.wrench)[known, 3:].mean(axis=0)
+    assert (asked < 0.1 * nominal.max()).all(), "the new command would give what the controller wanted"
+
+
+def test_two_runs_give_the_same_bytes(flown, model, gp, tmp_path):
+    for name in ("a", "b"):
+        again = engine.replay(flown, model, gp)
+        replay_report.write_log(again, tmp_path / f"{name}.mcap", force=False)
+        replay_report.write_csv(again, tmp_path / f"{name}.csv")
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_log_is_the_flown_flight_with_the_replay_beside_it(result, flown, tmp_path):
+    path = replay_report.write_log(result, tmp_path / "r.mcap", force=False)
+    back = flight.load(path)
+    assert {role: s.topic for role, s in back.series().items()} == {role: s.topic for role, s in flown.series().items()}
+    assert np.array_equal(back.commanded.wrench_B, flown.commanded.wrench_B)
+    replayed = flight.load(path, {"commanded": "/replay/command", "desired": "/replay/correction"})
+    assert np.array_equal(replayed.commanded.wrench_B, result.steps.commanded)
+    assert np.array_equal(replayed.desired.wrench_B, result.steps.correction)
+
+
+def test_table_holds_every_step(result, tmp_path):
+    replay_report.write_parquet(result, tmp_path / "r.parquet")
+    replay_report.write_csv(result, tmp_path / "r.csv")
+    table = pd.read_parquet(tmp_path / "r.parquet")
+    assert len(table) == len(result)
+    assert np.array_equal(table["commanded.torque_y"], result.steps.commanded[:, 4])
+    assert np.array_equal(table["beta"], result.steps.beta)
+    text = pd.read_csv(tmp_path / "r.csv")
+    pd.testing.assert_frame_equal(text, table, rtol=1e-13)
+
+
+def test_compensator_starts_afresh_after_a_gap(flown, model, gp):
+    """With every step distrusted, what is left of the past is all there is to see."""
+    settings = Settings(sigma_threshold=0.0, kappa=40.0)
+    time, wrench = flown.desired.time, flown.desired.wrench_B
+    keep = (time < 3.0) | (time >= 3.5)
+    first = int(np.searchsorted(time[keep], 3.5))
+    gap = Gap(float(time[keep][first - 1]), float(time[keep][first]))
+    holed = replace(flown, desired=WrenchSeries("/d", time[keep], wrench[keep], gaps=(gap,)))
+    replayed = engine.replay(holed, model, gp, settings)
+    assert replayed.restarts == 1
+    fresh = Compensator(gp, replace(settings, dt=replayed.dt))
+    for k in range(first, first + 5):
+        assert replayed.steps.correction[k] == pytest.approx(fresh.step(wrench[keep][k]).correction, abs=1e-15)
+    through = engine.replay(replace(holed, desired=WrenchSeries("/d", time[keep], wrench[keep])), model, gp, settings)
+    assert through.restarts == 0
+    assert not np.array_equal(through.steps.correction[first], replayed.steps.correction[first])
+
+
+def test_log_with_actuators_only_gives_the_same_commands(flown, model, gp):
+    """The allocation inverts the actuation, so rotor speeds and tilts contain the commanded wrench."""
+    wrench = engine.replay(flown, model, gp, source="commanded")
+    actuators = engine.replay(replace(flown, commanded=None, desired=None), model, gp)
+    assert actuators.source == "commanded"
+    assert actuators.wrench == pytest.approx(wrench.wrench, abs=1e-9)
+    assert actuators.steps.commanded == pytest.approx(wrench.steps.commanded, abs=1e-6)
+    assert any("computed from" in note for note in actuators.notes)
+
+
+def test_log_without_motion_is_replayed_without_measurement(flown, model, gp):
+    blind = engine.replay(replace(flown, imu=None, odometry=None), model, gp)
+    assert np.isnan(blind.measured).all()
+    assert np.isfinite(blind.steps.commanded).all()
+    assert any("neither IMU nor odometry" in note for note in blind.notes)
+
+
+def test_filter_off_takes_the_optimum(flown, model, gp):
+    settings = Settings(filter_uncertain=False, sigma_threshold=1e-6)
+    free = engine.replay(flown, model, gp, settings)
+    held = engine.replay(flown, model, gp, replace(settings, filter_uncertain=True))
+    assert np.array_equal(free.steps.correction, free.steps.optimum)
+    assert replay_report.summarise(free).held_back == 0
+    assert np.abs(held.steps.correction).max() < np.abs(free.steps.correction).max()
+
+
+def test_gp_that_cancels_the_command_is_told(flown, model, gp):
+    """mu = -M: the measured torque never moves, and no command can be computed."""
+    slope = np.zeros((3, 7))
+    slope[:, 4:] = -np.eye(3) * gp.input_scale[3:] / gp.output_scale
+    trapped = replace(gp, mean_coefficients=slope, residuals=np.zeros_like(gp.residuals))
+    summary = replay_report.summarise(engine.replay(flown, model, trapped))
+    assert summary.eigenvalue_min == pytest.approx(0.0, abs=1e-6)
+    assert any("nearly singular" in words for words in summary.warnings())
+
+
+def test_saturation_of_the_new_commands_is_counted(flown, model, gp):
+    rotors = replace(model.vehicle.rotors, speed_max=np.full(12, 675.0))  # hover needs 674 rad/s
+    tight = replace(model, vehicle=replace(model.vehicle, rotors=rotors))
+    replayed = engine.replay(flown, tight, gp)
+    assert replayed.saturation.rotor_speed > 0
+    assert engine.replay(flown, model, gp).saturation.rotor_speed == 0
+
+
+def test_refusals(flown, model, gp):
+    other = replace(gp, provenance=replace(gp.provenance, vehicle="another"))
+    with pytest.raises(FitError, match="another vehicle"):
+        engine.replay(flown, model, other)
+    with pytest.raises(LogError, match="no topic plays the role 'desired'"):
+        engine.replay(replace(flown, desired=None), model, gp, source="desired")
+    with pytest.raises(LogError, match="neither a desired or commanded wrench"):
+        engine.replay(replace(flown, desired=None, commanded=None, actuators=None), model, gp)
+    with pytest.raises(UsageError, match="expected desired or commanded"):
+        engine.checked("wanted")
+
+
+def test_command_writes_everything_or_says_why(flown, model, gp, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    flight.write(flown, "f.mcap")
+    store.save(gp, "t.gp")
+    store.save(replace(gp, provenance=replace(gp.provenance, vehicle="another")), "o.gp")
+    run = CliRunner()
+    asked = ["-o", "r.mcap", "--csv", "r.csv", "--parquet", "r.parquet", "--figure", "r.png", "--json", "r.json"]
+    done = run.invoke(app, ["replay", "f.mcap", "-m", "tilt_hexarotor", "--gp", "t.gp", *asked])
+    assert done.exit_code == 0, done.output
+    assert "accepted" in done.output
+    assert all((tmp_path / name).stat().st_size > 0 for name in asked[1::2])
+    refused = run.invoke(app, ["replay", "f.mcap", "-m", "tilt_hexarotor", "--gp", "o.gp", "-o", "x.mcap"])
+    assert refused.exit_code == 2
+    assert not (tmp_path / "x.mcap").exists()
+
+
+def test_gp_of_the_wrong_inputs_is_refused(flown, model, gp):
+    narrow = GaussianProcess(
+        outputs=TORQUES,
+        input_mean=np.zeros(3),
+        input_scale=np.ones(3),
+        output_scale=np.ones(3),
+        mean_coefficients=np.zeros((3, 4)),
+        inputs=np.eye(3),
+        residuals=np.zeros((3, 3)),
+        lengthscales=np.ones((3, 3)),
+        signal_variance=np.ones(3),
+        noise_variance=np.ones(3),
+        sigma_training=np.ones(3),
+        mismatch_max=np.ones(3),
+        provenance=gp.provenance,
+    )
+    with pytest.raises(FitError, match="3 inputs"):
+        engine.replay(flown, model, narrow)
