@@ -165,6 +165,7 @@ def _commands(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
                     "map the columns with --topic tilt=/topic[...] or use another model"
                 )
             full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
+        speed = np.abs(speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
         logged = Commands(np.zeros((len(samples), 6)), full, speed)
         if wrench is None:
             wrench = about_com(vehicle.body, nominal_wrench(vehicle, logged))

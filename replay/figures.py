@@ -142,18 +142,28 @@ def _bars(axes: Sequence[Any], comparison: Comparison) -> None:
     """Root mean square of the residual by flight and axis, one bar for each model."""
     count = len(comparison.evaluations)
     for panel, rows, unit in ((axes[0], range(3, 6), "Nm"), (axes[1], range(3), "N")):
-        groups = [f"{flight}\n{LABELS[a].split(' [')[0]}" for flight in comparison.flights for a in rows]
-        place = np.arange(len(groups))
+        place = np.arange(3 * len(comparison.flights))
         for index, one in enumerate(comparison.evaluations):
             colour = COLOURS["commanded"] if index == 0 else PREDICTED[(index - 1) % len(PREDICTED)]
             heights = [e.rms[a] for e in one.by_flight for a in rows]
-            panel.bar(
-                place + (index - (count - 1) / 2) * 0.8 / count, heights, 0.8 / count, color=colour, label=one.name
-            )
-        panel.set_xticks(place, groups, fontsize=7 if len(groups) > 6 else 8)
+            shift = (index - (count - 1) / 2) * 0.8 / count
+            panel.bar(place + shift, heights, 0.8 / count, color=colour, label=one.name)
+        panel.set_xticks(place, [f"{'M' if unit == 'Nm' else 'F'}{axis}" for _ in comparison.flights for axis in "xyz"])
+        _names_below(panel, comparison.flights)
         panel.set_ylabel(f"residual rms [{unit}]")
         panel.legend(fontsize=8, frameon=False)
         panel.grid(alpha=0.3, axis="y")
+
+
+def _names_below(panel: Any, flights: Sequence[str]) -> None:
+    """The flights' names under their groups of three bars."""
+    size = 8 if len(flights) < 4 else 6
+    for index, flight in enumerate(flights):
+        at = (3 * index + 1, -0.18)
+        place = ("data", "axes fraction")
+        panel.annotate(flight, at, xycoords=place, fontsize=size, ha="center", va="top", annotation_clip=False)
+        if index:
+            panel.axvline(3 * index - 0.5, color="0.5", lw=0.8, ls="--")
 
 
 def _pyplot() -> Any:

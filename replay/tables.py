@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os.path import commonpath
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def fall(values: Array) -> list[str]:
     """Six falls, coloured where they say something."""
     out = []
     for value in values:
-        text = f"{-100 * value:+.0f} %" if np.isfinite(value) else "-"
+        text = f"{-100 * value:+.0f} %".replace("-0 %", "0 %").replace("+0 %", "0 %") if np.isfinite(value) else "-"
         out.append(f"[green]{text}[/]" if value > 0.1 else f"[red]{text}[/]" if value < -0.1 else text)
     return out
 
@@ -95,7 +96,7 @@ def worst(name: str, stretches: Sequence[Stretch]) -> Table:
     out = table(f"where {name} is worst", *heads, "|omega| [rad/s]", "speed [m/s]", left=3)
     for s in stretches:
         force, torque = (float(np.linalg.norm(part)) for part in (s.rms[:3], s.rms[3:]))
-        state = [number(v, 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
+        state = [number(v if v is None else round(v, 3), 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
         out.add_row(escape(s.flight), f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
     return out
 
@@ -106,9 +107,8 @@ def parameters(rows: Sequence[tuple[str, str, float, float | None, str]], title:
     out.columns[-1].justify = "left"
     last = ""
     for effect, name, value, std, unit in rows:
-        out.add_row(
-            escape(effect) if effect != last else "", escape(name), number(value, 4), number(std, 2), _unit(unit)
-        )
+        first = escape(effect) if effect != last else ""
+        out.add_row(first, escape(name), number(value, 4), number(std, 2), _unit(unit))
         last = effect
     return out
 
@@ -190,16 +190,41 @@ def topics(seen: Inspection) -> Table:
     """Topics of a log: roles, rates, gaps."""
     size = f"{seen.size / 1e6:.1f} MB" if seen.size >= 1e5 else f"{seen.size / 1e3:.1f} kB"
     title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
-    heads = ("topic", "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out")
+    common = _namespace([t.topic for t in seen.topics])
+    heads = (
+        f"topic in\n{common}" if common else "topic",
+        "type",
+        "role",
+        "messages",
+        "rate [Hz]",
+        "jitter [ms]",
+        "gaps",
+        "left out",
+    )
     out = table(title, *heads, left=3)
     for t in seen.topics:
-        kind = t.type.replace("/msg/", "/")
+        kind = t.type.split("/")[-1]
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
-        jitter = "-" if t.jitter is None else number(1e3 * t.jitter, 2)
+        jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
         role = f"[bold green]{escape(', '.join(t.plays))}[/]" if t.plays else "[dim]-[/]"
         lost = str(sum(t.dropped.values())) if t.dropped else "0"
-        out.add_row(escape(t.topic), escape(kind), role, str(t.count), number(t.rate, 4), jitter, gaps, lost)
+        out.add_row(
+            escape(t.topic.removeprefix(common)),
+            escape(kind),
+            role,
+            str(t.count),
+            number(t.rate, 4),
+            jitter,
+            gaps,
+            lost,
+        )
     return out
+
+
+def _namespace(names: Sequence[str]) -> str:
+    """The namespace that all topics share, with its last slash, if it is worth leaving out."""
+    shared = commonpath(names) + "/" if len(names) > 1 else ""
+    return shared if len(shared) > 8 else ""
 
 
 def checks(found: Sequence[Check]) -> Table:

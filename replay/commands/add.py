@@ -68,9 +68,7 @@ def add(
         _set(base, value, output, json, force, quiet)
         return
     if not effects:
-        raise UsageError(
-            "add: no effect named; e.g. `wrenchgap add com_offset ...`, or find one with wrenchgap explain"
-        )
+        raise UsageError("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
     if not logs:
         raise UsageError("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
     _fit(base, list(effects), logs, output, topic, cutoff, json, force, quiet)

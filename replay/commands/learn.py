@@ -127,12 +127,12 @@ def _print(printer: Printer, learnt: Learnt) -> None:
         name = f"{title}: {', '.join(result.flights)}, mean +- std of |measured - predicted|"
         fall = 1.0 - result.evaluations[-1].pooled.mean_abs / result.evaluations[0].pooled.mean_abs
         printer.show(tables.mean_and_std(name, rows, fall))
-    rows = [
+    sigmas = [
         (name, tables.number(float(prior)), tables.number(float(seen)))
         for name, prior, seen in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)
     ]
     heads = ("output", "far from the data", "99 % of the training samples below")
-    printer.show(tables.plain("standard deviation of a prediction", heads, rows))
+    printer.show(tables.plain("standard deviation of a prediction", heads, sigmas))
     low, middle, high = learnt.real_min
     printer.line(
         f"conditioning: smallest eigenvalue of I + dmu/dW {low:.2f} (1st percentile), {middle:.2f} (median), "

@@ -30,9 +30,7 @@ def _list(asked: bool) -> None:
 def simulate(
     model: Annotated[
         str,
-        typer.Option(
-            "--model", "-m", metavar="MODEL", help="What the controller believes.", autocompletion=complete_models
-        ),
+        typer.Option("--model", "-m", metavar="MODEL", help="Believed model.", autocompletion=complete_models),
     ],
     trajectory: Annotated[
         str,
@@ -68,7 +66,7 @@ def simulate(
     """
     import flight
     from plant import model_file
-    from replay import simulation, tables
+    from replay import simulation
     from replay.console import Printer, progress
     from replay.results import claim, document, model_input, write_json
 
@@ -83,9 +81,8 @@ def simulate(
         model_file.save(ready.truth, truth, force=force)
     printer = Printer(quiet)
     summary = simulation.summary(flown)
-    printer.show(
-        tables.plain(f"{output.name}: {trajectory}, {summary['duration_s']:.1f} s", ("", ""), simulation.words(summary))
-    )
+    title = f"{output.name}: {trajectory}, {summary['duration_s']:.1f} s"
+    printer.line(", ".join([title, *(f"{what} {value}" for what, value in simulation.words(summary))]))
     printer.notes(flown.notes, "warning")
     if json is not None:
         body = {"log": str(output), **simulation.provenance(plan), **summary, "notes": list(flown.notes)}
