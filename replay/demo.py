@@ -42,7 +42,7 @@ def steps(model: str = "tilt_hexarotor") -> list[Step]:
         ),
         step(
             "Fly a test flight that nothing is fitted to: pitch 0-60-0 deg, twice",
-            "simulate -m {model} -t pitch --duration 20 --seed 2 --hide {hidden} --no-integral -o test.mcap",
+            "simulate -m {model} -t pitch --duration 20 --seed 2 --hide {hidden} -o test.mcap",
         ),
         step("What is in the log?", "inspect test.mcap -m {model}"),
         step("How wrong is the model?", "compare test.mcap -m {model} --json before.json"),
