@@ -218,7 +218,7 @@ def _window(
     elif containing and start >= containing[0].time[0] - 0.5:
         chosen = containing[0]
     else:
-        spans = ", ".join(f"{s.time[0]:.2f} to {s.time[-1]:.2f} s" for s in stretches)
+        spans = ", ".join(f"{s.time[0]:.2f} to {s.time[-1] - 1.0:.2f} s" for s in stretches)
         raise UsageError(f"--start {start:g}: {log.name} can be flown again within {spans}; choose a time in there")
     first = int(np.searchsorted(chosen.time, start - 1e-9))
     available = len(chosen) - first
@@ -488,7 +488,10 @@ def _integrate(
     progress: Report | None,
     watch: bool = False,
 ) -> Flown:
-    """Fly the window of a recording from its initial state. With `watch` the flight ends where control is lost."""
+    """Fly the window of a recording from its initial state.
+
+    With `watch` the flight ends where control is lost, unless it was lost there in the recorded flight too.
+    """
     start, dt, first = r.motion.state, r.dt, r.first
     body = RigidBody(plant.body)
     y = pack(_state_rows(start, slice(first, first + 1)))
@@ -500,9 +503,8 @@ def _integrate(
         time = float(r.time[first + k])
         now = unpack(time, y, None if start.voltage is None else start.voltage[first + k : first + k + 1])
         if watch:
-            stopped = loss_of_control(now, r.reference.sample(first + k))
+            stopped = _lost(r, first + k, now)
             if stopped:
-                stopped = f"control was lost at {time:.2f} s: {stopped}; the re-flight ends there"
                 break
         u = command(k, now)
         made, memory = plant.actuate(u, now, dt, memory)
@@ -517,6 +519,16 @@ def _integrate(
     voltage = None if start.voltage is None else start.voltage[first : first + n]
     state = State(r.time[first : first + n], table[:, :3], table[:, 3:7], table[:, 7:10], table[:, 10:], voltage)
     return Flown(state, _stacked(sent), wrenches[:n], disturbances[:n], stopped)
+
+
+def _lost(r: Recording, k: int, now: State) -> str:
+    """Why the re-flight ends here, or nothing. Where the recorded flight had lost control, so may this one."""
+    asked = r.reference.sample(k)
+    reason = loss_of_control(now, asked)
+    finite = bool(np.all(np.isfinite(now.position_E)) and np.all(np.isfinite(now.omega_B)))
+    if not reason or (finite and loss_of_control(_state_rows(r.motion.state, slice(k, k + 1)), asked)):
+        return ""
+    return f"control was lost at {float(now.time[0]):.2f} s: {reason}; the re-flight ends there"
 
 
 def _stacked(sent: list[Commands]) -> Commands:
@@ -743,7 +755,7 @@ class Counterfactual:
                 f"{100 * EXPLAINED_GOAL:.0f} % of the recorded {', '.join(weak)}: there the re-flight's feedback is a "
                 "guess; set [controller] to the gains that flew"
             )
-        if self.changed.flown.stopped:
+        if self.changed.flown.stopped and self.changed is not self.null:
             found.append(f"{r.flight.name}: {self.changed.flown.stopped}")
         return tuple(dict.fromkeys(found))
 

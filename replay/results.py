@@ -29,6 +29,7 @@ VERSIONS = {
     "add": 1,
     "remove": 1,
     "learn": 1,
+    "counterfactual": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 
