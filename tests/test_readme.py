@@ -1,0 +1,46 @@
+"""The README's commands, run as written, in order, in an empty folder."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+LINES = [
+    line for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) for line in block.splitlines() if line.strip()
+]
+COMMANDS = [shlex.split(line, comments=True) for line in LINES]
+
+
+def test_make_targets_exist():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = [words[1] for words in COMMANDS if words[0] == "make"]
+    assert targets == ["demo", "test"]
+    for target in targets:
+        assert re.search(rf"^{target}: setup ##", makefile, re.MULTILINE)
+
+
+@pytest.mark.timeout(280)
+def test_commands_run_as_written(tmp_path):
+    wrenchgap = [words for words in COMMANDS if words[0] == "wrenchgap"]
+    assert len(wrenchgap) >= 10
+    assert len(wrenchgap) + 2 == len(COMMANDS)
+    for words in wrenchgap:
+        done = subprocess.run(
+            [sys.executable, "-m", "replay.cli", *words[1:]],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
+        if words[1] == "explain":
+            assert "Explained by com_offset" in done.stdout
+    for file in ("fitted.toml", "fitted.png", "torque.gp", "replayed.mcap", "replayed.csv", "reflown.mcap"):
+        assert (tmp_path / file).stat().st_size > 0
