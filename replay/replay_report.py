@@ -17,6 +17,7 @@ from flight.flight import AXES
 from plant.mismatch import output_indices
 from plant.model_file import content_hash, tool_version
 from replay.engine import Replay
+from replay.learning import NEARLY_SINGULAR
 from replay.results import atomic
 from replay.tables import HEADS, number, row, table
 
@@ -24,8 +25,6 @@ Array = NDArray[np.float64]
 
 HELD_BACK = 0.5
 """beta above which the uncertainty filter counts as holding the correction back."""
-NEAR_SINGULAR = 1.0 / 3.0
-"""Smallest real part of an eigenvalue of I + dmu/dW below which an inversion triples an error of mu or worse."""
 PERCENTILES = (5, 50, 95, 100)
 
 
@@ -71,7 +70,7 @@ class Summary:
         if self.near_singular > 0:
             out.append(
                 f"I + dmu/dW is nearly singular in {100 * self.near_singular:.1f} % of the commands (smallest real "
-                f"eigenvalue {self.eigenvalue_min:.2f}, expected above {NEAR_SINGULAR:.2f}): the GP claims that more "
+                f"eigenvalue {self.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP claims that more "
                 "command gives no more wrench; excite the command on its own in the training flight."
             )
         if self.accepted < 0.99:
@@ -113,7 +112,7 @@ def summarise(replay: Replay) -> Summary:
         measured_minus_logged=_mean_abs(replay.measured - replay.logged),
         measured_minus_predicted=_mean_abs(replay.measured - replay.predicted),
         eigenvalue_min=float(replay.conditioning.real_min.min()),
-        near_singular=float((replay.conditioning.real_min < NEAR_SINGULAR).mean()),
+        near_singular=float((replay.conditioning.real_min < NEARLY_SINGULAR).mean()),
         saturation=None if replay.saturation is None else asdict(replay.saturation),
         saturation_logged=None if replay.saturation_logged is None else asdict(replay.saturation_logged),
         solve_mean_ms=float(solve.mean()),
@@ -251,7 +250,7 @@ def _scalars(replay: Replay) -> dict[str, Any]:
 
 
 def write_figure(replay: Replay, path: Path) -> None:
-    """Left: the torques desired, commanded, measured and predicted. Right: correction (dotted: before the filter), sigma, beta."""
+    """Left: the torques desired, commanded, measured, predicted. Right: correction (dotted: raw), sigma, beta."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(14, 8), layout="constrained")

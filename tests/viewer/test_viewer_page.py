@@ -1,0 +1,200 @@
+"""The page without a browser: a server that starts and stops, and handles that stand where the log says."""
+
+import socket
+import time
+import urllib.request
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flight import so3
+from flight.errors import UsageError
+from plant import model_file
+from plant.state import Actuation
+from plant.vehicle import Body, Vehicle
+from viewer.drawing import arm_pose
+from viewer.page import Page, exposed
+from viewer.session import Scene, Stretch
+
+TIME = np.arange(0.0, 4.0, 0.02)
+
+
+def scene(name="one") -> Scene:
+    """A circle with a turning body; torques that grow; arms that tilt against each other."""
+    zero = np.zeros_like(TIME)
+    return Scene(
+        name=name,
+        time=TIME,
+        position_E=np.stack((np.cos(TIME), np.sin(TIME), 1.0 + 0.1 * TIME), axis=1),
+        quat_EB=so3.exp(np.stack((zero, 0.3 * TIME, zero), axis=1)),
+        reference_position_E=np.stack((np.cos(TIME), np.sin(TIME), 1.0 + zero), axis=1),
+        quat_ED=so3.exp(np.stack((0.2 * TIME, zero, zero), axis=1)),
+        tilt=np.outer(TIME, [0.1, -0.1, 0.2, -0.2, 0.3, -0.3]),
+        wrenches={
+            "commanded": np.outer(1.0 + TIME, [0.0, 0.0, 10.0, 0.1, 0.0, 0.0]),
+            "measured": np.where(TIME[:, None] < 1.0, np.nan, np.outer(1.0 + TIME, [0.0, 0.0, 9.0, 0.0, 0.1, 0.0])),
+        },
+        worst=(Stretch(2.0, 3.0, "worst torque x"),),
+        notes=("made for a test.",),
+    )
+
+
+class Two:
+    """A session of two flights."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        self.flights = ("one", "two")
+
+    def scene(self, flight: str) -> Scene:
+        made = scene(flight)
+        return made if flight == "one" else replace(made, position_E=made.position_E + 10.0, tilt=None)
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return model_file.load("tilt_hexarotor").vehicle
+
+
+@pytest.fixture
+def page(vehicle):
+    made = Page(Two(vehicle), port=0)
+    yield made
+    made.stop()
+
+
+def test_body_and_reference_stand_where_the_log_says(page):
+    for at in (0.0, 1.7, 3.98):
+        page.time = at
+        k = int(np.argmin(np.abs(TIME - at)))
+        assert np.asarray(page.drawing.body.position) == pytest.approx(scene().position_E[k])
+        assert np.asarray(page.drawing.body.wxyz) == pytest.approx(scene().quat_EB[k])
+        assert np.asarray(page.drawing.reference.position) == pytest.approx(scene().reference_position_E[k])
+        assert np.asarray(page.drawing.reference.wxyz) == pytest.approx(scene().quat_ED[k])
+        assert page.drawing.reference.visible
+
+
+def test_arms_point_their_thrust_as_the_plant_does(page, vehicle):
+    page.time = 3.0
+    k = int(np.argmin(np.abs(TIME - 3.0)))
+    still = np.zeros((1, len(vehicle.rotors)))
+    normals = Actuation(vehicle, scene().tilt[k : k + 1], still, still).arm_normal_B[0]
+    for handle, normal in zip(page.drawing.arms, normals, strict=True):
+        assert so3.rotate(np.asarray(handle.wxyz), np.array([0.0, 0.0, 1.0])) == pytest.approx(normal, abs=1e-12)
+
+
+def test_arm_frames_are_right_handed_for_any_thrust_direction(vehicle):
+    """A fixed arm may thrust along its own axis; the frame must still be a rotation with z along the thrust."""
+    odd = replace(vehicle.arms, normal_B=vehicle.arms.axis_B.copy())
+    for arm in range(6):
+        R = so3.matrix(arm_pose(odd, arm, 0.0))
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        assert R[:, 2] == pytest.approx(odd.axis_B[arm])
+
+
+def test_arrows_follow_the_wrenches_and_hide_what_is_unknown(page):
+    page.time = 0.5
+    assert page.drawing.arrows["force", "commanded"].visible
+    assert not page.drawing.arrows["force", "measured"].visible
+    page.time = 3.0
+    lengths = {
+        name: np.linalg.norm(np.diff(page.drawing.arrows["force", name].points[0], axis=0))
+        for name in ("commanded", "measured")
+    }
+    assert lengths["measured"] / lengths["commanded"] == pytest.approx(0.9, rel=1e-5)
+    direction = np.diff(page.drawing.arrows["torque", "measured"].points[0], axis=0)[0]
+    assert direction[1] > 0
+    assert direction[[0, 2]] == pytest.approx([0.0, 0.0])
+    page.torques.value = False
+    assert not page.drawing.arrows["torque", "measured"].visible
+    assert page.drawing.arrows["force", "measured"].visible
+
+
+def test_plots_hold_the_torques_and_a_mark_at_the_instant_shown(page):
+    page.time = 2.5
+    time, commanded, measured, mark = page.plots[0].data
+    assert time[0] == pytest.approx(1.0), "where the measurement is unknown there is nothing to compare"
+    assert commanded == pytest.approx(0.1 * (1.0 + time))
+    assert measured == pytest.approx(np.zeros_like(time))
+    assert time[np.argmax(mark)] == pytest.approx(2.5, abs=0.011)
+    assert np.isfinite(np.stack(page.plots[2].data)).all()
+
+
+def test_another_flight_replaces_the_first(page):
+    page.time = 2.0
+    page.choice.value = "two"
+    assert page.time == 0.0
+    assert np.asarray(page.drawing.body.position) == pytest.approx([11.0, 10.0, 11.0])
+
+
+def test_playing_moves_on_and_starts_again_at_the_end(page):
+    page.time = 3.9
+    page.speed.value = "5"
+    page.playing.value = True
+    seen = {page.time}
+    deadline = eventually(lambda: seen.add(page.time) or any(t < 1.0 for t in seen))
+    page.playing.value = False
+    assert deadline, f"played {sorted(seen)}"
+
+
+def eventually(condition, seconds=5.0):
+    """Poll until true; False after `seconds`."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_page_is_served_on_this_machine_only_and_stops(vehicle):
+    made = Page(Two(vehicle), port=0)
+    host, port = made.server.get_host(), made.server.get_port()
+    assert host == "127.0.0.1"
+    with urllib.request.urlopen(made.url, timeout=5) as answer:
+        assert answer.status == 200
+    made.stop()
+    assert eventually(lambda: _refused(host, port)), "the port is still open"
+    assert not made._player.is_alive()
+
+
+def _refused(host, port) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(0.5)
+        return probe.connect_ex((host, port)) != 0
+
+
+def test_other_addresses_count_as_exposed():
+    assert exposed("0.0.0.0")
+    assert exposed("192.168.1.5")
+    assert not exposed("127.0.0.1")
+
+
+def test_vehicle_of_which_only_the_wrench_is_known_is_drawn():
+    plain = Vehicle("plain", Body(0.04, np.diag([16e-6, 16e-6, 29e-6]), np.zeros(3)), None, None, np.zeros(3))
+    made = Page(Two(plain), port=0)
+    try:
+        made.time = 1.0
+        assert made.drawing.arms == []
+        assert 0.03 < made.drawing.size < 0.2
+        assert np.asarray(made.drawing.body.position)[2] == pytest.approx(1.1)
+    finally:
+        made.stop()
+
+
+def test_address_that_cannot_be_had_is_told_in_one_line(vehicle):
+    with pytest.raises(UsageError, match="cannot listen"):
+        Page(Two(vehicle), host="192.0.2.1", port=0)
+
+
+def test_port_that_is_taken_gives_the_next_one(vehicle):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        made = Page(Two(vehicle), port=port)
+        try:
+            assert port < made.server.get_port() <= port + 20
+        finally:
+            made.stop()

@@ -1,0 +1,71 @@
+"""What the page shows, and whom it asks: a working session.
+
+The page knows no logs, fits or compensators. It asks a `Session` for flights that are ready to be drawn, on one clock,
+with every quantity in the frames of `flight.flight`. `replay` implements it; a test may do so in ten lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of flight that is worth a look: [start, stop] [s], and why, in a few words."""
+
+    start: float
+    stop: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One flight, K instants at `time` (K,) [s], strictly increasing; gaps are jumps of it.
+
+    position_E (K, 3), quat_EB (K, 4)   the body; at rest at the origin where the log has no pose
+    reference_position_E, quat_ED       the same of the reference, None where it is not logged
+    tilt (K, A) [rad]                   angles of all arms, None where unknown
+    wrenches                            by name, e.g. "commanded", "measured", "predicted": (K, 6) in B about the
+                                        centre of mass, nan where unknown
+    worst                               stretches in which the model is farthest from the measurement
+    notes                               sentences that a user should read
+    """
+
+    name: str
+    time: Array
+    position_E: Array
+    quat_EB: Array
+    reference_position_E: Array | None = None
+    quat_ED: Array | None = None
+    tilt: Array | None = None
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
+    worst: tuple[Stretch, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def index(self, time: float) -> int:
+        """The last instant that is not after `time`, the first where there is none."""
+        return max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
+
+
+class Session(Protocol):
+    """What the page may ask."""
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle to draw."""
+
+    @property
+    def flights(self) -> tuple[str, ...]:
+        """Names of the flights, all different, at least one."""
+
+    def scene(self, flight: str) -> Scene:
+        """The flight of this name."""
