@@ -60,7 +60,7 @@ def test_the_true_motion_is_found_through_biases_noise_and_lever_arm(log, truth)
     motion = motion_of(log)
     i, j = at_truth(motion, truth)
     turn = so3.log(so3.multiply(so3.conjugate(truth.quat_EB[j]), motion.state.quat_EB[i]))
-    # White noise of 0.2 mm and 0.3 mrad at 100 Hz, averaged over knots of 0.5 s, leaves some 1/5 of it; what the filter
+    # White noise of 0.2 mm and 0.3 mrad at 100 Hz, averaged over knots of 0.25 s, leaves 1/4 of it; what the filter
     # at 25 Hz takes from the motion comes on top, so ask for the noise of a single sample.
     assert np.sqrt(np.mean((motion.state.position_E[i] - truth.position_E[j]) ** 2)) < 2e-4
     assert np.sqrt(np.mean(turn**2)) < 3e-4
