@@ -193,8 +193,8 @@ def _grounded(opened: OpenFlight, model: Model) -> list[str]:
     if seconds < 0.5:
         return []
     return [
-        f"{opened.flight.name}: for {seconds:.1f} s the commanded force is below {100 * GROUNDED:.0f} % of the weight: on "
-        "the ground, held or falling; errors there say nothing about the model."
+        f"{opened.flight.name}: for {seconds:.1f} s the commanded force is below {100 * GROUNDED:.0f} % of the weight: "
+        "on the ground, held or falling; errors there say nothing about the model."
     ]
 
 

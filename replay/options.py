@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterable, Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
+
+ROLES = (
+    *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "odometry", "pose", "twist"),
+    *("reference", "reference_pose", "reference_twist", "reference_acceleration", "battery"),
+)
+"""What a topic can be mapped to: roles and their parts (`flight.roles`)."""
 
 _ROOT = Path(__file__).parent.parent
 
@@ -21,26 +29,43 @@ def complete_models(incomplete: str) -> list[str]:
 
 
 def complete_effects(incomplete: str) -> list[tuple[str, str]]:
-    """Effects of the catalogue, with the first line of what they are."""
-    from plant.effects import catalogue
+    """Effects of the catalogue, with the first line of what they are.
 
-    known = catalogue().items()
-    return [(n, (e.__doc__ or "").splitlines()[0]) for n, e in known if n.startswith(incomplete)]
+    Read from the sources, not imported: a tab must answer at once.
+    """
+    found = []
+    for path in sorted((_ROOT / "plant" / "effects").glob("*.py")):
+        for item in ast.parse(path.read_text(encoding="utf-8")).body:
+            name = _class_name(item)
+            if name.startswith(incomplete) and name and isinstance(item, ast.ClassDef):
+                found.append((name, (ast.get_docstring(item) or "").split("\n")[0]))
+    return found + [(p.name, "") for p in entry_points(group="wrenchgap.effects") if p.name.startswith(incomplete)]
 
 
-def complete_trajectories(incomplete: str) -> list[tuple[str, str]]:
-    """Trajectories by name."""
-    from plant.trajectory import TRAJECTORIES
+def _class_name(item: ast.stmt) -> str:
+    """The text that a class gives to its attribute `name`, or nothing."""
+    for line in item.body if isinstance(item, ast.ClassDef) else ():
+        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
+            target = line.targets[0]
+            if isinstance(target, ast.Name) and target.id == "name":
+                return str(line.value.value)
+    return ""
 
-    return [(name, words) for name, (_, _, words) in TRAJECTORIES.items() if name.startswith(incomplete)]
+
+def complete_trajectories(incomplete: str) -> list[str]:
+    """Trajectories by name, read from the source likewise."""
+    source = ast.parse((_ROOT / "plant" / "trajectory.py").read_text(encoding="utf-8"))
+    for item in source.body:
+        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name) and item.target.id == "TRAJECTORIES":
+            keys = item.value.keys if isinstance(item.value, ast.Dict) else []
+            names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
+            return [name for name in names if name.startswith(incomplete)]
+    return []
 
 
 def complete_topics(incomplete: str) -> list[str]:
     """Roles and their parts, each with its equals sign."""
-    from flight.roles import ROLE_PARTS
-
-    names = dict.fromkeys(name for role, parts in ROLE_PARTS.items() for name in (role, *parts))
-    return [f"{name}=" for name in names if name.startswith(incomplete)]
+    return [f"{name}=" for name in ROLES if name.startswith(incomplete)]
 
 
 Logs = Annotated[

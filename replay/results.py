@@ -29,6 +29,7 @@ VERSIONS = {
     "add": 1,
     "remove": 1,
     "learn": 1,
+    "replay": 1,
     "counterfactual": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
@@ -62,15 +63,22 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
             raise UsageError(f"{option} {path}: exists already; choose another name or overwrite it with --force")
         if not path.parent.is_dir():
             raise UsageError(f"{option} {path}: the folder {path.parent} does not exist; create it first")
+        if not os.access(path.parent, os.W_OK):
+            raise UsageError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")
 
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end."""
+    """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end.
+
+    Raises UsageError where the file system does not let it be written.
+    """
     partial = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         yield partial
         os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
         partial.unlink(missing_ok=True)
 

@@ -18,6 +18,8 @@ from plant.simulate import simulate
 from plant.trajectory import Trajectory, named
 from replay.editing import with_hidden
 
+LONGEST = 3600.0
+"""Longest flight [s]."""
 PHYSICS_RATE = 400
 """Least rate of the simulation [Hz]."""
 
@@ -51,6 +53,8 @@ def prepare(plan: Plan) -> Ready:
         raise UsageError(f"--excitation {plan.excitation:g}: expected a number that is not negative; 1 is usual")
     if plan.seed < 0:
         raise UsageError(f"--seed {plan.seed}: expected a whole number that is not negative")
+    if plan.duration is not None and plan.duration > LONGEST:
+        raise UsageError(f"--duration {plan.duration:g}: expected at most {LONGEST:g} s")
     trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed)
     believed = plan.believed
     if plan.integral is not None:

@@ -65,12 +65,15 @@ def simulate(
     Example: `wrenchgap simulate -m voliro_x -t multi_axis --excitation 1 --hide com_offset=x:-0.004,y:0.007 -o a.mcap`
     """
     import flight
+    from flight.errors import UsageError
     from plant import model_file
     from replay import simulation
     from replay.console import Printer, progress
     from replay.results import claim, document, model_input, write_json
 
     claim({"--output": output, "--truth": truth, "--json": json}, force=force)
+    if output.suffix != ".mcap":
+        raise UsageError(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
     believed = model_file.load(model)
     plan = simulation.Plan(believed, trajectory, duration, excitation, seed, integral, tuple(hide or ()))
     ready = simulation.prepare(plan)

@@ -1,0 +1,65 @@
+"""Short simulated flights, made once for all tests of this folder, and the command line in this process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import flight
+from plant import model_file
+from replay.cli import app
+from replay.simulation import Plan, fly, provenance
+
+OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
+
+
+class Logs:
+    """A folder with logs of one vehicle: train and test hide a centre-of-mass offset, ideal hides nothing."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.train, self.test, self.ideal = (folder / f"{name}.mcap" for name in ("train", "test", "ideal"))
+        believed = model_file.load("tilt_hexarotor")
+        for path, trajectory, seconds, hidden in (
+            (self.train, "multi_axis", 14.0, (OFFSET,)),
+            (self.test, "figure8", 12.0, (OFFSET,)),
+            (self.ideal, "multi_axis", 12.0, ()),
+        ):
+            plan = Plan(believed, trajectory, seconds, 1.0 if path != self.test else 0.0, 1, None, hidden)
+            flight.write(fly(plan, name=path.stem), path, metadata=provenance(plan))
+
+
+@pytest.fixture(scope="session")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Logs:
+    """The logs; nobody writes to this folder."""
+    return Logs(tmp_path_factory.mktemp("logs"))
+
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a command in an empty folder, in this process."""
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, [str(a) for a in arguments], prog_name="wrenchgap")
+
+
+@pytest.fixture
+def result_of(run: Run, tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Run a command with --json, expect success, and return what it wrote."""
+
+    def wrapped(*arguments: object) -> dict[str, Any]:
+        path = tmp_path / "result.json"
+        path.unlink(missing_ok=True)
+        done = run(*arguments, "--json", path)
+        assert done.exit_code == 0, done.output
+        return json.loads(path.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
+
+    return wrapped

@@ -1,0 +1,108 @@
+"""Errors by axis, worst stretches, and which model a GP belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flight.errors import ModelError, UsageError
+from learn.measurement import predict
+from plant import model_file
+from plant.model import make_effect
+from plant.vehicle import Body
+from replay import comparison, editing
+from replay.explanation import ranges
+from replay.flights import open_flights
+
+
+def test_errors_of_a_known_residual() -> None:
+    residual = np.zeros((4, 6))
+    residual[:, 0] = [3.0, -3.0, 5.0, -1.0]
+    errors = comparison.Errors.of(residual)
+    assert errors.mean_abs[0] == 3.0
+    assert errors.std_abs[0] == pytest.approx(np.sqrt(2.0))
+    assert errors.rms[0] == pytest.approx(np.sqrt(11.0))
+    assert errors.max_abs[0] == 5.0
+    assert not errors.rms[1:].any()
+
+
+def test_the_worst_stretch_is_where_the_error_was_put(logs: Any) -> None:
+    model = model_file.load("tilt_hexarotor")
+    (opened,) = open_flights([logs.test], model)
+    (record,) = opened.records
+    residual = np.full((len(record), 6), 1e-3)
+    inside = (record.time > 6.0) & (record.time < 7.0)
+    residual[inside, 5] = 1.0
+    found = comparison.worst_stretches([record], [residual], np.ones(6))
+    assert found[0].start == pytest.approx(6.0, abs=0.1)
+    assert found[0].stop == pytest.approx(7.0, abs=0.1)
+    assert found[0].axis == "torque_z"
+    starts = sorted(s.start for s in found)
+    assert min(np.diff(starts)) > 0.9 * comparison.STRETCH_SECONDS
+
+
+def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs: Any) -> None:
+    model = editing.set_by_hand(model_file.load("tilt_hexarotor"), ["com_offset=x:0.01", "servo_lag=0.03"])
+    (opened,) = open_flights([logs.test], model)
+    record = opened.records[0]
+    ours = comparison.Predictor("m", model.wrench_model).predict(record, model.vehicle.body)
+    np.testing.assert_allclose(ours, predict(record, model.wrench_model), atol=1e-12)
+
+
+def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
+    """The same thrust accelerates twice the mass half as much; processed with the nominal mass it reads half."""
+    model = model_file.load("tilt_hexarotor")
+    (opened,) = open_flights([logs.test], model)
+    record = opened.records[0]
+    body = model.vehicle.body
+    heavy = replace(model.vehicle, body=Body(2.0 * body.mass, body.inertia, body.com_B))
+    light_force, heavy_force = (
+        comparison.Predictor("m", replace(model, vehicle=v).wrench_model).predict(record, body)[:, :3]
+        for v in (model.vehicle, heavy)
+    )
+    np.testing.assert_allclose(heavy_force, 0.5 * light_force, rtol=1e-9, atol=1e-9)
+
+
+def test_models_of_another_shape_cannot_be_compared() -> None:
+    with pytest.raises(ModelError, match="one vehicle"):
+        comparison.predictors(model_file.load("tilt_hexarotor"), [model_file.load("crazyflie")])
+
+
+def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:
+    opened = open_flights([logs.test, logs.train], model_file.load("tilt_hexarotor"))
+    same = [replace(o, flight=replace(o.flight, name="a")) for o in opened]
+    names = [o.records[0].flight for o in comparison.distinct(same)]
+    assert names[1] == "a (2)"
+    assert len({o.flight.name for o in comparison.distinct(same)}) == 2
+
+
+def test_ranges_say_which_flight_went_further(logs: Any) -> None:
+    model = model_file.load("tilt_hexarotor")
+    train, test = (o.records for o in open_flights([logs.train, logs.test], model))
+    assert not any(r.outside for r in ranges([*train, *test], test))
+    slow = [replace(r, state_kept=replace(r.state_kept, omega_B=0.01 * r.state_kept.omega_B)) for r in test]
+    assert [r.quantity for r in ranges(slow, test) if r.outside] == ["body rate"]
+
+
+def test_values_by_name_and_in_order_mean_the_same() -> None:
+    model = model_file.load("tilt_hexarotor")
+    by_name = editing.made(model, "com_offset=y:0.002,x:0.001")
+    in_order = editing.made(model, "com_offset=0.001,0.002,0")
+    np.testing.assert_array_equal(by_name.theta, in_order.theta)
+
+
+@pytest.mark.parametrize("text", ["com_offset", "com_offset=", "=1", "com_offset=x:1,2", "com_offset=x:one"])
+def test_values_that_are_none_are_refused(text: str) -> None:
+    with pytest.raises(UsageError):
+        editing.made(model_file.load("tilt_hexarotor"), text)
+
+
+def test_hidden_values_add_to_what_the_model_has() -> None:
+    model = model_file.load("tilt_hexarotor")
+    known = model.with_effects([make_effect(model.vehicle, "servo_lag", [0.02])])
+    truth = editing.with_hidden(known, ["servo_lag=tau:0.03", "com_offset=x:0.01"])
+    assert [e.name for e in truth.effects] == ["com_offset", "servo_lag"]
+    assert truth.effects[1].theta[0] == pytest.approx(0.05)
