@@ -27,15 +27,14 @@ from compensate import Compensator, Settings
 from flight import so3, write
 from flight.errors import WrenchgapError
 from learn.gp import FitSettings, GaussianProcess
-from learn.train import fit
 from plant.mismatch import conditioning
 from plant.model_file import load
 from replay.flights import open_flight
+from replay.learning import TORQUE, learn
 
 Array = NDArray[np.float64]
 
 MODEL = Path(__file__).parents[1] / "models" / "tilt_hexarotor.toml"
-TORQUES = ("torque_x", "torque_y", "torque_z")
 SETTLE = 3.0
 """Seconds at the start that do not count: the references fade in."""
 WORTH_IT = 5e-3
@@ -80,10 +79,9 @@ def learnt(
     """A torque GP from the log of a training flight, and the parameters that were hidden."""
     recorded, truth = fly(effect, size, "train", seed=seed, integral=integral)
     with tempfile.TemporaryDirectory() as folder:
-        opened = open_flight(write(recorded, Path(folder) / "train.mcap"), load(MODEL))
-    commanded = np.concatenate([r.commanded for r in opened.records])
-    mismatch = np.concatenate([r.measured - r.commanded for r in opened.records])[:, 3:]
-    return fit(commanded, mismatch, TORQUES, FitSettings(points=points)), truth.parameters[effect]
+        model = load(MODEL)
+        opened = open_flight(write(recorded, Path(folder) / "train.mcap"), model)
+    return learn([opened], model, TORQUE, FitSettings(points=points)).gp, truth.parameters[effect]
 
 
 def outcome(

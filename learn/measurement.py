@@ -11,7 +11,7 @@ omega x J omega are formed after filtering. Source: reference measurement.md.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,38 +144,45 @@ def stack(records: Iterable[Record], model: WrenchModel) -> Array:
     return np.concatenate([predict(r, model) for r in records])
 
 
+def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Array) -> Commands:
+    """Commands that logged tilt angles (N, .) [rad] and rotor speeds (N, .) [rad/s] amount to for this vehicle.
+
+    The wrench is what they nominally make, about the centre of mass. Angles of fixed arms may be left out. Raises
+    FitError where the columns are not those of the vehicle; `name` is the flight's, for the message.
+    """
+    arms, rotors = vehicle.geometry()
+    if rotor_speed.shape[1] != len(rotors):
+        raise FitError(
+            f"{name}: the log has {rotor_speed.shape[1]} rotor speeds, {vehicle.name} has {len(rotors)}; "
+            "map the columns with --topic rotor_speed=/topic[...] or use another model"
+        )
+    full = np.zeros((len(rotor_speed), len(arms)))
+    tilting = np.flatnonzero(arms.tilts)
+    if tilting.size:
+        if tilt is None or tilt.shape[1] not in (len(tilting), len(arms)):
+            have = 0 if tilt is None else tilt.shape[1]
+            raise FitError(
+                f"{name}: the log has {have} tilt angles, {vehicle.name} tilts {len(tilting)} arms; "
+                "map the columns with --topic tilt=/topic[...] or use another model"
+            )
+        full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
+    speed = np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
+    logged = Commands(np.zeros((len(speed), 6)), full, speed)
+    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+
+
 def _commands(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
     """Commands with rotor speeds where they are logged or can be allocated; the wrench where it can be computed."""
-    arms, rotors = vehicle.arms, vehicle.rotors
-    wrench = samples.wrench_cmd_B
-    speed, tilt = samples.rotor_speed_cmd, samples.tilt_cmd
-    if arms is not None and rotors is not None and speed is not None and speed.shape[1]:
-        if speed.shape[1] != len(rotors):
-            raise FitError(
-                f"{samples.flight}: the log has {speed.shape[1]} rotor speeds, {vehicle.name} has {len(rotors)}; "
-                "map the columns with --topic rotor_speed=/topic[...] or use another model"
-            )
-        full = np.zeros((len(samples), len(arms)))
-        tilting = np.flatnonzero(arms.tilts)
-        if tilting.size:
-            if tilt is None or tilt.shape[1] not in (len(tilting), len(arms)):
-                have = 0 if tilt is None else tilt.shape[1]
-                raise FitError(
-                    f"{samples.flight}: the log has {have} tilt angles, {vehicle.name} tilts {len(tilting)} arms; "
-                    "map the columns with --topic tilt=/topic[...] or use another model"
-                )
-            full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
-        speed = np.abs(speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
-        logged = Commands(np.zeros((len(samples), 6)), full, speed)
-        if wrench is None:
-            wrench = about_com(vehicle.body, nominal_wrench(vehicle, logged))
-        return Commands(wrench, full, speed), "logged"
+    wrench, speed = samples.wrench_cmd_B, samples.rotor_speed_cmd
+    if vehicle.has_rotors and speed is not None and speed.shape[1]:
+        logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
+        return (logged if wrench is None else replace(logged, wrench_B=wrench)), "logged"
     if wrench is None:
         raise FitError(
             f"{samples.flight}: neither a commanded wrench nor actuator commands that fit {vehicle.name}; "
             "map one with --topic commanded=/your/topic"
         )
-    if arms is None:
+    if not vehicle.has_rotors:
         return Commands(wrench), "none"
     allocated, _ = Allocation(vehicle).allocate(about_origin(vehicle.body, wrench), dt=samples.dt)
     return Commands(wrench, allocated.tilt, allocated.rotor_speed), "allocated"

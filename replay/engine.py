@@ -24,13 +24,11 @@ from compensate import Compensator, Settings
 from flight.errors import FitError, LogError, UsageError
 from flight.flight import AXES, ActuatorSeries, Flight, WrenchSeries
 from learn.gp import GaussianProcess
-from learn.measurement import CUTOFF_HZ
-from plant.actuation import nominal_wrench
+from learn.measurement import CUTOFF_HZ, from_actuators
 from plant.allocation import Allocation, Saturation
 from plant.mismatch import Conditioning, conditioning, output_indices
 from plant.model import Model
-from plant.state import Commands
-from plant.wrench_model import about_com, about_origin
+from plant.wrench_model import about_origin
 from replay.comparison import Predictor, predictors
 from replay.flights import opened
 
@@ -182,27 +180,15 @@ def replay(
 def logged_command(flight: Flight, model: Model) -> tuple[WrenchSeries | None, tuple[str, ...]]:
     """The commanded wrench about the centre of mass, computed from the actuators where only they are logged.
 
-    None where the log has neither, or only a desired wrench; the notes say what stands in for what. Raises LogError
+    None where the log has neither, or only a desired wrench; the notes say what stands in for what. Raises FitError
     where actuators are logged that do not fit the model.
     """
     if flight.commanded is not None:
         return flight.commanded, ()
     actuators, vehicle = flight.actuators, model.vehicle
-    if actuators is None or vehicle.arms is None or vehicle.rotors is None or not actuators.rotor_speed.shape[1]:
+    if actuators is None or not vehicle.has_rotors or not actuators.rotor_speed.shape[1]:
         return None, ()
-    tilting = np.flatnonzero(vehicle.arms.tilts)
-    speeds, tilts = actuators.rotor_speed.shape[1], actuators.tilt.shape[1]
-    if speeds != len(vehicle.rotors) or (tilting.size and tilts not in (len(tilting), len(vehicle.arms))):
-        raise LogError(
-            f"{flight.path.name}: {actuators.topic} has {speeds} rotor speeds and {tilts} tilt angles, "
-            f"{vehicle.name} has {len(vehicle.rotors)} and {len(tilting)}; map columns with --topic rotor_speed=..., "
-            "or use another model"
-        )
-    tilt = np.zeros((len(actuators.time), len(vehicle.arms)))
-    if tilting.size:
-        tilt[:, tilting] = actuators.tilt if tilts == len(tilting) else actuators.tilt[:, tilting]
-    commands = Commands(np.zeros((len(tilt), 6)), tilt, actuators.rotor_speed)
-    wrench = about_com(vehicle.body, nominal_wrench(vehicle, commands))
+    wrench = from_actuators(flight.name, vehicle, actuators.tilt, actuators.rotor_speed).wrench_B
     note = f"{flight.name}: no commanded wrench in the log; computed from {actuators.topic} with the model's geometry."
     return WrenchSeries(actuators.topic, actuators.time, wrench, gaps=actuators.gaps), (note,)
 

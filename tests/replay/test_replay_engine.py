@@ -138,6 +138,17 @@ def test_log_with_actuators_only_gives_the_same_commands(flown, model, gp):
     assert any("computed from" in note for note in actuators.notes)
 
 
+def test_sign_of_rotor_speeds_does_not_matter(flown, model, gp):
+    """Some logs sign a speed by the direction in which the rotor turns; its thrust has one direction only."""
+    turned = flown.actuators.rotor_speed * model.vehicle.rotors.spin
+    signed = replace(flown, commanded=None, desired=None, actuators=replace(flown.actuators, rotor_speed=turned))
+    plain = engine.replay(replace(flown, commanded=None, desired=None), model, gp)
+    assert np.array_equal(engine.replay(signed, model, gp).wrench, plain.wrench)
+    wrong = replace(signed, actuators=replace(flown.actuators, rotor_speed=turned[:, :5]))
+    with pytest.raises(FitError, match="5 rotor speeds"):
+        engine.replay(wrong, model, gp)
+
+
 def test_log_without_motion_is_replayed_without_measurement(flown, model, gp):
     blind = engine.replay(replace(flown, imu=None, odometry=None), model, gp)
     assert np.isnan(blind.measured).all()
