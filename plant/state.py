@@ -42,13 +42,41 @@ class State:
 
 
 @dataclass(frozen=True)
+class Rates:
+    """How fast the actuators move: `tilt` (N, A) [rad/s], `tilt_dot` (N, A) [rad/s^2], `rotor_dot` (N, R) [rad/s^2]."""
+
+    tilt: Array
+    tilt_dot: Array
+    rotor_dot: Array
+
+
+@dataclass(frozen=True)
 class Actuation:
-    """What the rotors of a vehicle do: `tilt` (N, A), `rotor_speed` (N, R), `thrust` (N, R) [N] along the normals."""
+    """What the rotors of a vehicle do: `tilt` (N, A), `rotor_speed` (N, R), `thrust` (N, R) [N] along the normals.
+
+    `rates` is None where nobody asked how fast the actuators move; they then count as at rest.
+    """
 
     vehicle: Vehicle
     tilt: Array
     rotor_speed: Array
     thrust: Array
+    rates: Rates | None = None
+
+    @property
+    def tilt_rate(self) -> Array:
+        """dalpha/dt (N, A) [rad/s]."""
+        return np.zeros_like(self.tilt) if self.rates is None else self.rates.tilt
+
+    @property
+    def tilt_acceleration(self) -> Array:
+        """d2alpha/dt2 (N, A) [rad/s^2]."""
+        return np.zeros_like(self.tilt) if self.rates is None else self.rates.tilt_dot
+
+    @property
+    def rotor_acceleration(self) -> Array:
+        """dOmega/dt (N, R) [rad/s^2]."""
+        return np.zeros_like(self.rotor_speed) if self.rates is None else self.rates.rotor_dot
 
     @cached_property
     def arm_normal_B(self) -> Array:
@@ -70,7 +98,7 @@ class Actuation:
 
     def with_thrust(self, thrust: Array) -> Actuation:
         """The same rotors with other thrusts (N, R)."""
-        made = Actuation(self.vehicle, self.tilt, self.rotor_speed, thrust)
+        made = Actuation(self.vehicle, self.tilt, self.rotor_speed, thrust, self.rates)
         for name in ("arm_normal_B", "normal_B", "hub_B"):
             if name in self.__dict__:
                 made.__dict__[name] = self.__dict__[name]

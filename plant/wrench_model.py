@@ -20,7 +20,7 @@ mass c, wrench (F, M_O) about O and f_O the specific force at O:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ from plant.effects.effect import (
     ThrustEffect,
     WrenchEffect,
 )
-from plant.state import Actuation, Commands, Motion, State
+from plant.state import Actuation, Commands, Motion, Rates, State
 from plant.vehicle import Body, Vehicle
 
 Array = NDArray[np.float64]
@@ -103,6 +103,21 @@ def about_origin(body: Body, wrench_B: Array) -> Array:
     return np.concatenate((wrench_B[:, :3], wrench_B[:, 3:] + cross(body.com_B, wrench_B[:, :3])), axis=-1)
 
 
+_RATES = "actuator rates"
+
+
+def _rates(commands: Commands, dt: float, memory: Any) -> tuple[Rates, Any]:
+    """Rates of the actuators by backward differences, at rest before the first sample; and what to remember."""
+    tilt, speed = commands.tilt, commands.rotor_speed
+    assert tilt is not None
+    assert speed is not None
+    before_tilt, before_speed, before_rate = (tilt[0], speed[0], np.zeros(tilt.shape[1])) if memory is None else memory
+    rate = np.diff(tilt, axis=0, prepend=before_tilt[None]) / dt
+    rate_dot = np.diff(rate, axis=0, prepend=before_rate[None]) / dt
+    rotor_dot = np.diff(speed, axis=0, prepend=before_speed[None]) / dt
+    return Rates(rate, rate_dot, rotor_dot), (tilt[-1], speed[-1], rate[-1])
+
+
 class WrenchModel:
     """A vehicle and effects with values, ready to be evaluated on N samples or stepped with N = 1."""
 
@@ -127,12 +142,12 @@ class WrenchModel:
                 memory[item.name] = kept
         return commands, memory
 
-    def wrench(self, commands: Commands, state: State) -> Array:
-        """Wrench (N, 6) about O that these (effective) commands make in this state."""
+    def wrench(self, commands: Commands, state: State, rates: Rates | None = None) -> Array:
+        """Wrench (N, 6) about O that these (effective) commands make in this state; at rest without `rates`."""
         context = Context(self.vehicle, state)
         act: Actuation | None = None
         if self.vehicle.has_rotors and commands.rotor_speed is not None:
-            act = actuation(self.vehicle, commands)
+            act = replace(actuation(self.vehicle, commands), rates=rates)
             for item in self.effects:
                 if isinstance(item.effect, ThrustEffect):
                     act = act.with_thrust(item.effect.apply(act, item.theta, context))
@@ -150,7 +165,10 @@ class WrenchModel:
     ) -> tuple[Array, dict[str, Any]]:
         """Wrench (N, 6) about O, through all effects on commands, thrusts and wrench; and the memory."""
         commands, memory = self.command(commands, state, dt, memory)
-        return self.wrench(commands, state), memory
+        rates: Rates | None = None
+        if commands.rotor_speed is not None and any(item.effect.needs_rates for item in self.effects):
+            rates, memory[_RATES] = _rates(commands, dt, memory.get(_RATES))
+        return self.wrench(commands, state, rates), memory
 
     def motion(self, wrench_B: Array, omega_B: Array) -> Motion:
         """Accelerations of O under wrenches (N, 6) about O, with the body effects."""

@@ -24,7 +24,7 @@ class ComOffset(BodyEffect):
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
-        size = _span(vehicle)
+        size = span(vehicle)
         return tuple(Parameter(axis, "m", -0.1 * size, 0.1 * size, 0.02 * size) for axis in "xyz")
 
     def apply(self, body: Body, theta: Array) -> Body:
@@ -32,7 +32,7 @@ class ComOffset(BodyEffect):
         return replace(body, com_B=body.com_B + theta)
 
 
-def _span(vehicle: Vehicle) -> float:
+def span(vehicle: Vehicle) -> float:
     """A length [m] to measure offsets by: the longest arm, or what mass and inertia suggest."""
     if vehicle.arms is not None:
         return float(max((vehicle.arms.position_B**2).sum(axis=1)) ** 0.5)

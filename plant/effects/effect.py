@@ -87,6 +87,7 @@ class Effect(ABC):
     needs_rotors: ClassVar[bool] = False
     needs_voltage: ClassVar[bool] = False
     needs_pose: ClassVar[bool] = False
+    needs_rates: ClassVar[bool] = False
     sparse: ClassVar[bool] = False
     """Whether a few large parameters are likelier than many small ones (one damaged rotor, one slipped servo)."""
 

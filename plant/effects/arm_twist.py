@@ -1,0 +1,40 @@
+"""Arms that twist under load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flight.errors import ModelError
+from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, Vehicle
+
+
+class ArmTwist(CommandEffect):
+    """An arm turns further by an angle in proportion to its thrust: dalpha_i = q T_i, q = lever / stiffness.
+
+    The lever is that of the thrust about the arm's elastic axis. Source: Saint-Venant torsion; reference effects.md,
+    "arm twist / bending" (50-300 Nm/rad).
+    """
+
+    name = "arm_twist"
+    excited_by = "thrust that changes while the arms are tilted"
+    confused_with = ("tilt_offset", "com_offset")
+    order = 40
+    needs_rotors = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Twist per thrust, the same on every tilting arm."""
+        arms, _ = vehicle.geometry()
+        if not arms.tilts.any():
+            raise ModelError(f"{vehicle.name}: effect arm_twist needs arms that tilt, and none does")
+        per_arm = vehicle.body.mass * 9.81 / len(arms)
+        return (Parameter("twist", "rad/N", -0.1 / per_arm, 0.1 / per_arm, 0.015 / per_arm),)
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Tilt angles plus twist."""
+        assert commands.tilt is not None
+        assert commands.rotor_speed is not None
+        arms, rotors = context.vehicle.geometry()
+        thrust = (rotors.c_f * commands.rotor_speed**2) @ (rotors.arm[:, None] == np.arange(len(arms)))
+        return replace(commands, tilt=commands.tilt + theta[0] * thrust * arms.tilts), None

@@ -1,0 +1,49 @@
+"""Play in the tilt mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flight.errors import ModelError
+from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, Vehicle
+
+
+class Backlash(CommandEffect):
+    """An arm follows its servo through a joint with play b: it rests until it is pushed.
+
+        alpha[k] = min(max(alpha[k-1], c[k] - b/2), c[k] + b/2)         c: the servo's angle
+
+    Source: the play operator, Visintin, "Differential Models of Hysteresis", 1994, III.2; reference effects.md, "tilt
+    backlash". N steps are a product of clamps, and clamps compose to clamps, so a prefix scan does them at once.
+    """
+
+    name = "backlash"
+    excited_by = "reversals of the tilt angles"
+    confused_with = ("servo_lag", "tilt_offset")
+    order = 20
+    needs_rotors = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """The play, from stop to stop, the same on every tilting arm."""
+        arms, _ = vehicle.geometry()
+        if not arms.tilts.any():
+            raise ModelError(f"{vehicle.name}: effect backlash needs arms that tilt, and none does")
+        return (Parameter("play", "rad", 0.0, 0.1, 0.01, start=0.005),)
+
+    def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
+        """Tilt angles after the play."""
+        assert commands.tilt is not None
+        half = 0.5 * float(theta[0])
+        before = commands.tilt[0] if memory is None else memory
+        low, high = commands.tilt - half, commands.tilt + half
+        step = 1
+        while step < len(low):  # after this pass, row k stands for the last 2 step clamps up to k
+            low[step:], high[step:] = (
+                np.clip(low[:-step], low[step:], high[step:]),
+                np.clip(high[:-step], low[step:], high[step:]),
+            )
+            step *= 2
+        tilt = np.clip(before, low, high)
+        return replace(commands, tilt=tilt), tilt[-1]

@@ -1,0 +1,31 @@
+"""Thrust that falls with the battery's voltage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+
+
+class BatterySag(WrenchEffect):
+    """Thrust follows the voltage: dW = -k (V_0 - V) / V_0 W, right at the voltage V_0.
+
+    The parameters are k and q = k / V_0, in which the effect is linear: dW = (q V - k) W.
+    Source: reference effects.md, "battery sag"; thrust goes with the square of speed, and speed with voltage where the
+    speed controller is open loop (k up to 2).
+    """
+
+    name = "battery_sag"
+    excited_by = "voltage that falls during the flight"
+    confused_with = ("thrust_scale", "mass")
+    needs_voltage = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Sensitivity k, and k / V_0."""
+        return (Parameter("sensitivity", "1", 0.0, 4.0, 0.5), Parameter("per_volt", "1/V", 0.0, 1.2, 0.05))
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The added (mostly negative) wrench."""
+        voltage = context.state.voltage
+        assert voltage is not None
+        return np.asarray((theta[1] * voltage - theta[0])[:, None] * wrench_B)

@@ -1,0 +1,30 @@
+"""Rotor drag torque other than the model's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+
+
+class DragTorque(WrenchEffect):
+    """Every rotor's drag torque per thrust is (1 + k) kappa: dM = -sum_r spin_r k kappa_r T_r n_r.
+
+    Source: reference effects.md, "drag-torque coefficient". It cancels in a coaxial pair at equal speeds.
+    """
+
+    name = "drag_torque"
+    excited_by = "unequal speeds within a pair; on fixed-rotor vehicles, yaw"
+    confused_with = ("tilt_offset", "constant_wrench")
+    needs_rotors = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Relative change of kappa."""
+        return (Parameter("change", "1", -0.8, 1.5, 0.3),)
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The added torque."""
+        assert actuation is not None
+        _, rotors = context.vehicle.geometry()
+        torque = -theta[0] * np.einsum("nr,nri->ni", rotors.spin * rotors.kappa * actuation.thrust, actuation.normal_B)
+        return np.concatenate((np.zeros_like(torque), torque), axis=-1)

@@ -1,0 +1,32 @@
+"""Rotors near the ground lift more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flight.so3 import rotate
+from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+
+
+class GroundEffect(ThrustEffect):
+    """Near the ground thrust grows: T -> T / (1 - g (R / 4z)^2), z the height of the hub above z = 0 of E.
+
+    Source: Cheeseman and Bennett, ARC R&M 3021, 1955 (g = 1 for one rotor); g above 1 for several rotors,
+    Sanchez-Cuevas et al., IJAE 2017. The denominator is kept above one half.
+    """
+
+    name = "ground_effect"
+    excited_by = "a height scan below about four rotor radii"
+    confused_with = ("thrust_scale", "mass")
+    needs_pose = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """The gain g."""
+        return (Parameter("gain", "1", 0.0, 40.0, 3.0),)
+
+    def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
+        """Thrusts (N, R) near the ground."""
+        _, rotors = context.vehicle.geometry()
+        hubs = rotate(context.state.quat_EB[:, None], actuation.hub_B)[..., 2]
+        z = np.maximum(context.state.position_E[:, None, 2] + hubs, 0.25 * rotors.radius)
+        return np.asarray(actuation.thrust / np.maximum(1.0 - theta[0] * (rotors.radius / (4.0 * z)) ** 2, 0.5))

@@ -1,0 +1,26 @@
+"""An IMU that is mounted askew."""
+
+from __future__ import annotations
+
+from plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
+from plant.wrench_model import cross
+
+
+class ImuMisalignment(SensorEffect):
+    """The IMU's axes are turned by the small rotation e against B: gyro and accelerometer read v - e x v for v in B.
+
+    To first order z ~ -e x W on force and torque alike. Source: small-angle rotation; reference effects.md, "IMU
+    misalignment".
+    """
+
+    name = "imu_misalignment"
+    excited_by = "force in two body directions"
+    confused_with = ("tilt_offset", "constant_wrench")
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Rotation about body x, y and z."""
+        return tuple(Parameter(a, "rad", -0.15, 0.15, 0.02) for a in "xyz")
+
+    def apply(self, motion: Motion, theta: Array, context: Context) -> Motion:
+        """What the IMU reads."""
+        return Motion(*(v - cross(theta, v) for v in (motion.omega_B, motion.omega_dot_B, motion.specific_force_B)))

@@ -1,0 +1,32 @@
+"""Air resists turning."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+
+
+class RotationalDrag(WrenchEffect):
+    """Torque against the body rates: M = -d_1 omega - d_2 omega |omega|, axis by axis.
+
+    Source: reference effects.md, "rotational drag".
+    """
+
+    name = "rotational_drag"
+    excited_by = "body rates on every axis"
+    confused_with = ("axial_inflow", "rotor_drag", "servo_lag", "motor_lag")
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Linear coefficients about body x, y and z, and one quadratic coefficient; scaled to the inertia."""
+        J = np.diag(vehicle.body.inertia)
+        linear = tuple(
+            Parameter(f"linear_{a}", "Nm s/rad", 0.0, 5.0 * j, 0.2 * j) for a, j in zip("xyz", J, strict=True)
+        )
+        return (*linear, Parameter("quadratic", "Nm s^2/rad^2", 0.0, 5.0 * J.mean(), 0.2 * J.mean()))
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The added torque."""
+        omega = context.state.omega_B
+        torque = -theta[:3] * omega - theta[3] * omega * np.abs(omega)
+        return np.concatenate((np.zeros_like(torque), torque), axis=-1)

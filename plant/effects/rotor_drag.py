@@ -1,0 +1,37 @@
+"""Rotors resist moving in their own plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.axial_inflow import hub_velocity_B
+from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+
+
+class RotorDrag(WrenchEffect):
+    """The H-force: each rotor pulls against its velocity in its own plane, F_r = -lambda Omega v_perp, at the hub.
+
+    Source: Martin and Salaun, ICRA 2010; RotorS' `rotor_drag_coefficient` (8.06e-5 N s^2/(m rad)).
+    """
+
+    name = "rotor_drag"
+    excited_by = "translation across the rotors, and yaw rate"
+    confused_with = ("body_drag", "wind", "rotational_drag")
+    needs_rotors = True
+    needs_pose = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """lambda, scaled to the vehicle's weight and rotor speed."""
+        _, rotors = vehicle.geometry()
+        thrust = vehicle.body.mass * 9.81 / len(rotors)
+        speed = float(np.sqrt(thrust / rotors.c_f.mean()))
+        return (Parameter("coefficient", "N s^2/(m rad)", 0.0, 0.3 * thrust / speed, 0.02 * thrust / speed),)
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """Force and torque about O of all rotors."""
+        assert actuation is not None
+        velocity = hub_velocity_B(actuation, context)
+        along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
+        across = velocity - along[..., None] * actuation.normal_B
+        force = -theta[0] * np.abs(actuation.rotor_speed)[..., None] * across
+        return np.concatenate((force.sum(axis=1), np.cross(actuation.hub_B, force).sum(axis=1)), axis=-1)

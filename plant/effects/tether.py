@@ -1,0 +1,34 @@
+"""A force that keeps its direction in the world, at a point of the body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flight.so3 import rotate_inverse
+from plant.effects.com_offset import span
+from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+
+
+class Tether(WrenchEffect):
+    """A force F constant in E pulls at the point p of B: a cable, a contact, a weight on a string.
+
+        F_B = R_EB^T F,   M_O = p x F_B
+
+    Source: statics; reference effects.md, "constant wrench, tether, contact" and "what was tried".
+    """
+
+    name = "tether"
+    excited_by = "yaw and tilt, which turn E against B"
+    confused_with = ("payload", "constant_wrench", "wind", "com_offset")
+    needs_pose = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Force in E, and the point in B."""
+        weight, size = vehicle.body.mass * 9.81, span(vehicle)
+        force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, 0.3 * weight, 0.02 * weight) for a in "xyz")
+        return force + tuple(Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size) for a in "xyz")
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """The added wrench about O."""
+        force = rotate_inverse(context.state.quat_EB, np.broadcast_to(theta[:3], context.state.velocity_E.shape))
+        return np.concatenate((force, np.cross(theta[3:], force)), axis=-1)

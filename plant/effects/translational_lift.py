@@ -1,0 +1,33 @@
+"""Rotors that fly sideways lift more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.effects.axial_inflow import hub_velocity_B
+from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+
+
+class TranslationalLift(ThrustEffect):
+    """Air that comes in edgewise adds thrust: dT = k_h |v_t|^2, v_t the hub's velocity in the rotor's plane.
+
+    Source: rotorpy's rotor model, Folk, Paulos and Kumar, 2023; reference effects.md, "translational lift" (k_h about
+    3.4e-3 N s^2/m^2).
+    """
+
+    name = "translational_lift"
+    excited_by = "speed across the rotors"
+    confused_with = ("thrust_scale", "body_drag")
+    needs_pose = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """k_h per rotor, scaled to the hover thrust."""
+        _, rotors = vehicle.geometry()
+        thrust = vehicle.body.mass * 9.81 / len(rotors)
+        return (Parameter("k_h", "N s^2/m^2", 0.0, 0.03 * thrust, 2e-3 * thrust),)
+
+    def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
+        """Thrusts (N, R) with translational lift."""
+        velocity = hub_velocity_B(actuation, context)
+        along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
+        return np.asarray(actuation.thrust + theta[0] * ((velocity**2).sum(axis=-1) - along**2))
