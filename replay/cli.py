@@ -9,6 +9,7 @@ Modules are imported when a command needs them, so that `wrenchgap --help` is qu
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import pkgutil
 import sys
@@ -149,8 +150,16 @@ def root(
     """
 
 
+def _unwrapped(text: str) -> str:
+    """A docstring with each paragraph on one line, so that the help wraps it to the terminal."""
+    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
+
+
 for _module in sorted(pkgutil.iter_modules(commands.__path__), key=lambda m: m.name):
     importlib.import_module(f"{commands.__name__}.{_module.name}").register(app)
+for _command in app.registered_commands:
+    if _command.help is None and _command.callback is not None:
+        _command.help = _unwrapped(_command.callback.__doc__ or "")
 
 
 def main() -> None:

@@ -33,6 +33,10 @@ NEARLY_SINGULAR = 0.2
 """Smallest real part of the eigenvalues of I + dmu/dW below which the correction is ill-conditioned."""
 
 
+WORSE = 1.2
+"""Ratio of rms on unseen flights above which a GP does harm."""
+
+
 @dataclass(frozen=True)
 class Samples:
     """What is learnt from: commands `inputs` (M, 6), mismatch `outputs` (M, 6), `spacing` [s] between samples."""
@@ -56,13 +60,20 @@ class Learnt:
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting the correction."""
-        if self.real_min[0] > NEARLY_SINGULAR:
-            return []
-        return [
-            f"I + dmu/dW is nearly singular on the training flights (smallest eigenvalue {self.real_min[0]:.2f}): in "
-            "slow flight the mismatch is minus the command, and the GP has learnt just that; train on a flight with "
-            "excitation on all axes, or add effects first."
-        ]
+        found = []
+        if self.real_min[0] < NEARLY_SINGULAR:
+            found.append(
+                f"I + dmu/dW is nearly singular on the training flights (smallest eigenvalue {self.real_min[0]:.2f}): "
+                "where little is accelerated the mismatch is minus the command, and the GP has learnt just that; train on "
+                "a flight with excitation on all axes, or add effects first."
+            )
+        if self.validation is not None:
+            before, after = (self.validation.evaluations[i].pooled.rms for i in (-2, -1))
+            worse = [k for k in output_indices(self.gp.outputs) if after[k] > WORSE * before[k]]
+            listed = ", ".join(f"{AXES[k]} (rms {before[k]:.2g} to {after[k]:.2g})" for k in worse)
+            if listed:
+                found.append(f"on unseen flights the GP makes it worse: {listed}; leave these out with --outputs.")
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """The body of the `learn` schema."""

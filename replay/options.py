@@ -93,7 +93,7 @@ Topics = Annotated[
     ),
 ]
 Cutoff = Annotated[
-    float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike [Hz].")
+    float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
 ]
 JsonFile = Annotated[
     Path | None,

@@ -64,9 +64,9 @@ def counterfactual(
             autocompletion=complete_models,
         ),
     ] = None,
-    start: Annotated[float, typer.Option("--start", metavar="S", help="Where to begin [s].")] = 0.0,
+    start: Annotated[float, typer.Option("--start", metavar="S", help="Where to begin, in seconds.")] = 0.0,
     duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", help="How long [s]; default: to the end.")
+        float | None, typer.Option("--duration", metavar="S", help="How long, in seconds; default: to the end.")
     ] = None,
     topic: Topics = None,
     json: JsonFile = None,

@@ -41,7 +41,7 @@ def replay(
     ] = None,
     kappa: Annotated[float | None, typer.Option(help="Rapidness of the change around the threshold.")] = None,
     decay_time: Annotated[
-        float, typer.Option(help="Time constant with which a distrusted correction dies out [s].")
+        float, typer.Option(help="Time constant with which a distrusted correction dies out, in seconds.")
     ] = 0.15,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every step as a table.")] = None,
     parquet: Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help="The same as Parquet.")] = None,

@@ -37,7 +37,7 @@ def simulate(
         typer.Option("--trajectory", "-t", metavar="NAME", help="See --list.", autocompletion=complete_trajectories),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")],
-    duration: Annotated[float | None, typer.Option("--duration", metavar="S", help="Length [s].")] = None,
+    duration: Annotated[float | None, typer.Option("--duration", metavar="S", help="Length in seconds.")] = None,
     excitation: Annotated[
         float, typer.Option("--excitation", metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
     ] = 0.0,
