@@ -129,6 +129,14 @@ def _left(explanation: Explanation) -> str:
     return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit} rms (sensor noise {noise[axis]:.2g})."
 
 
+def not_tried(explanation: Explanation) -> dict[str, list[str]]:
+    """Effects that these logs or this model do not allow, by reason."""
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in explanation.inapplicable.items():
+        by_reason.setdefault(reason.removeprefix(f"effect {name} ").replace(f"effect {name} ", ""), []).append(name)
+    return by_reason
+
+
 def parameters(explanation: Explanation) -> dict[str, list[tuple[str, float, float, str]]]:
     """(parameter, value, std, unit) of the chosen effects as fitted together, by effect."""
     fit = explanation.fit

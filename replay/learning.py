@@ -64,8 +64,8 @@ class Learnt:
         if self.real_min[0] < NEARLY_SINGULAR:
             found.append(
                 f"I + dmu/dW is nearly singular on the training flights (smallest eigenvalue {self.real_min[0]:.2f}): "
-                "where little is accelerated the mismatch is minus the command, and the GP has learnt just that; train on "
-                "a flight with excitation on all axes, or add effects first."
+                "where little is accelerated the mismatch is minus the command, and the GP has learnt just that; train "
+                "on a flight with excitation on all axes, or add effects first."
             )
         if self.validation is not None:
             before, after = (self.validation.evaluations[i].pooled.rms for i in (-2, -1))

@@ -124,13 +124,12 @@ def before_after(title: str, rows: Sequence[tuple[str, Array]], falls: Array | N
 
 
 def mean_and_std(title: str, rows: Sequence[tuple[str, Array, Array]], falls: Array) -> Table:
-    """The paper's prediction table: mean +- std of absolute errors, and the change of the mean."""
-    out = table(title, "", *HEADS)
+    """The paper's prediction table: mean and std of absolute errors, and the change of the mean."""
+    out = table(title, "model", "", *HEADS, left=2)
     for name, mean, std in rows:
-        out.add_row(
-            escape(name), *(f"{number(float(m))} +- {number(float(s), 2)}" for m, s in zip(mean, std, strict=True))
-        )
-    out.add_row("change of mean", *fall(falls))
+        out.add_row(f"[bold]{escape(name)}[/]", "mean", *row(mean))
+        out.add_row("", "std", *row(std), end_section=True)
+    out.add_row("", "change of mean", *fall(falls))
     return out
 
 

@@ -107,13 +107,13 @@ def _print(printer: Printer, found: Explanation, checked: Validation | None, sou
     printer.show(tables.before_after("held-out time of the given logs", rows_of, change))
     if checked is not None:
         first, last = checked.comparison.evaluations[0], checked.comparison.evaluations[-1]
-        names = ", ".join(checked.comparison.flights)
+        where = ", ".join(checked.comparison.flights)
         rows_of = [("rms before", first.pooled.rms), ("rms after", last.pooled.rms)]
-        printer.show(tables.before_after(f"unseen: {names}", rows_of, checked.falls))
+        printer.show(tables.before_after(f"unseen: {where}", rows_of, checked.falls))
         printer.notes(checked.warnings, "warning")
     if found.dropped:
         printer.line(f"dropped again, no longer needed: {', '.join(found.dropped)}")
-    for name, reason in found.inapplicable.items():
-        printer.line(f"not tried: {reason if reason.startswith('effect ') else f'{name}: {reason}'}", style="dim")
+    for reason, names in explanation.not_tried(found).items():
+        printer.line(f"not tried: {', '.join(names)}: {reason}", style="dim")
     if found.effects:
         printer.line(f"next: wrenchgap add {' '.join(found.effects)} -m {source} --from {logs} -o fitted.toml")

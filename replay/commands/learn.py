@@ -124,7 +124,7 @@ def _print(printer: Printer, learnt: Learnt) -> None:
         if result is None:
             continue
         rows = [(e.name, e.pooled.mean_abs, e.pooled.std_abs) for e in result.evaluations]
-        name = f"{title}: {', '.join(result.flights)}, mean +- std of |measured - predicted|"
+        name = f"{title}: {', '.join(result.flights)}, |measured - predicted|"
         fall = 1.0 - result.evaluations[-1].pooled.mean_abs / result.evaluations[0].pooled.mean_abs
         printer.show(tables.mean_and_std(name, rows, fall))
     sigmas = [
