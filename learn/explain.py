@@ -26,7 +26,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.fit import Dataset, Fit, fit, held_out, inapplicable, with_fit
+from learn.fit import Dataset, Fit, fit, held_out, inapplicable, unexcited, with_fit
 from plant.effects import catalogue
 from plant.model import Model
 
@@ -118,7 +118,11 @@ def explain(
     """Find the missing effects, at most `most` of them, among `names` (default: the catalogue)."""
     present = [e.name for e in model.effects]
     tried = [n for n in (names or catalogue()) if n not in present]
-    reasons = {n: r for n in tried if (r := inapplicable(n, model, data.records)) is not None}
+    reasons = {
+        n: r
+        for n in tried
+        if (r := inapplicable(n, model, data.records) or unexcited(n, model, data.records)) is not None
+    }
     tried = [n for n in tried if n not in reasons]
     search = _Search(data, model, present, progress)
     steps: list[Step] = []

@@ -34,7 +34,7 @@ from threadpoolctl import threadpool_limits
 
 from flight.errors import FitError, ModelError
 from learn.measurement import Record, predict
-from plant.effects import Parameter, find
+from plant.effects import Context, Parameter, find
 from plant.model import Model
 from plant.wrench_model import ModelEffect, WrenchModel
 
@@ -150,6 +150,13 @@ def inapplicable(name: str, model: Model, records: Sequence[Record]) -> str | No
     if effect.needs_voltage and not all(r.has_voltage for r in records):
         return f"effect {name} needs the battery voltage; map it with --topic battery=/your/topic"
     return None
+
+
+def unexcited(name: str, model: Model, records: Sequence[Record]) -> str | None:
+    """Why these flights cannot show this effect although it could be fitted, None if they can."""
+    effect = find(name)
+    reasons = [effect.unexcited(Context(model.vehicle, r.state)) for r in records]
+    return None if any(reason is None for reason in reasons) else f"{name}: {reasons[0]}"
 
 
 def fit(

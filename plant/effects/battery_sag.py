@@ -24,6 +24,13 @@ class BatterySag(WrenchEffect):
         """Sensitivity k, and k / V_0."""
         return (Parameter("sensitivity", "1", 0.0, 4.0, 0.5), Parameter("per_volt", "1/V", 0.0, 1.2, 0.05))
 
+    def unexcited(self, context: Context) -> str | None:
+        """A voltage that stays is a thrust scale."""
+        voltage = context.state.voltage
+        if voltage is None or np.ptp(voltage) < 0.01 * np.max(voltage):
+            return "the voltage changes by less than 1 %"
+        return None
+
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """The added (mostly negative) wrench."""
         voltage = context.state.voltage

@@ -30,8 +30,18 @@ class BodyDrag(WrenchEffect):
         squared = tuple(Parameter(f"quadratic_{a}", "N s^2/m^2", 0.0, 0.04 * weight, 0.004 * weight) for a in "xyz")
         return linear + squared
 
+    def unexcited(self, context: Context) -> str | None:
+        """Drag needs speed."""
+        return too_slow(context)
+
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Drag force about the nominal centre of mass, moved to O."""
         velocity_B = rotate_inverse(context.state.quat_EB, context.state.velocity_E)
         force = -theta[:3] * velocity_B - theta[3:] * velocity_B * np.abs(velocity_B)
         return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)
+
+
+def too_slow(context: Context, least: float = 0.3) -> str | None:
+    """Why a flight is too slow to show aerodynamics of translation, None if it is not."""
+    fastest = float(np.linalg.norm(context.state.velocity_E, axis=-1).max())
+    return f"never faster than {least:g} m/s (fastest {fastest:.2g} m/s)" if fastest < least else None

@@ -95,6 +95,11 @@ class Effect(ABC):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Names, units, plausible ranges of the parameters for this vehicle."""
 
+    def unexcited(self, context: Context) -> str | None:
+        """Why a flight through these states cannot show the effect, e.g. "never faster than 0.2 m/s", or None."""
+        del context
+        return None
+
 
 class CommandEffect(Effect):
     """Acts on what the controller sends, before it becomes thrust: lags, delays, offsets."""

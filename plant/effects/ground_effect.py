@@ -24,6 +24,13 @@ class GroundEffect(ThrustEffect):
         """The gain g."""
         return (Parameter("gain", "1", 0.0, 40.0, 3.0),)
 
+    def unexcited(self, context: Context) -> str | None:
+        """Above six rotor radii there is less than 0.2 % of thrust in it."""
+        _, rotors = context.vehicle.geometry()
+        limit = 6.0 * float(rotors.radius.max())
+        lowest = float(context.state.position_E[:, 2].min())
+        return f"never below {limit:.2g} m, six rotor radii (lowest {lowest:.2g} m)" if lowest > limit else None
+
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) near the ground."""
         _, rotors = context.vehicle.geometry()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plant.effects.axial_inflow import hub_velocity_B
+from plant.effects.body_drag import too_slow
 from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
 
@@ -26,6 +27,10 @@ class RotorDrag(WrenchEffect):
         thrust = vehicle.body.mass * 9.81 / len(rotors)
         speed = float(np.sqrt(thrust / rotors.c_f.mean()))
         return (Parameter("coefficient", "N s^2/(m rad)", 0.0, 0.3 * thrust / speed, 0.02 * thrust / speed),)
+
+    def unexcited(self, context: Context) -> str | None:
+        """Drag needs speed."""
+        return too_slow(context)
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Force and torque about O of all rotors."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plant.effects.axial_inflow import hub_velocity_B
+from plant.effects.body_drag import too_slow
 from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
 
@@ -25,6 +26,10 @@ class TranslationalLift(ThrustEffect):
         _, rotors = vehicle.geometry()
         thrust = vehicle.body.mass * 9.81 / len(rotors)
         return (Parameter("k_h", "N s^2/m^2", 0.0, 0.03 * thrust, 2e-3 * thrust),)
+
+    def unexcited(self, context: Context) -> str | None:
+        """Drag needs speed."""
+        return too_slow(context)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) with translational lift."""

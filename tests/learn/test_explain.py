@@ -5,7 +5,8 @@ import pytest
 
 from learn.explain import explain
 
-TIMING = {"servo_lag", "command_delay", "motor_lag"}  # the engine's servos always lag 15 ms
+TIMING = {"servo_lag", "command_delay", "motor_lag"}
+ALWAYS = TIMING | {"arm_reaction"}  # the engine: servos lag 15 ms, and its arms have inertia
 
 
 @pytest.mark.parametrize(
@@ -23,7 +24,7 @@ def test_names_the_hidden_effect_first(fly, hexarotor, hidden, named):
     found = explain(data, hexarotor)
     assert found.effects[0] == named
     assert found.verdict == "effect"
-    assert set(found.effects[1:]) <= TIMING | {"inertia"}
+    assert set(found.effects[1:]) <= ALWAYS
 
 
 def test_exact_aliases_are_one_group(fly, hexarotor):
@@ -37,7 +38,7 @@ def test_exact_aliases_are_one_group(fly, hexarotor):
 def test_only_timing_is_missing_on_the_plain_vehicle(fly, hexarotor):
     data, _ = fly("none", None, "train", seed=23, seconds=25)
     found = explain(data, hexarotor)
-    assert set(found.effects) <= TIMING | {"inertia"}
+    assert set(found.effects) <= ALWAYS
     assert found.effects[0] in TIMING
 
 
