@@ -325,7 +325,7 @@ class _Problem:
             else:
                 return point, derivative, count
             point, cost = trial, cost - gain
-            if fraction == 1.0 and abs(promised - gain) <= 0.005 * promised + 1e-6 * cost:
+            if fraction == 1.0 and abs(promised - gain) <= 0.005 * promised + 1e-4 * cost:
                 return point, derivative, count
             derivative = self.jacobian(point)
             if gain <= 1e-3 * cost:

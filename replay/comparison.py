@@ -22,7 +22,7 @@ from learn.measurement import Record, low_pass
 from plant.mismatch import output_indices
 from plant.model import Model
 from plant.model_file import content_hash
-from plant.vehicle import GRAVITY, Body
+from plant.vehicle import Body
 from plant.wrench_model import WrenchModel, measured_wrench
 from replay.flights import OpenFlight
 
@@ -30,8 +30,6 @@ Array = NDArray[np.float64]
 
 STRETCH_SECONDS = 1.0
 """Length of the stretches among which the worst are sought [s]."""
-GROUNDED = 0.3
-"""Share of the weight below which a commanded force cannot keep the vehicle in the air."""
 STRETCHES = 5
 """How many of the worst stretches are kept."""
 
@@ -160,7 +158,7 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
     records = tuple(r for f in flights for r in f.records)
     data = dataset(records, model)
     numbers = np.repeat(np.arange(len(flights)), [sum(len(r) for r in f.records) for f in flights])
-    notes = [note for f in flights for note in (*f.notes, *_grounded(f, model))]
+    notes = [note for f in flights for note in f.notes]
     evaluations = []
     for predictor in predictors:
         usable, left_out = _usable(predictor, model, records)
@@ -181,21 +179,6 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
         )
     names = tuple(f.records[0].flight for f in flights)
     return Comparison(names, records, tuple(evaluations), data.noise, tuple(dict.fromkeys(notes)))
-
-
-def _grounded(opened: OpenFlight, model: Model) -> list[str]:
-    """A note if the commanded force was too small to fly for a while: then something else carried the vehicle."""
-    weight = model.vehicle.body.mass * GRAVITY
-    seconds = 0.0
-    for record in opened.records:
-        low = np.linalg.norm(record.commanded[:, :3], axis=1) < GROUNDED * weight
-        seconds += float(np.sum(low)) * record.dt * (record.keep.step or 1)
-    if seconds < 0.5:
-        return []
-    return [
-        f"{opened.flight.name}: for {seconds:.1f} s the commanded force is below {100 * GROUNDED:.0f} % of the weight: "
-        "on the ground, held or falling; errors there say nothing about the model."
-    ]
 
 
 def _usable(predictor: Predictor, model: Model, records: Sequence[Record]) -> tuple[Predictor, list[str]]:
@@ -306,21 +289,6 @@ def _stretch(record: Record, residual: Array, weights: Array, start: int, length
         float(np.median(np.linalg.norm(state.omega_B[part], axis=1))),
         float(np.median(np.linalg.norm(state.velocity_E[part], axis=1))) if posed else None,
     )
-
-
-def distinct(flights: Sequence[OpenFlight]) -> list[OpenFlight]:
-    """The same flights with names that differ: two logs may be called alike in two folders."""
-    seen: dict[str, int] = {}
-    out = []
-    for item in flights:
-        name = item.flight.name
-        seen[name] = seen.get(name, 0) + 1
-        if seen[name] > 1:
-            name = f"{name} ({seen[name]})"
-            records = tuple(replace(r, flight=name) for r in item.records)
-            item = replace(item, flight=replace(item.flight, name=name), records=records)
-        out.append(item)
-    return out
 
 
 def cutoff_checked(cutoff_hz: float) -> float:

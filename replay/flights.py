@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 import flight
 from flight.errors import FitError, LogError
 from flight.flight import Flight, Samples
-from learn.measurement import CUTOFF_HZ, Record, prepare
+from learn.measurement import CUTOFF_HZ, Record, low_pass, prepare
 from plant.model import Model
+from plant.vehicle import GRAVITY, Vehicle
+
+GROUNDED = 0.3
+"""Share of the weight below which the commanded force cannot be what carries the vehicle."""
+MINIMUM_FLIGHT = 2.0
+"""Shortest stretch in the air that is worth keeping [s]."""
 
 
 @dataclass(frozen=True)
@@ -45,22 +54,75 @@ def opened(found: Flight, model: Model, *, cutoff_hz: float = CUTOFF_HZ, rate_hz
     resampled = flight.resample(found, require=(*required, *(("imu",) if found.imu is not None else ())))
     records: list[Record] = []
     short: list[str] = []
+    grounded = 0.0
     for samples in resampled.samples:
         try:
-            records.append(prepare(samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz))
+            whole = prepare(samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz)
+            flown = airborne(samples, whole, model.vehicle)
+            grounded += (len(samples) - sum(len(part) for part in flown)) * samples.dt
+            if len(flown) == 1 and flown[0] is samples:
+                records.append(whole)
+                continue
+            long = [part for part in flown if len(part) * part.dt >= MINIMUM_FLIGHT]
+            records += [prepare(part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz) for part in long]
         except FitError as error:
             if len(samples) * samples.dt >= 12.0 / cutoff_hz:
                 raise
             short.append(str(error))
     if not records:
-        raise LogError(short[0])
+        raise LogError(short[0] if short else _never_flew(found, model))
     sources = {r.source for r in records}
     notes = [*found.notes, *resampled.notes, *short]
+    if grounded > 0.0:
+        notes.append(
+            f"{found.name}: for {grounded:.1f} s the commanded force is below {100 * GROUNDED:.0f} % of the weight (on "
+            "the ground, held or falling): left out."
+        )
     if "allocated" in sources:
         notes.append(f"{found.name}: no actuator commands in the log; allocated from the commanded wrench.")
     if "none" in sources:
         notes.append(f"{found.name}: the model has no rotors; the commanded wrench is the nominal model.")
     return OpenFlight(found, resampled.samples, tuple(records), tuple(dict.fromkeys(notes)))
+
+
+def airborne(samples: Samples, record: Record, vehicle: Vehicle) -> list[Samples]:
+    """The contiguous parts of a stretch in which the commanded force, low-passed, could carry the vehicle."""
+    force = np.linalg.norm(low_pass(record.commands.wrench_B[:, :3], samples.dt, 1.0), axis=1)
+    flying = force > GROUNDED * vehicle.body.mass * GRAVITY
+    if flying.all():
+        return [samples]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
+    return [_part(samples, slice(start, stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _part(samples: Samples, rows: slice) -> Samples:
+    """Some consecutive samples of a stretch."""
+    every = {f.name: getattr(samples, f.name) for f in fields(Samples)}
+    arrays: dict[str, Any] = {name: value[rows] for name, value in every.items() if isinstance(value, np.ndarray)}
+    return replace(samples, **arrays)
+
+
+def _never_flew(found: Flight, model: Model) -> str:
+    return (
+        f"{found.path.name}: the commanded force never reaches {100 * GROUNDED:.0f} % of {model.vehicle.name}'s weight "
+        f"({model.vehicle.body.mass * GRAVITY:.3g} N) for {MINIMUM_FLIGHT:g} s; is this the right model, and is the "
+        "wrench in newtons?"
+    )
+
+
+def distinct(flights: Sequence[OpenFlight]) -> list[OpenFlight]:
+    """The same flights with names that differ: two logs may be called alike in two folders."""
+    seen: dict[str, int] = {}
+    out = []
+    for item in flights:
+        name = item.flight.name
+        seen[name] = seen.get(name, 0) + 1
+        if seen[name] > 1:
+            name = f"{name} ({seen[name]})"
+            records = tuple(replace(r, flight=name) for r in item.records)
+            item = replace(item, flight=replace(item.flight, name=name), records=records)
+        out.append(item)
+    return out
 
 
 def open_flights(
@@ -70,7 +132,7 @@ def open_flights(
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
 ) -> list[OpenFlight]:
-    """`open_flight` for several logs, in order; the same log twice is an error."""
+    """`open_flight` for several logs, in order, with names that differ; the same log twice is an error."""
     opened: list[OpenFlight] = []
     for path in paths:
         one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz)
@@ -78,4 +140,4 @@ def open_flights(
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")
         opened.append(one)
-    return opened
+    return distinct(opened)

@@ -14,7 +14,7 @@ from learn.gp import GaussianProcess
 from learn.measurement import CUTOFF_HZ
 from plant.model import Model
 from plant.vehicle import Vehicle
-from replay.comparison import compare, distinct, predictors
+from replay.comparison import compare, predictors
 from replay.flights import OpenFlight, open_flights
 from viewer.session import Scene, Stretch
 
@@ -39,7 +39,7 @@ class LogSession:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
         candidates, self.notes = predictors(model, (), gp, cutoff)
         self._predictor = candidates[-1]
-        opened = distinct(open_flights(logs, model, topics=topics, cutoff_hz=cutoff))
+        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff)
         self._opened = {one.records[0].flight: one for one in opened}
         self._scenes: dict[str, Scene] = {}
 

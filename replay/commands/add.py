@@ -98,7 +98,7 @@ def _fit(
     hz = comparison.cutoff_checked(cutoff)
     with progress("fitting", quiet) as report:
         report(0.0, "reading logs")
-        flights = comparison.distinct(open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=hz))
+        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=hz)
         edited = editing.add_fitted(base, effects, flights, cutoff_hz=hz, progress=report)
     source = model_input(base)  # before the output may replace it
     saved = model_file.save(edited.model, output, force=force)

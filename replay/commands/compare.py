@@ -69,9 +69,7 @@ def compare(
     found, notes = comparison.predictors(base, others, process, comparison.cutoff_checked(cutoff))
     with progress("reading", quiet) as report:
         report(0.0, "reading logs")
-        flights = comparison.distinct(
-            open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=cutoff),
-        )
+        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=cutoff)
         report(0.7, "comparing")
         result = comparison.compare(flights, base, found)
 

@@ -63,7 +63,7 @@ def explain(
     hz = comparison.cutoff_checked(cutoff)
     with progress("explaining", quiet) as report:
         report(0.0, "reading logs")
-        every = comparison.distinct(open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz))
+        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz)
         flights, tests = every[: len(logs)], every[len(logs) :]
         data = dataset([r for f in flights for r in f.records], base)
         found = find_missing(

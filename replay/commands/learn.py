@@ -96,7 +96,7 @@ def learn(
     with progress("learning", quiet) as report:
         report(0.0, "reading logs")
         topics = parse_topics(topic)
-        every = comparison.distinct(open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz))
+        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz)
         flights, tests = every[: len(logs)], every[len(logs) :]
         learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
     store.save(learnt.gp, output, force=force)

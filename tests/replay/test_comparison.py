@@ -15,7 +15,7 @@ from plant.model import make_effect
 from plant.vehicle import Body
 from replay import comparison, editing
 from replay.explanation import ranges
-from replay.flights import open_flights
+from replay.flights import distinct, open_flights
 
 
 def test_errors_of_a_known_residual() -> None:
@@ -74,9 +74,9 @@ def test_models_of_another_shape_cannot_be_compared() -> None:
 def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:
     opened = open_flights([logs.test, logs.train], model_file.load("tilt_hexarotor"))
     same = [replace(o, flight=replace(o.flight, name="a")) for o in opened]
-    names = [o.records[0].flight for o in comparison.distinct(same)]
+    names = [o.records[0].flight for o in distinct(same)]
     assert names[1] == "a (2)"
-    assert len({o.flight.name for o in comparison.distinct(same)}) == 2
+    assert len({o.flight.name for o in distinct(same)}) == 2
 
 
 def test_ranges_say_which_flight_went_further(logs: Any) -> None:
@@ -106,3 +106,32 @@ def test_hidden_values_add_to_what_the_model_has() -> None:
     truth = editing.with_hidden(known, ["servo_lag=tau:0.03", "com_offset=x:0.01"])
     assert [e.name for e in truth.effects] == ["com_offset", "servo_lag"]
     assert truth.effects[1].theta[0] == pytest.approx(0.05)
+
+
+def test_time_on_the_ground_is_left_out(tmp_path):
+    """Two seconds with idle rotors before the flight say nothing about the model."""
+    import numpy as np
+
+    import flight
+    from plant import model_file
+    from replay.flights import opened
+
+    model = model_file.load("crazyflie")
+    weight = 0.0419 * 9.81
+    time = np.arange(0, 8, 0.004)
+    thrust = np.where(time < 2.0, 0.02, weight)
+    zeros = np.zeros_like(time)
+    wrench = np.stack((zeros, zeros, thrust, zeros, zeros, zeros), axis=1)
+    still = np.tile([0.0, 0.0, 9.81], (len(time), 1))
+    found = flight.Flight(
+        "f",
+        tmp_path / "f.mcap",
+        "0" * 64,
+        0,
+        commanded=flight.WrenchSeries("/w", time, wrench),
+        imu=flight.ImuSeries("/i", time, np.zeros((len(time), 3)), still),
+    )
+    one = opened(found, model)
+    assert any("left out" in note and "on the ground" in note for note in one.notes)
+    assert one.records[0].time[0] > 2.0
+    assert np.abs(one.records[0].measured - one.records[0].commanded).max() < 1e-3 * weight
