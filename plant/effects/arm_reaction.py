@@ -9,9 +9,13 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, 
 
 
 class ArmReaction(WrenchEffect):
-    """Tilting an arm takes a torque about it, which the body feels backwards: M = -J_a sum_i d2alpha_i a_i.
+    """Tilting an arm takes a torque about it, which the body feels backwards.
 
-    Source: conservation of angular momentum; reference effects.md, "arm inertia reaction" (J_a 0.3 to 1e-3 kg m^2).
+        h_i = J_a dalpha_i a_i,   M = -d/dt sum_i h_i = -J_a sum_i [d2alpha_i a_i + omega x (dalpha_i a_i)]
+
+    Arms are balanced about their axes, so that their tilt moves no mass. Source: angular momentum of a gyrostat,
+    Hughes, "Spacecraft Attitude Dynamics", 1986, ch. 3; reference effects.md, "arm inertia reaction" (3e-4 to
+    1e-3 kg m^2), which leaves out the second term.
     """
 
     name = "arm_reaction"
@@ -32,5 +36,6 @@ class ArmReaction(WrenchEffect):
         """The added torque."""
         assert actuation is not None
         arms, _ = context.vehicle.geometry()
-        torque = -theta[0] * actuation.tilt_acceleration @ arms.axis_B
+        swing = actuation.tilt_rate @ arms.axis_B
+        torque = -theta[0] * (actuation.tilt_acceleration @ arms.axis_B + np.cross(context.state.omega_B, swing))
         return np.concatenate((np.zeros_like(torque), torque), axis=-1)

@@ -13,8 +13,9 @@ from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, P
 class ArmTwist(CommandEffect):
     """An arm turns further by an angle in proportion to its thrust: dalpha_i = q T_i, q = lever / stiffness.
 
-    The lever is that of the thrust about the arm's elastic axis. Source: Saint-Venant torsion; reference effects.md,
-    "arm twist / bending" (50-300 Nm/rad).
+    The lever is that of the thrust about the arm's elastic axis, the stiffness that of arm and joint together; T_i is
+    the arm's nominal thrust c_f Omega |Omega|, both rotors. Source: Saint-Venant torsion; reference effects.md, "arm
+    twist / bending" (50-300 Nm/rad, which at a lever of 0.3 m are 1-6 mrad/N).
     """
 
     name = "arm_twist"
@@ -36,5 +37,6 @@ class ArmTwist(CommandEffect):
         assert commands.tilt is not None
         assert commands.rotor_speed is not None
         arms, rotors = context.vehicle.geometry()
-        thrust = (rotors.c_f * commands.rotor_speed**2) @ (rotors.arm[:, None] == np.arange(len(arms)))
+        speed = commands.rotor_speed
+        thrust = (rotors.c_f * speed * np.abs(speed)) @ (rotors.arm[:, None] == np.arange(len(arms)))
         return replace(commands, tilt=commands.tilt + theta[0] * thrust * arms.tilts), None

@@ -9,10 +9,11 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEff
 
 
 class AxialInflow(ThrustEffect):
-    """A rotor that moves along its own thrust loses some: dT = -k_z Omega v_n, v_n = (v + omega x p) . n.
+    """A rotor that moves along its own thrust loses some: dT = -k_z |Omega| v_n, v_n = (v + omega x p) . n.
 
-    Source: blade element theory, Mahony, Kumar and Corke, RAM 2012, eq. (thrust variation); reference effects.md,
-    "axial inflow" (k_z about 2.3e-4 N s^2 / (m rad)).
+    A blade's angle of attack falls by v_n / (Omega r), its lift goes with (Omega r)^2. A rotor that turns backwards
+    loses likewise, hence |Omega|. Source: blade element theory at first order, Leishman, "Principles of Helicopter
+    Aerodynamics", 2006, ch. 3; k_z = 2.32e-4 kg/rad for rotorpy's Hummingbird (Folk, Paulos and Kumar).
     """
 
     name = "axial_inflow"
@@ -30,7 +31,7 @@ class AxialInflow(ThrustEffect):
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) with inflow."""
         v_n = np.einsum("nri,nri->nr", hub_velocity_B(actuation, context), actuation.normal_B)
-        return np.asarray(actuation.thrust - theta[0] * actuation.rotor_speed * v_n)
+        return np.asarray(actuation.thrust - theta[0] * np.abs(actuation.rotor_speed) * v_n)
 
 
 def hub_velocity_B(actuation: Actuation, context: Context) -> Array:

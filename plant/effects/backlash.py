@@ -30,7 +30,7 @@ class Backlash(CommandEffect):
         arms, _ = vehicle.geometry()
         if not arms.tilts.any():
             raise ModelError(f"{vehicle.name}: effect backlash needs arms that tilt, and none does")
-        return (Parameter("play", "rad", 0.0, 0.1, 0.01, start=0.005),)
+        return (Parameter("play", "rad", 0.0, 0.05, 0.005, start=0.005),)
 
     def apply(self, commands: Commands, theta: Array, context: Context, dt: float, memory: Any) -> tuple[Commands, Any]:
         """Tilt angles after the play."""

@@ -11,8 +11,8 @@ class BatterySag(WrenchEffect):
     """Thrust follows the voltage: dW = -k (V_0 - V) / V_0 W, right at the voltage V_0.
 
     The parameters are k and q = k / V_0, in which the effect is linear: dW = (q V - k) W.
-    Source: reference effects.md, "battery sag"; thrust goes with the square of speed, and speed with voltage where the
-    speed controller is open loop (k up to 2).
+    Source: first order in V_0 - V of thrust = (V / V_0)^k; speed goes with voltage where the speed controller is open
+    loop, and thrust with the square of speed: k = 2, less where the controller makes up for it.
     """
 
     name = "battery_sag"

@@ -7,17 +7,19 @@ import numpy as np
 from flight.errors import ModelError
 from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
-_PLACES = np.array([0.0, 0.2, 0.4, 0.6, 0.8])
-"""Points along each boom, as fractions of its length, at which the wake is looked at."""
+_PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+"""Midpoints of five equal parts of a boom, as fractions of its length, at which the wake is looked at."""
 
 
 class DownwashBlockage(ThrustEffect):
-    """A rotor whose wake meets the hull or another arm's boom loses thrust.
+    """A rotor whose wake blows at the booms of other arms (hull included: booms begin at O) loses thrust.
 
-        T_i <- T_i (1 - k mean_s exp(-(rho_is / R)^2))      s on hull and other booms, downstream
+        T_i <- T_i (1 - k / R int exp(-(rho_i / R)^2) ds)       along the other booms, where they are downstream
 
-    rho_is is the distance of point s from the axis of the rotor's wake, which leaves along -n_i; R one rotor radius.
-    Source: form of reference effects.md, "downwash blockage by the body"; a Gaussian jet (momentum theory's far wake).
+    rho_i is the distance from the axis of the rotor's wake, which leaves along -n_i; R the rotor's radius. A boom of
+    width w in a far wake of twice the induced velocity, T = 2 rho pi R^2 v_i^2, feels C_D w / (pi R^2) of T per length,
+    so k = C_D w / (pi R), about 0.07 for 2 cm. Source: momentum theory, Leishman, "Principles of Helicopter
+    Aerodynamics", 2006, ch. 2; the Gaussian profile is an assumption; reference effects.md, "downwash blockage".
     """
 
     name = "downwash_blockage"
@@ -25,11 +27,11 @@ class DownwashBlockage(ThrustEffect):
     confused_with = ("rotor_interference", "thrust_scale", "com_offset")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
-        """Loss when everything is in the wake's axis."""
+        """k, the share of thrust lost to one rotor radius of boom on the axis of the wake."""
         arms, _ = vehicle.geometry()
         if not arms.tilts.any():
             raise ModelError(f"{vehicle.name}: effect downwash_blockage needs arms that tilt, and none does")
-        return (Parameter("loss", "1", 0.0, 3.0, 0.5),)
+        return (Parameter("loss", "1", 0.0, 1.0, 0.1),)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R), reduced where a wake meets the airframe."""
@@ -43,10 +45,11 @@ class DownwashBlockage(ThrustEffect):
                 continue
             others = np.delete(arms.position_B, i, axis=0)
             points = (_PLACES[:, None, None] * others).reshape(-1, 3)
+            length = np.tile(np.linalg.norm(others, axis=1) / len(_PLACES), len(_PLACES))
             apart = points - arms.position_B[i]
             along = -(actuation.arm_normal_B[:, i] @ apart.T)
             squared = (apart**2).sum(axis=1) - along**2
             radius = rotors.radius[on[0]]
             met = np.where(along > 0.01 * radius, np.exp(-squared / radius**2), 0.0)
-            share[:, i] = met.mean(axis=1)
+            share[:, i] = met @ length / radius
         return np.asarray(actuation.thrust * np.maximum(1.0 - theta[0] * share[:, rotors.arm], 0.0))

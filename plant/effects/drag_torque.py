@@ -10,7 +10,8 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, 
 class DragTorque(WrenchEffect):
     """Every rotor's drag torque per thrust is (1 + k) kappa: dM = -sum_r spin_r k kappa_r T_r n_r.
 
-    Source: reference effects.md, "drag-torque coefficient". It cancels in a coaxial pair at equal speeds.
+    It cancels in a coaxial pair at equal speeds. Source: actio and reactio between rotor and hull, as in the nominal
+    model (`plant/actuation.py`); kappa = C_Q R / C_T of blade element theory; size from reference effects.md.
     """
 
     name = "drag_torque"

@@ -11,8 +11,9 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEff
 class GroundEffect(ThrustEffect):
     """Near the ground thrust grows: T -> T / (1 - g (R / 4z)^2), z the height of the hub above z = 0 of E.
 
-    Source: Cheeseman and Bennett, ARC R&M 3021, 1955 (g = 1 for one rotor); g above 1 for several rotors,
-    Sanchez-Cuevas et al., IJAE 2017. The denominator is kept above one half.
+    Source: Cheeseman and Bennett, ARC R&M 3021, 1955, the image source below one rotor (g = 1); g above 1 for several
+    rotors, Sanchez-Cuevas, Heredia and Ollero, Int. J. Aerospace Eng. 2017, 1823056. The denominator is kept above one
+    half and z above R/4, where the formula has no meaning.
     """
 
     name = "ground_effect"
@@ -25,7 +26,7 @@ class GroundEffect(ThrustEffect):
         return (Parameter("gain", "1", 0.0, 40.0, 3.0),)
 
     def unexcited(self, context: Context) -> str | None:
-        """Above six rotor radii there is less than 0.2 % of thrust in it."""
+        """Above six rotor radii one rotor gains less than 0.2 % of thrust."""
         _, rotors = context.vehicle.geometry()
         limit = 6.0 * float(rotors.radius.max())
         lowest = float(context.state.position_E[:, 2].min())

@@ -10,8 +10,8 @@ from plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle
 class Mass(BodyEffect):
     """The vehicle weighs m + dm, its centre of mass and inertia being as the model has them.
 
-    The nominal processing then reads a force residual -(dm / (m + dm)) F. Source: Newton; reference effects.md, "mass
-    error". A set of scales settles it.
+    The nominal processing then reads a force residual -(dm / (m + dm)) F. Source: Newton's second law.
+    A set of scales settles it.
     """
 
     name = "mass"

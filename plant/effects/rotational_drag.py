@@ -10,7 +10,8 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, 
 class RotationalDrag(WrenchEffect):
     """Torque against the body rates: M = -d_1 omega - d_2 omega |omega|, axis by axis.
 
-    Source: reference effects.md, "rotational drag".
+    Source: drag at the local velocity omega x r, the linear part mostly of the rotors (see `rotor_drag`), the quadratic
+    of the booms (Hoerner, "Fluid-Dynamic Drag", 1965); size from reference effects.md, "rotational drag".
     """
 
     name = "rotational_drag"

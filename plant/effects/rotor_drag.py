@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from plant.effects.axial_inflow import hub_velocity_B
-from plant.effects.body_drag import too_slow
+from plant.effects.com_offset import span
 from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
 
 class RotorDrag(WrenchEffect):
-    """The H-force: each rotor pulls against its velocity in its own plane, F_r = -lambda Omega v_perp, at the hub.
+    """The H-force: each rotor pulls against its velocity in its own plane, F_r = -lambda |Omega| v_perp, at the hub.
 
     Source: Martin and Salaun, ICRA 2010; RotorS' `rotor_drag_coefficient` (8.06e-5 N s^2/(m rad)).
     """
@@ -29,8 +29,11 @@ class RotorDrag(WrenchEffect):
         return (Parameter("coefficient", "N s^2/(m rad)", 0.0, 0.3 * thrust / speed, 0.02 * thrust / speed),)
 
     def unexcited(self, context: Context) -> str | None:
-        """Drag needs speed."""
-        return too_slow(context)
+        """Hubs that hardly move: neither translation nor rates."""
+        x, least = context.state, 0.3
+        turning = span(context.vehicle) * np.linalg.norm(x.omega_B, axis=-1)
+        fastest = float(np.max(np.linalg.norm(x.velocity_E, axis=-1) + turning))
+        return f"no rotor faster than {least:g} m/s (fastest {fastest:.2g} m/s)" if fastest < least else None
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Force and torque about O of all rotors."""

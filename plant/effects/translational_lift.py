@@ -12,8 +12,9 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEff
 class TranslationalLift(ThrustEffect):
     """Air that comes in edgewise adds thrust: dT = k_h |v_t|^2, v_t the hub's velocity in the rotor's plane.
 
-    Source: rotorpy's rotor model, Folk, Paulos and Kumar, 2023; reference effects.md, "translational lift" (k_h about
-    3.4e-3 N s^2/m^2).
+    The mean over a turn of the blade's (Omega r + v_t sin psi)^2 is (Omega r)^2 + |v_t|^2 / 2; a rotor that turns
+    backwards gains downwards. Source: blade element theory; the form is that of rotorpy's `k_h` (Folk, Paulos and
+    Kumar); size from reference effects.md, "translational lift" (3.4e-3 N s^2/m^2).
     """
 
     name = "translational_lift"
@@ -25,14 +26,15 @@ class TranslationalLift(ThrustEffect):
         """k_h per rotor, scaled to the hover thrust."""
         _, rotors = vehicle.geometry()
         thrust = vehicle.body.mass * 9.81 / len(rotors)
-        return (Parameter("k_h", "N s^2/m^2", 0.0, 0.03 * thrust, 2e-3 * thrust),)
+        return (Parameter("k_h", "N s^2/m^2", 0.0, 0.03 * thrust, 1e-3 * thrust),)
 
     def unexcited(self, context: Context) -> str | None:
-        """Drag needs speed."""
+        """It goes with the square of the speed."""
         return too_slow(context)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) with translational lift."""
         velocity = hub_velocity_B(actuation, context)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
-        return np.asarray(actuation.thrust + theta[0] * ((velocity**2).sum(axis=-1) - along**2))
+        gain = theta[0] * ((velocity**2).sum(axis=-1) - along**2)
+        return np.asarray(actuation.thrust + np.sign(actuation.rotor_speed) * gain)
