@@ -1,5 +1,7 @@
 """Physics of eighteen effects: conservation, dissipation, limits and closed forms, none taken from their code."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,6 +16,7 @@ from plant.effects import find
 from plant.effects.effect import Context
 from plant.model import make_effect
 from plant.state import Actuation, Commands, Motion, Rates, State
+from plant.vehicle import Arms, Body, Rotors, Vehicle
 from plant.wrench_model import WrenchModel
 
 VEHICLE = model_file.load("tilt_hexarotor").vehicle
@@ -132,6 +135,19 @@ def test_payload_is_one_more_point_in_a_cloud_of_points():
     np.testing.assert_allclose(body.inertia, inertia, atol=1e-12)
 
 
+def test_payload_on_a_vehicle_whose_centre_of_mass_is_off():
+    """Two bodies, each about its own centre, seen from a third place: what parallel axes say of O holds for both."""
+    c, p, dm = np.array([0.02, 0.01, -0.03]), np.array([0.12, -0.2, -0.15]), 0.35
+    alone = Body(MASS, BODY.inertia, c)
+    loaded = find("payload").apply(alone, np.array([dm, *p]))
+
+    def about_O(inertia, mass, r):
+        return inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
+
+    whole = about_O(loaded.inertia, loaded.mass, loaded.com_B)
+    np.testing.assert_allclose(whole, about_O(BODY.inertia, MASS, c) + about_O(0, dm, p), atol=1e-12)
+
+
 def test_payload_hangs_still_when_thrust_carries_it_and_torque_holds_it():
     """Statics about O: the torque that holds a weight at p is p x (upward force dm g)."""
     p, dm = np.array([0.12, -0.2, -0.15]), 0.35
@@ -189,6 +205,20 @@ def test_blockage_is_the_integral_over_the_booms_downstream(tilt, side):
     lost = blocked(only_first, loss)
     assert lost[0] == pytest.approx(expected, rel=0.05)
     np.testing.assert_allclose(lost[1:], 0, atol=1e-12)
+
+
+def test_wake_blows_away_from_the_thrust():
+    """Of two arms, at 0 and 60 deg: the first blows at the second when it thrusts towards -y, not towards +y."""
+    arms, rotors = VEHICLE.geometry()
+    first = {f.name: getattr(arms, f.name)[:2] for f in fields(Arms)}
+    four = {f.name: getattr(rotors, f.name)[:4] for f in fields(Rotors)}
+    pair = Vehicle("pair", BODY, Arms(**first), Rotors(**four), np.zeros(3))
+    for tilt, blocked_one in ((np.pi / 2, True), (-np.pi / 2, False)):
+        u = commands([tilt, 0.0], vehicle=pair)
+        thrusts_along_y = WrenchModel(pair).wrench(u, state())[0, 1]
+        assert (thrusts_along_y < 0) == blocked_one
+        left = find("downwash_blockage").apply(actuation(pair, u), np.array([0.2]), Context(pair, state()))
+        assert (left[0, 0] < actuation(pair, u).thrust[0, 0]) == blocked_one
 
 
 def test_tilting_further_blocks_more():
@@ -336,6 +366,11 @@ def test_rotor_drag_against_level_flight_has_no_torque_about_the_middle():
     """The upper rotors pull as much above O as the lower ones below."""
     W = added("rotor_drag", [1e-4], x=state(quat=TURNED, velocity=rotate(TURNED, np.array([2.0, -1.0, 0]))))
     np.testing.assert_allclose(W, [-12e-4 * HOVER * 2.0, 12e-4 * HOVER, 0, 0, 0, 0], atol=1e-9)
+
+
+def test_rotor_drag_lets_rotors_climb():
+    x = state(quat=TURNED, velocity=rotate(TURNED, np.array([0, 0, 2.0])))
+    np.testing.assert_allclose(added("rotor_drag", [1e-4], x=x), 0, atol=1e-12)
 
 
 def test_rotor_drag_against_yaw():
