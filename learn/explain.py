@@ -159,11 +159,12 @@ def explain(
 def _verdict(
     chosen: Sequence[str], groups: Sequence[Sequence[str]], before: Array, after: Array, data: Dataset
 ) -> Verdict:
-    """See the module's text; structure is left where the energy above noise stays above half of what it was."""
+    """Structure is left where all axes together, or one alone, stay far above noise and half of what they were."""
     energy_before, energy_after = (float(np.sum((data.weights * rms) ** 2)) for rms in (before, after))
     floor = float(np.sum((data.weights * data.noise) ** 2))
-    left = energy_after > 4.0 * floor and energy_after > 0.5 * energy_before
-    if left:
+    together = energy_after > 4.0 * floor and energy_after > 0.5 * energy_before
+    alone = (after > 5.0 * data.noise) & (after > 0.5 * before)
+    if together or alone.any():
         return "unknown"
     if not chosen:
         return "nothing"

@@ -109,17 +109,23 @@ def sentence(explanation: Explanation) -> str:
         return f"Something is missing, but no effect of the catalogue explains it. {left}"
     if explanation.verdict == "unknown":
         return f"Partly explained by {named}; more is missing than the catalogue can explain. {left}"
-    if explanation.verdict == "group":
+    if explanation.groups:
         groups = "; ".join(" or ".join(group) for group in explanation.groups)
         return f"Explained by {named}, but these logs cannot tell apart: {groups}. {left}"
     return f"Explained by {named}. {left}"
 
 
 def _with_values(explanation: Explanation, name: str) -> str:
+    """The effect with its parameters, or of many the three that are largest and beyond three standard deviations."""
     values = parameters(explanation).get(name, [])
-    if not values or len(values) > 3:
+    shown = values
+    if len(values) > 3:
+        beyond = [row for row in values if abs(row[1]) > 3.0 * row[2]]
+        shown = sorted(beyond, key=lambda row: -abs(row[1]))[:3]
+    if not shown:
         return name
-    return f"{name} ({', '.join(f'{n} {v:.3g} {u}'.strip() for n, v, _, u in values)})"
+    words = ", ".join(f"{n} {v:.3g} {u if u != '1' else ''}".strip() for n, v, _, u in shown)
+    return f"{name} ({words})"
 
 
 def _left(explanation: Explanation) -> str:
