@@ -27,10 +27,10 @@ def missing_pages(folder: Path = FOLDER) -> list[str]:
 
 def index() -> str:
     """The index as Markdown, one row for each effect."""
-    rows = [
-        f"| [{name}]({name}.md) | {effect.place} | {effect.excited_by} | {', '.join(effect.confused_with) or '-'} |\n"
-        for name, effect in catalogue().items()
-    ]
+    rows = []
+    for name, effect in catalogue().items():
+        shown = effect.excited_by.replace("|", r"\|")
+        rows.append(f"| [{name}]({name}.md) | {effect.place} | {shown} | {', '.join(effect.confused_with) or '-'} |\n")
     return HEAD + "".join(rows)
 
 

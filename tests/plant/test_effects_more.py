@@ -80,7 +80,7 @@ TYPICAL = {
     "translational_lift": {"k_h": (2e-3, 5e-3)},
     "rotor_drag": {"coefficient": (8e-5, 1.8e-4)},
     "rotational_drag": {"linear_x": (0.01, 0.1), "linear_z": (0.01, 0.1), "quadratic": (0.01, 0.1)},
-    "ground_effect": {"gain": (1, 8)},
+    "ground_effect": {"gain": (1, 4)},
     "tether": {"force_x": (0.1, 1.0)},
     "wind": {"drag": (0.01, 0.5)},
     "imu_misalignment": {"x": np.deg2rad((0.5, 2.0))},
@@ -89,7 +89,7 @@ TYPICAL = {
     "arm_reaction": {"inertia": (3.4e-4, 1e-3)},
     "downwash_blockage": {"loss": (0.03, 0.2)},
 }
-"""Sizes published for vehicles like this one."""
+"""Sizes of the references on vehicles like this one; for the blockage C_D w / (pi R) of booms 1 to 5 cm wide."""
 
 
 @pytest.mark.parametrize("name", TYPICAL)
