@@ -26,7 +26,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.fit import Dataset, Fit, fit, held_out, inapplicable, unexcited, with_fit
+from learn.fit import Dataset, Fit, dataset, fit, held_out, inapplicable, spread_out, unexcited, with_fit
 from plant.effects import catalogue
 from plant.model import Model
 
@@ -40,6 +40,9 @@ INDISTINCT = 2.5
 """Paired t over blocks below which two explanations cannot be told apart."""
 LEAST_EVIDENCE = 0.2
 """Smallest evidence (sum of log rms ratios over the axes) worth a name: e.g. 7 % of the rms of three axes."""
+SEARCH_SECONDS = 200.0
+"""Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
+then fitted to everything."""
 MATERIAL = 0.2
 """Smallest parameter worth a name, in typical sizes (`Parameter.scale`): e.g. 1 % of thrust, 6 ms of lag."""
 
@@ -124,7 +127,8 @@ def explain(
         if (r := inapplicable(n, model, data.records) or unexcited(n, model, data.records)) is not None
     }
     tried = [n for n in tried if n not in reasons]
-    search = _Search(data, model, present, progress)
+    some = spread_out(data.records, SEARCH_SECONDS)
+    search = _Search(data if some is data.records else dataset(some, model), model, present, progress)
     steps: list[Step] = []
     chosen: list[str] = []
     while len(chosen) < most:
@@ -139,6 +143,10 @@ def explain(
     groups = tuple(
         (s.chosen, *(name for name, _ in s.alike)) for s in steps if s.chosen in chosen and s.alike and s.chosen
     )
+    if search.data is not data:
+        whole = _Search(data, model, present, progress)
+        whole.refit(chosen, search.fit)
+        search = whole
     before = np.sqrt(np.mean(search.given**2, axis=0))
     after = np.sqrt(np.mean(search.current**2, axis=0))
     return Explanation(
@@ -186,7 +194,11 @@ class _Search:
 
     def accept(self, names: Sequence[str], candidate: Candidate) -> None:
         """Take a candidate into the model, with all parameters fitted anew."""
-        self.fit = fit(self.data, self.model, [*self.present, *names], base=None, start=candidate.fit)
+        self.refit(names, candidate.fit)
+
+    def refit(self, names: Sequence[str], start: Fit) -> None:
+        """All parameters of the model and of these effects fitted anew, from where another fit ended."""
+        self.fit = fit(self.data, self.model, [*self.present, *names], start=start)
         self.current = held_out(self.data, self.model, [*self.present, *names], self.fit)
 
     def blocks(self, residual: Array, variance: Array) -> Array:

@@ -33,7 +33,7 @@ from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 from flight.errors import FitError, ModelError
-from learn.measurement import Record, predict
+from learn.measurement import Record, predict, window
 from plant.effects import Context, Parameter, find
 from plant.model import Model
 from plant.wrench_model import ModelEffect, WrenchModel
@@ -106,6 +106,31 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         weights,
         min(1.0, dt_kept * 2.0 * first.cutoff_hz),
     )
+
+
+def spread_out(records: tuple[Record, ...], seconds: float, piece: float = 40.0) -> tuple[Record, ...]:
+    """About `seconds` of flight in pieces of at most `piece` seconds, evenly spread; all where there is no more."""
+    step = records[0].dt * (records[0].keep.step or 1)
+    total = sum(len(r) for r in records) * step
+    if total <= seconds:
+        return records
+    share, length = seconds / total, round(piece / step)
+    out: list[Record] = []
+    passed = kept = 0
+    for record in records:
+        passed += len(record)
+        wanted = share * passed - kept
+        if wanted < 0.5 * min(length, len(record)):
+            continue
+        if len(record) <= length:
+            out.append(record)
+            kept += len(record)
+            continue
+        count = max(1, round(wanted / length))
+        starts = np.linspace(0, len(record) - length, count).astype(int)
+        out += [window(record, int(s), int(s) + length) for s in starts]
+        kept += count * length
+    return tuple(out)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ omega x J omega are formed after filtering. Source: reference measurement.md.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,9 +66,14 @@ class Record:
         return len(self.time)
 
 
+@lru_cache(maxsize=16)
+def _sections(dt: float, cutoff_hz: float) -> Array:
+    return np.asarray(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"))
+
+
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
     """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0."""
-    sos = butter(2, cutoff_hz, fs=1.0 / dt, output="sos")
+    sos = _sections(dt, cutoff_hz)
     padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
     return np.asarray(sosfiltfilt(sos, signal, axis=0, padlen=padding))
 
@@ -137,6 +144,33 @@ def predict(record: Record, model: WrenchModel) -> Array:
     """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement."""
     raw, _ = model.actuate(record.commands, record.state, record.dt)
     return model.report(low_pass(raw, record.dt, record.cutoff_hz)[record.keep], record.state_kept)
+
+
+def window(record: Record, first: int, last: int) -> Record:
+    """The compared samples `first` to `last` of a record with the raw samples that they need, as a record of its own.
+
+    Cut so that the filter sees as much before and after as `prepare` trims; a lag's memory starts anew.
+    """
+    step, trim = record.keep.step or 1, record.keep.start
+    start = step * first
+    stop = step * (last - 1) + 2 * trim + 1
+    raw, kept = slice(start, stop), slice(first, last)
+
+    def cut(item: Any, rows: slice) -> Any:
+        arrays = {f.name: getattr(item, f.name) for f in fields(item)}
+        return replace(item, **{k: v[rows] for k, v in arrays.items() if isinstance(v, np.ndarray)})
+
+    return replace(
+        record,
+        commands=cut(record.commands, raw),
+        state=cut(record.state, raw),
+        keep=slice(trim, trim + step * (last - first - 1) + 1, step),
+        time=record.time[kept],
+        measured=record.measured[kept],
+        commanded=record.commanded[kept],
+        desired=None if record.desired is None else record.desired[kept],
+        state_kept=cut(record.state_kept, kept),
+    )
 
 
 def stack(records: Iterable[Record], model: WrenchModel) -> Array:

@@ -107,15 +107,20 @@ _RATES = "actuator rates"
 
 
 def _rates(commands: Commands, dt: float, memory: Any) -> tuple[Rates, Any]:
-    """Rates of the actuators by backward differences, at rest before the first sample; and what to remember."""
+    """Rates of the actuators by backward differences; and what to remember."""
     tilt, speed = commands.tilt, commands.rotor_speed
     assert tilt is not None
     assert speed is not None
-    before_tilt, before_speed, before_rate = (tilt[0], speed[0], np.zeros(tilt.shape[1])) if memory is None else memory
+    before_tilt, before_speed, before_rate = (tilt[0], speed[0], None) if memory is None else memory
     rate = np.diff(tilt, axis=0, prepend=before_tilt[None]) / dt
-    rate_dot = np.diff(rate, axis=0, prepend=before_rate[None]) / dt
     rotor_dot = np.diff(speed, axis=0, prepend=before_speed[None]) / dt
-    return Rates(rate, rate_dot, rotor_dot), (tilt[-1], speed[-1], rate[-1])
+    if before_rate is None:  # nothing is known before the first sample: no acceleration until two rates are known
+        rate_dot = np.diff(rate, axis=0, prepend=rate[:1]) / dt
+        rate_dot[:2] = 0.0
+    else:
+        rate_dot = np.diff(rate, axis=0, prepend=before_rate[None]) / dt
+    first = memory is None and len(tilt) == 1
+    return Rates(rate, rate_dot, rotor_dot), (tilt[-1], speed[-1], None if first else rate[-1])
 
 
 class WrenchModel:

@@ -136,3 +136,21 @@ def test_allocates_where_the_log_has_no_actuators():
     record = prepare(s, m.vehicle)
     assert record.source == "allocated"
     np.testing.assert_allclose(predict(record, m.wrench_model), record.commanded, atol=1e-9)
+
+
+def test_window_of_a_record_predicts_what_the_record_does():
+    """Away from the ends, a piece cut out of a flight says the same as the whole flight there."""
+    from learn.measurement import window
+
+    m = model_file.load("tilt_hexarotor")
+    s = samples(
+        zero3,
+        lambda t: (0 * t, 0 * t, 9.81 + 0 * t),
+        lambda t: (3 * np.sin(t), 2 * np.cos(3 * t), 39.24 + np.sin(2 * t), 0.3 * np.sin(5 * t), *(0 * t,) * 2),
+    )
+    record = prepare(s, m.vehicle)
+    part = window(record, 60, 160)
+    np.testing.assert_array_equal(part.time, record.time[60:160])
+    np.testing.assert_allclose(part.state.time[part.keep], part.time)
+    np.testing.assert_allclose(predict(part, m.wrench_model), predict(record, m.wrench_model)[60:160], atol=2e-3)
+    np.testing.assert_allclose(part.measured, record.measured[60:160])
