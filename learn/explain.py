@@ -36,6 +36,9 @@ Progress = Callable[[str, int, int], None]
 
 SIGNIFICANT = 3.0
 """Paired t over blocks beyond which an improvement is not chance."""
+PLAIN = (0.5, 2.0)
+"""Evidence beyond which a smaller paired t is enough. An effect that acts in few blocks only (near the ground, at
+speed) makes blocks differ and so its own t small; chance does not take 40 % off an axis in blocks not fitted."""
 INDISTINCT = 2.5
 """Paired t over blocks below which two explanations cannot be told apart."""
 LEAST_EVIDENCE = 0.2
@@ -45,6 +48,18 @@ SEARCH_SECONDS = 200.0
 then fitted to everything."""
 MATERIAL = 0.2
 """Smallest parameter worth a name, in typical sizes (`Parameter.scale`): e.g. 1 % of thrust, 6 ms of lag."""
+
+
+def _beyond_chance(significance: float, evidence: float) -> bool:
+    """Whether an improvement with this paired t and this evidence is none of luck's."""
+    certain = significance > SIGNIFICANT and evidence > LEAST_EVIDENCE
+    return certain or (evidence > PLAIN[0] and significance > PLAIN[1])
+
+
+def _evidence(worse: Array, better: Array) -> float:
+    """Sum over axes of log rms ratios of two residuals (K, 6)."""
+    before, after = (np.maximum(np.sqrt(np.mean(r**2, axis=0)), 1e-30) for r in (worse, better))
+    return float(np.sum(np.log(before / after)))
 
 
 @dataclass(frozen=True)
@@ -72,6 +87,11 @@ class Candidate:
         """Whether the effect is large enough to be worth a name."""
         rows = zip(self.fit.parameters, self.fit.theta, strict=True)
         return any(abs(v) >= MATERIAL * p.scale for (name, p), v in rows if name == self.name)
+
+    @property
+    def beyond_chance(self) -> bool:
+        """Whether held-out blocks are predicted better than luck would have it."""
+        return _beyond_chance(self.significance, self.evidence)
 
     def values(self) -> list[tuple[str, float, float, str]]:
         """(parameter, value, standard deviation, unit) of this effect."""
@@ -232,7 +252,7 @@ class _Search:
             residual,
             1.0 - rms_new / np.maximum(rms_old, 1e-30),
             1.0 - self.energy(residual) / max(self.energy(self.given), 1e-30),
-            float(np.sum(np.log(np.maximum(rms_old, 1e-30) / np.maximum(rms_new, 1e-30)))),
+            _evidence(self.current, residual),
             self.t_value(self.current, residual),
             bound,
         )
@@ -245,11 +265,7 @@ class _Search:
                 self.progress(f"step {len(chosen) + 1}: {name}", k, len(names))
             found.append(self.candidate(chosen, name))
         found.sort(key=lambda c: (bool(c.implausible), -c.score))
-        worthy = [
-            c
-            for c in found
-            if not c.implausible and c.material and c.significance > SIGNIFICANT and c.evidence > LEAST_EVIDENCE
-        ]
+        worthy = [c for c in found if not c.implausible and c.material and c.beyond_chance]
         if not worthy:
             return Step(tuple(found), None, ())
         best = worthy[0]
@@ -274,7 +290,7 @@ class _Search:
             names = [*self.present, *rest]
             fitted = fit(self.data, self.model, names, start=self.fit)
             residual = held_out(self.data, self.model, names, fitted)
-            if self.t_value(residual, self.current) < SIGNIFICANT:
+            if not _beyond_chance(self.t_value(residual, self.current), _evidence(residual, self.current)):
                 dropped.append(name)
                 self.fit, self.current = fitted, residual
         return dropped
