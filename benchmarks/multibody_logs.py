@@ -84,7 +84,8 @@ def main():
     model = model_file.load("tilt_hexarotor")
     results = {}
     print(
-        "fall of rms on the unseen test flight [%], F_x F_y F_z M_x M_y M_z; -: below three times the sensor noise already"
+        "fall of rms on the unseen test flight [%], F_x F_y F_z M_x M_y M_z; "
+        "-: below three times the sensor noise already"
     )
     for name in HIDDEN:
         results[name] = r = one(options.data, name, model)

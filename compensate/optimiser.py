@@ -68,6 +68,7 @@ class _Search:
         self.best_penalised = np.inf
         self.best_cost = np.inf
         self.evaluations = 0
+        self.interrupted = False
 
     def residual(self, free: Array) -> tuple[Array, Array]:
         """Residual r (L,) and dr/ddW (L, L)."""
@@ -83,7 +84,17 @@ class _Search:
         return float(residual @ residual)
 
     def objective(self, free: Array, gradient: Array) -> float:
-        """What nlopt minimises; a float, because a 1-element array fails as `invalid_argument`."""
+        """What nlopt minimises; a float, because a 1-element array fails as `invalid_argument`.
+
+        nlopt makes an error of its own of a Ctrl-C; `interrupted` remembers that it was one.
+        """
+        try:
+            return self._objective(free, gradient)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            raise
+
+    def _objective(self, free: Array, gradient: Array) -> float:
         self.evaluations += 1
         residual, slope = self.residual(free)
         if not (np.isfinite(residual).all() and np.isfinite(slope).all()):
@@ -160,6 +171,8 @@ class Optimiser:
         try:
             descent.optimize(np.clip(start, lower, upper))
         except SEARCH_ERRORS as error:
+            if search.interrupted:
+                raise KeyboardInterrupt from None
             trouble = f"search stopped early: {' '.join(str(error).split()) or type(error).__name__}"
         if not np.isfinite(search.best_penalised):
             raise FloatingPointError(trouble or "the search evaluated nothing")

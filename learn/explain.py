@@ -43,6 +43,8 @@ INDISTINCT = 2.5
 """Paired t over blocks below which two explanations cannot be told apart."""
 LEAST_EVIDENCE = 0.2
 """Smallest evidence (sum of log rms ratios over the axes) worth a name: e.g. 7 % of the rms of three axes."""
+LIKE = 0.8
+"""Least cosine between the changes that two explanations make to the prediction for them to be called alike."""
 SEARCH_SECONDS = 200.0
 """Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
 then fitted to everything."""
@@ -269,7 +271,11 @@ class _Search:
         if not worthy:
             return Step(tuple(found), None, ())
         best = worthy[0]
-        alike = [c for c in worthy[1:] if self.t_value(c.residual, best.residual) < INDISTINCT]
+        alike = [
+            c
+            for c in worthy[1:]
+            if self.t_value(c.residual, best.residual) < INDISTINCT and self.cosine(c.residual, best.residual) > LIKE
+        ]
         simplest = min([best, *alike], key=lambda c: (c.size, -c.score))
         rivals = [c for c in [best, *alike] if c is not simplest and c.size <= simplest.size + 2]
         similar = tuple((c.name, self.cosine(c.residual, simplest.residual)) for c in rivals)

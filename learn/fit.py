@@ -46,6 +46,10 @@ BLOCK_SECONDS = 2.0
 """Length of the blocks of time that are treated as independent [s]; many filter lengths."""
 
 
+FEWEST_BLOCKS = 8
+"""Into how many blocks at least a short log is cut, as long as a block holds four periods of the cut-off."""
+
+
 @dataclass(frozen=True)
 class Dataset:
     """Records of one or several flights, stacked: K samples in all.
@@ -87,9 +91,11 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         raise FitError("no stretch of flight is long enough to be used; see `wrenchgap inspect`")
     blocks: list[NDArray[np.intp]] = []
     count = 0
+    total = sum(float(r.time[-1] - r.time[0]) for r in records)
+    length = min(BLOCK_SECONDS, max(total / FEWEST_BLOCKS, 4.0 / records[0].cutoff_hz))
     for record in records:
         duration = float(record.time[-1] - record.time[0])
-        pieces = max(1, round(duration / BLOCK_SECONDS))
+        pieces = max(1, round(duration / length))
         index = np.minimum((record.time - record.time[0]) / max(duration, 1e-9) * pieces, pieces - 1).astype(np.intp)
         blocks.append(index + count)
         count += pieces

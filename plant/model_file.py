@@ -123,6 +123,10 @@ class _Table:
         self._where = where
         self._asked: set[str] = set()
 
+    def name(self, key: str) -> str:
+        """The key with the tables that it is in."""
+        return self._key(key)
+
     def _key(self, key: str) -> str:
         return f"{self._where}.{key}" if self._where else key
 
@@ -224,6 +228,12 @@ def _vehicle(table: _Table) -> Vehicle:
     """The [vehicle] table."""
     name = table.text("name")
     body = Body(table.number("mass"), table.inertia("inertia"), table.vector("com", (0.0, 0.0, 0.0)))
+    low, middle, high = np.linalg.eigvalsh(body.inertia)
+    if high > 1.001 * (low + middle):
+        raise ModelError(
+            f"{table.name('inertia')}: no body has the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2: "
+            "the largest exceeds the sum of the others"
+        )
     imu = table.vector("imu_position", (0.0, 0.0, 0.0))
     arm_defaults = table.table("arm", optional=True).take_all()
     rotor_defaults = table.table("rotor", optional=True).take_all()

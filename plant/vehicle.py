@@ -108,5 +108,7 @@ class Vehicle:
     def geometry(self) -> tuple[Arms, Rotors]:
         """Arms and rotors; raises ModelError where the model file gives none."""
         if self.arms is None or self.rotors is None:
-            raise ModelError(f"{self.name}: this needs arms and rotors, and the model file has none; add [[arms]]")
+            raise ModelError(
+                f"{self.name}: this needs arms and rotors, and the model file has none; add [[vehicle.arms]]"
+            )
         return self.arms, self.rotors

@@ -89,6 +89,9 @@ def report(error: BaseException) -> int:
     if isinstance(error, OSError) and error.filename is not None:
         say(f"{error.filename}: {error.strerror or error}")
         return 2
+    if isinstance(error, OSError) and error.errno is not None:
+        say(f"a file could not be written or read: {error.strerror}; see the free space and the limits")
+        return 2
     if isinstance(error, MemoryError):
         say("out of memory; use fewer or shorter logs")
         return 1

@@ -243,6 +243,11 @@ def _fresh(name: str, taken: Sequence[Predictor]) -> str:
 
 
 def _check_geometry(model: Model, other: Model) -> None:
+    if other.vehicle.name != model.vehicle.name:
+        raise ModelError(
+            f"{other.name}: is a model of {other.vehicle.name}, {model.name} is one of {model.vehicle.name}; only "
+            "models of one vehicle can be compared (the name is vehicle.name)"
+        )
     sizes = [
         (0 if v.arms is None else len(v.arms), 0 if v.rotors is None else len(v.rotors))
         for v in (model.vehicle, other.vehicle)

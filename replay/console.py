@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +13,8 @@ from typing import Any
 Report = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
+LEAST_WIDTH = 120
+"""Columns that the widest tables need; a narrower terminal wraps lines, but loses no digit."""
 PATIENCE = 10.0
 """Seconds between lines of progress where standard error is no terminal."""
 
@@ -25,11 +28,12 @@ class Printer:
 
     @property
     def console(self) -> Any:
-        """The rich console; wide enough for the tables where the output is a file or a pipe."""
+        """The rich console; wide enough for the tables, whose numbers must not be cut, on a narrow terminal too."""
         if self._console is None:
             from rich.console import Console
 
-            wide = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 132
+            known = sys.stdout.isatty() or "COLUMNS" in os.environ
+            wide = max(shutil.get_terminal_size().columns, LEAST_WIDTH) if known else 132
             self._console = Console(width=wide, highlight=False)
         return self._console
 

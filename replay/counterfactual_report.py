@@ -96,9 +96,18 @@ def change(
 def warnings(result: Counterfactual, process: GaussianProcess | None) -> list[str]:
     """What makes a GP's counterfactual look better than it is."""
     log = result.inference.recording.flight
+    found: list[str] = []
     if process is not None and log.content_hash in [source.sha256 for source in process.provenance.logs]:
-        return [f"{log.name}: the GP was learnt from this very flight, so it flatters itself; use an unseen one"]
-    return []
+        found.append(f"{log.name}: the GP was learnt from this very flight, so it flatters itself; use an unseen one")
+    if result.uncompensated is not None:
+        before, after = (_errors(result.tracking[key])[:3] for key in ("uncompensated", "counterfactual"))
+        worse = [axis for axis, b, a in zip("xyz", before, after, strict=True) if a > 1.1 * b + 0.02]
+        if worse:
+            found.append(
+                f"with this compensation the attitude error about {', '.join(worse)} grows: do not fly it; see what "
+                "`wrenchgap learn --validate` says of the GP"
+            )
+    return found
 
 
 def show(result: Counterfactual) -> list[Table]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import UsageError
+from flight.errors import ModelError, UsageError
 from flight.flight import AXES
 from learn.fit import Fit, dataset, fit, with_fit
 from plant.effects import find
@@ -117,7 +117,14 @@ def made(model: Model, text: str) -> ModelEffect:
     parameters = find(name).parameters(model.vehicle)
     if isinstance(values, dict) and set(values) <= {p.name for p in parameters}:
         values = {p.name: 0.0 for p in parameters} | values
-    return make_effect(model.vehicle, name, values)
+    effect = make_effect(model.vehicle, name, values)
+    for parameter, value in zip(parameters, effect.theta, strict=True):
+        if value != 0.0 and not parameter.low <= value <= parameter.high:
+            raise ModelError(
+                f"effect {name}: {parameter.name} = {value:g} {parameter.unit} is not plausible for "
+                f"{model.vehicle.name}; expected {parameter.low:.3g} to {parameter.high:.3g}"
+            )
+    return effect
 
 
 def set_by_hand(model: Model, texts: Sequence[str]) -> Model:

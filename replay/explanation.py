@@ -71,7 +71,16 @@ class Validation:
 
     @property
     def warnings(self) -> list[str]:
-        """One sentence for each quantity that left the fitted range."""
+        """One sentence for each quantity that left the fitted range, and for axes that got worse."""
+        return [*self._worse(), *self._outside()]
+
+    def _worse(self) -> list[str]:
+        given, fitted = self.comparison.evaluations[-2].pooled.rms, self.comparison.evaluations[-1].pooled.rms
+        lost = (fitted > 1.1 * given) & (fitted > 1.5 * self.comparison.noise)
+        axes = [f"{AXES[k]} ({given[k]:.2g} to {fitted[k]:.2g})" for k in np.flatnonzero(lost)]
+        return [f"on the unseen flights the error of {', '.join(axes)} grows with what was named."] if axes else []
+
+    def _outside(self) -> list[str]:
         return [
             f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} "
             f"(fitted up to {r.maximum:.3g}); the result may not carry over."

@@ -223,3 +223,19 @@ def test_search_that_gives_up_late_keeps_its_best_point(monkeypatch):
     found = solve(squash(0.5))
     assert found.accepted
     assert "stopped early" in found.trouble
+
+
+def test_an_interrupt_is_not_taken_for_a_failed_search():
+    """Ctrl-C inside nlopt's callback stops the program; it does not become a correction."""
+
+    class Interrupting:
+        outputs = ("torque_x",)
+
+        def mean(self, wrench_cmd):
+            raise KeyboardInterrupt
+
+        std = jacobian = mean
+
+    optimiser = Optimiser(model=Interrupting(), lower=np.full(6, -1.0), upper=np.full(6, 1.0))
+    with pytest.raises(KeyboardInterrupt):
+        optimiser.solve(np.zeros(6), np.zeros(6))

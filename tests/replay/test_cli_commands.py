@@ -106,7 +106,9 @@ def test_explain_warns_of_a_validation_flight_outside_what_was_fitted(logs: Any,
     result = result_of("explain", "hover.mcap", "-m", MODEL, "--validate", logs.test, "--effects-only", "com_offset")
     assert any("tilt" in warning and "test" in warning for warning in result["validation"]["warnings"])
     back = result_of("explain", logs.train, "-m", MODEL, "--validate", "hover.mcap", "--effects-only", "com_offset")
-    assert back["validation"]["warnings"] == []
+    assert not any("outside" in warning for warning in back["validation"]["warnings"])
+    # the hovering vehicle has nothing hidden: what was named on the other one makes it worse, and that is said
+    assert any("torque_x" in warning and "grows" in warning for warning in back["validation"]["warnings"])
 
 
 def test_add_fits_and_keeps_comments_and_remove_takes_it_out_again(
