@@ -33,17 +33,29 @@ class OpenFlight:
 
 
 def open_flight(
-    path: str | Path, model: Model, *, topics: Mapping[str, str] | None = None, cutoff_hz: float = CUTOFF_HZ
+    path: str | Path,
+    model: Model,
+    *,
+    topics: Mapping[str, str] | None = None,
+    cutoff_hz: float = CUTOFF_HZ,
+    between: tuple[float, float] | None = None,
 ) -> OpenFlight:
-    """Read one log for a model.
+    """Read one log for a model, or what lies `between` two of its times [s].
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry.
     """
-    return opened(flight.load(path, topics, preferred=model.topics), model, cutoff_hz=cutoff_hz)
+    return opened(flight.load(path, topics, preferred=model.topics), model, cutoff_hz=cutoff_hz, between=between)
 
 
-def opened(found: Flight, model: Model, *, cutoff_hz: float = CUTOFF_HZ, rate_hz: float | None = None) -> OpenFlight:
+def opened(
+    found: Flight,
+    model: Model,
+    *,
+    cutoff_hz: float = CUTOFF_HZ,
+    rate_hz: float | None = None,
+    between: tuple[float, float] | None = None,
+) -> OpenFlight:
     """A flight in memory as `open_flight` gives it; `rate_hz` is that of the records (default as `prepare`)."""
     required = tuple(r for r in ("commanded", "actuators") if getattr(found, r) is not None)[:1]
     if not required:
@@ -55,7 +67,7 @@ def opened(found: Flight, model: Model, *, cutoff_hz: float = CUTOFF_HZ, rate_hz
     records: list[Record] = []
     short: list[str] = []
     grounded = 0.0
-    for samples in resampled.samples:
+    for samples in _within(resampled.samples, between, found):
         try:
             whole = prepare(samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz)
             flown = airborne(samples, whole, model.vehicle)
@@ -95,6 +107,24 @@ def airborne(samples: Samples, record: Record, vehicle: Vehicle) -> list[Samples
     return [_part(samples, slice(start, stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def _within(stretches: Sequence[Samples], between: tuple[float, float] | None, found: Flight) -> list[Samples]:
+    """The parts of the stretches between two times [s]; a LogError where nothing of the flight lies there."""
+    if between is None:
+        return list(stretches)
+    kept = []
+    for samples in stretches:
+        first, last = np.searchsorted(samples.time, between)
+        if (last - first) * samples.dt >= MINIMUM_FLIGHT:
+            kept.append(_part(samples, slice(int(first), int(last))))
+    if not kept:
+        begin, end = stretches[0].time[0], stretches[-1].time[-1]
+        raise LogError(
+            f"{found.path.name}: less than {MINIMUM_FLIGHT:g} s of flight between {between[0]:g} and {between[1]:g} s; "
+            f"the flight lasts from {begin:.1f} to {end:.1f} s"
+        )
+    return kept
+
+
 def _part(samples: Samples, rows: slice) -> Samples:
     """Some consecutive samples of a stretch."""
     every = {f.name: getattr(samples, f.name) for f in fields(Samples)}
@@ -131,11 +161,12 @@ def open_flights(
     *,
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
+    between: tuple[float, float] | None = None,
 ) -> list[OpenFlight]:
     """`open_flight` for several logs, in order, with names that differ; the same log twice is an error."""
     opened: list[OpenFlight] = []
     for path in paths:
-        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz)
+        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between)
         for other in opened:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")

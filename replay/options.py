@@ -95,6 +95,14 @@ Topics = Annotated[
 Cutoff = Annotated[
     float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
 ]
+Between = Annotated[
+    str | None,
+    typer.Option(
+        "--between",
+        metavar="T0:T1",
+        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40.",
+    ),
+]
 JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON as well (docs/json.md).", dir_okay=False),
@@ -133,6 +141,22 @@ def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
         else:
             fresh = False
             yield arg
+
+
+def parse_between(text: str | None) -> tuple[float, float] | None:
+    """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
+    from flight.errors import UsageError
+
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        start, stop = float(first or "-inf"), float(last or "inf")
+    except ValueError:
+        start = stop = float("nan")
+    if not colon or not start < stop:
+        raise UsageError(f"--between {text}: expected T0:T1 in seconds with T0 before T1, e.g. --between 5:40")
+    return start, stop
 
 
 def parse_topics(texts: Sequence[str] | None) -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from replay.options import (
+    Between,
     Cutoff,
     Force,
     JsonFile,
@@ -17,6 +18,7 @@ from replay.options import (
     Topics,
     complete_effects,
     many,
+    parse_between,
     parse_topics,
 )
 
@@ -45,6 +47,7 @@ def add(
     ] = None,
     topic: Topics = None,
     cutoff: Cutoff = 8.0,
+    between: Between = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -71,7 +74,7 @@ def add(
         raise UsageError("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
     if not logs:
         raise UsageError("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
-    _fit(base, list(effects), logs, output, topic, cutoff, json, force, quiet)
+    _fit(base, list(effects), logs, output, topic, cutoff, between, json, force, quiet)
 
 
 def _fit(
@@ -81,6 +84,7 @@ def _fit(
     output: Path,
     topic: list[str] | None,
     cutoff: float,
+    between: str | None,
     json: Path | None,
     force: bool,
     quiet: bool,
@@ -98,7 +102,7 @@ def _fit(
     hz = comparison.cutoff_checked(cutoff)
     with progress("fitting", quiet) as report:
         report(0.0, "reading logs")
-        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=hz)
+        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=hz, between=parse_between(between))
         edited = editing.add_fitted(base, effects, flights, cutoff_hz=hz, progress=report)
     source = model_input(base)  # before the output may replace it
     saved = model_file.save(edited.model, output, force=force)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from replay.options import (
+    Between,
     Cutoff,
     Force,
     JsonFile,
@@ -17,6 +18,7 @@ from replay.options import (
     Topics,
     complete_models,
     many,
+    parse_between,
     parse_topics,
 )
 
@@ -42,6 +44,7 @@ def compare(
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")] = None,
     topic: Topics = None,
     cutoff: Cutoff = 8.0,
+    between: Between = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -69,7 +72,7 @@ def compare(
     found, notes = comparison.predictors(base, others, process, comparison.cutoff_checked(cutoff))
     with progress("reading", quiet) as report:
         report(0.0, "reading logs")
-        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=cutoff)
+        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=cutoff, between=parse_between(between))
         report(0.7, "comparing")
         result = comparison.compare(flights, base, found)
 

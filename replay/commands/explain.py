@@ -7,7 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from replay.options import Cutoff, Force, JsonFile, Logs, ModelOption, Quiet, Topics, many, parse_names, parse_topics
+from replay.options import (
+    Between,
+    Cutoff,
+    Force,
+    JsonFile,
+    Logs,
+    ModelOption,
+    Quiet,
+    Topics,
+    many,
+    parse_between,
+    parse_names,
+    parse_topics,
+)
 
 if TYPE_CHECKING:
     from learn.explain import Explanation
@@ -32,6 +45,7 @@ def explain(
     ] = None,
     topic: Topics = None,
     cutoff: Cutoff = 8.0,
+    between: Between = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -63,7 +77,7 @@ def explain(
     hz = comparison.cutoff_checked(cutoff)
     with progress("explaining", quiet) as report:
         report(0.0, "reading logs")
-        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz)
+        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between))
         flights, tests = every[: len(logs)], every[len(logs) :]
         data = dataset([r for f in flights for r in f.records], base)
         found = find_missing(

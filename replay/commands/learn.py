@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from replay.options import Cutoff, Force, JsonFile, Logs, ModelOption, Quiet, Topics, many, parse_topics
+from replay.options import (
+    Between,
+    Cutoff,
+    Force,
+    JsonFile,
+    Logs,
+    ModelOption,
+    Quiet,
+    Topics,
+    many,
+    parse_between,
+    parse_topics,
+)
 
 if TYPE_CHECKING:
     from replay.console import Printer
@@ -64,6 +76,7 @@ def learn(
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of k-medoids and restarts.")] = 0,
     topic: Topics = None,
     cutoff: Cutoff = 8.0,
+    between: Between = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -96,7 +109,7 @@ def learn(
     with progress("learning", quiet) as report:
         report(0.0, "reading logs")
         topics = parse_topics(topic)
-        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz)
+        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between))
         flights, tests = every[: len(logs)], every[len(logs) :]
         learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
     store.save(learnt.gp, output, force=force)

@@ -1,0 +1,40 @@
+"""`--between`: only a part of each flight."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flight.errors import LogError, UsageError
+from plant import model_file
+from replay.flights import open_flight
+from replay.options import parse_between
+
+
+def test_only_the_part_between_the_times_is_used(logs):
+    model = model_file.load("tilt_hexarotor")
+    whole, part = open_flight(logs.test, model), open_flight(logs.test, model, between=(3.0, 9.0))
+    time = part.records[0].time
+    assert time[0] >= 3.0
+    assert time[-1] <= 9.0
+    rows = np.searchsorted(whole.records[0].time, time[5:-5])
+    near = whole.records[0].time[np.minimum(rows, len(whole.records[0]) - 1)]
+    assert np.abs(near - time[5:-5]).max() < 0.03
+
+
+def test_a_part_outside_the_flight_is_one_clear_line(logs):
+    with pytest.raises(LogError, match="between 100 and 200 s; the flight lasts from"):
+        open_flight(logs.test, model_file.load("tilt_hexarotor"), between=(100.0, 200.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("5:40", (5.0, 40.0)), (":40", (-np.inf, 40.0)), ("5:", (5.0, np.inf)), (None, None)]
+)
+def test_either_side_may_be_left_open(text, expected):
+    assert parse_between(text) == expected
+
+
+@pytest.mark.parametrize("text", ["5", "a:b", "9:3", "3:3", "nan:4", ""])
+def test_anything_else_is_refused(text):
+    with pytest.raises(UsageError, match="T0:T1"):
+        parse_between(text)
