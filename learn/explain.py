@@ -13,8 +13,8 @@ Two measures, both on held-out blocks:
               effect is there at all, with a paired test over blocks (blocks, because filtered samples are not
               independent; docs/decisions/0006-blocks.md)
 
-Effects whose held-out residuals do not differ beyond chance from the chosen one's form a group with it: this log
-cannot tell them apart.
+Effects whose held-out residuals do not differ beyond chance from the chosen one's, and which change the prediction in
+the same direction, form a group with it: this log cannot tell them apart.
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ omega x J omega are formed after filtering. Source: reference measurement.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -171,11 +170,6 @@ def window(record: Record, first: int, last: int) -> Record:
         desired=None if record.desired is None else record.desired[kept],
         state_kept=cut(record.state_kept, kept),
     )
-
-
-def stack(records: Iterable[Record], model: WrenchModel) -> Array:
-    """Predictions of several records one after the other, (sum K, 6)."""
-    return np.concatenate([predict(r, model) for r in records])
 
 
 def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Array) -> Commands:

@@ -67,3 +67,19 @@ def test_what_no_effect_explains_is_unknown(fly, hexarotor):
     ringing[:, 4] += 0.2 * np.cos(2 * np.pi * 3.1 * time)
     found = explain(replace(data, measured=ringing), hexarotor)
     assert found.verdict == "unknown"
+
+
+def test_many_flights_are_searched_in_part_and_fitted_in_full(fly, hexarotor):
+    """Ten flights, more than the search looks at: the answer is that of one, and every flight gets its own bias."""
+    from dataclasses import replace
+
+    from learn.explain import SEARCH_SECONDS
+    from learn.fit import dataset
+
+    one, _ = fly("com_offset", None, "train", seed=21, seconds=25)
+    records = [replace(r, flight=f"flight {k}") for k in range(10) for r in one.records]
+    assert SEARCH_SECONDS < 10 * 25
+    found = explain(dataset(records, hexarotor), hexarotor, names=["com_offset", "servo_lag", "thrust_scale"])
+    assert found.effects == ("com_offset", "servo_lag")
+    assert found.fit.bias.shape == (10, 3)
+    assert len(found.fit.residual) == 10 * len(one.measured)
