@@ -289,10 +289,9 @@ class _Problem:
         if earlier is not None:
             known |= {e.name: e.theta for e in earlier.effects}
         own = {n: np.array([p.start for p in find(n).parameters(self.model.vehicle)]) for n in self.names}
-        same = (
-            earlier is not None and len(earlier.bias) == self.flights
-        )  # a fit of some flights only knows other biases
-        bias = earlier.bias.ravel() if earlier is not None and same else np.zeros(3 * self.flights)
+        bias = np.zeros(3 * self.flights)
+        if earlier is not None and len(earlier.bias) == self.flights:  # a fit of some flights knows other biases
+            bias = earlier.bias.ravel()
         x = np.concatenate([*(known.get(n, own[n]) for n in self.names), bias])
         return self.at(np.clip(x, self.low, self.high))
 
