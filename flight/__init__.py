@@ -18,6 +18,7 @@ from flight.flight import (
 from flight.inspection import Inspection, inspect
 from flight.load import load
 from flight.resample import Resampling, resample, uniform
+from flight.shift import shifted
 from flight.write import Named, write
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "inspect",
     "load",
     "resample",
+    "shifted",
     "uniform",
     "write",
 ]

@@ -121,7 +121,7 @@ class Flight:
     battery    its voltage
 
     `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was
-    assumed, repaired or left out.
+    assumed, repaired or left out. `shifts` [s] are by how much the user moved the stamps of a role (`flight.shift`).
     """
 
     name: str
@@ -136,6 +136,7 @@ class Flight:
     reference: ReferenceSeries | None = None
     battery: BatterySeries | None = None
     notes: tuple[str, ...] = ()
+    shifts: dict[str, float] = field(default_factory=dict)
 
     def series(self) -> dict[str, Series]:
         """The roles that this flight plays, in the order of `ROLES`."""

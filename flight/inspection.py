@@ -23,9 +23,11 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True)
 class TopicReport:
-    """One topic. Times in seconds; `offset` is header stamp minus log time; None where there is nothing to say.
+    """One topic. Times in seconds; None where there is nothing to say.
 
-    `plays` are the roles (or parts of roles) that it plays, `could_play` those that it was not chosen for.
+    `header_offset` is stamp minus log time, `header_jitter` its spread about the straight line of rate `header_rate`:
+    jitter of the transport. `plays` are the roles (or parts of roles) that it plays, `could_play` those that it was not
+    chosen for.
     """
 
     topic: str
@@ -37,6 +39,7 @@ class TopicReport:
     longest_gap: float
     header_offset: float | None
     header_rate: float | None
+    header_jitter: float | None
     dropped: dict[str, int]
     plays: tuple[str, ...]
     could_play: tuple[str, ...]
@@ -148,6 +151,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
         longest_gap=max((gap.stop - gap.start for gap in gaps), default=0.0),
         header_offset=None if clock is None else clock.offset,
         header_rate=None if clock is None else clock.rate,
+        header_jitter=None if clock is None else clock.residual,
         dropped=_dropped(table.topic, assignment, flight),
         plays=_plays(table.topic, assignment),
         could_play=tuple(part for part, others in assignment.candidates.items() if table.topic in others),

@@ -10,9 +10,11 @@ omega x J omega are formed after filtering. Source: reference measurement.md.
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +24,12 @@ from flight.errors import FitError
 from flight.flight import Samples
 from plant.actuation import nominal_wrench
 from plant.allocation import Allocation
-from plant.state import Commands, Motion, State
+from plant.state import Actuation, Commands, Motion, Posture, State
 from plant.vehicle import Vehicle
 from plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 CUTOFF_HZ = 8.0
 """Default corner of the filter on both sides [Hz]."""
@@ -143,6 +146,80 @@ def predict(record: Record, model: WrenchModel) -> Array:
     """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement."""
     raw, _ = model.actuate(record.commands, record.state, record.dt)
     return model.report(low_pass(raw, record.dt, record.cutoff_hz)[record.keep], record.state_kept)
+
+
+Key = tuple[object, ...]
+
+
+class Evaluator:
+    """Predictions of one record by models that differ in little from one another: what they share is computed once.
+
+    A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
+    rotors' wrench on those and the effects on thrusts, and what is geometry in it on the tilt angles; since the filter
+    is linear, each added wrench is filtered on its own. Gives what `predict` gives.
+    """
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self._commands: OrderedDict[Key, Commands] = OrderedDict()
+        self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
+        self._added: OrderedDict[Key, Array] = OrderedDict()
+        self._postures: list[Posture] = []
+
+    def __call__(self, model: WrenchModel) -> Array:
+        """The measured wrench (K, 6) that the model predicts."""
+        record = self.record
+        on_commands = _key(model, "commands")
+        commands = _kept(
+            self._commands, on_commands, 4, lambda: model.command(record.commands, record.state, record.dt)[0]
+        )
+        needs_rates = any(item.effect.needs_rates for item in model.effects)
+        key = (on_commands, _key(model, "thrusts"), needs_rates)
+        act, rotors, filtered = _kept(self._rotors, key, 4, lambda: self._rotor_part(model, commands))
+        total = filtered
+        for item in model.added:
+            own = (key, item.name, item.theta.tobytes())
+            total = total + _kept(
+                self._added, own, 32, partial(self._filter, model.addition, item, act, rotors, record.state)
+            )
+        return model.report(total, record.state_kept)
+
+    def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
+        rates, _ = model.rates(commands, self.record.dt)
+        act, rotors = model.rotors(commands, self.record.state, rates, self._posture(model, commands))
+        return act, rotors, self._filter(lambda: rotors)
+
+    def _posture(self, model: WrenchModel, commands: Commands) -> Posture | None:
+        """That of these tilt angles: one of the last two if they are the same, of which others are freed."""
+        tilt = commands.tilt
+        if tilt is None or not model.vehicle.has_rotors:
+            return None
+        same = [p for p in self._postures if p.vehicle is model.vehicle and np.array_equal(p.tilt, tilt)]
+        found = same[0] if same else Posture(model.vehicle, tilt)
+        self._postures = [found, *(p for p in self._postures if p is not found)]
+        for old in self._postures[2:]:
+            old.forget()
+        del self._postures[2:]
+        return found
+
+    def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:
+        record = self.record
+        return low_pass(make(*arguments), record.dt, record.cutoff_hz)[record.keep]
+
+
+def _key(model: WrenchModel, place: str) -> Key:
+    return tuple((item.name, item.theta.tobytes()) for item in model.effects if item.effect.place == place)
+
+
+def _kept(memory: OrderedDict[Key, T], key: Key, most: int, make: Callable[[], T]) -> T:
+    """The remembered value, or a new one; the `most` recently used stay."""
+    if key in memory:
+        memory.move_to_end(key)
+        return memory[key]
+    value = memory[key] = make()
+    if len(memory) > most:
+        memory.popitem(last=False)
+    return value
 
 
 def window(record: Record, first: int, last: int) -> Record:

@@ -17,19 +17,22 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.state import Actuation, Commands
+from plant.state import Actuation, Commands, Posture
 from plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 
-def actuation(vehicle: Vehicle, commands: Commands) -> Actuation:
-    """What the rotors nominally do at these commands."""
+def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = None) -> Actuation:
+    """What the rotors nominally do at these commands; `posture` where that of an equal tilt is at hand."""
     _, rotors = vehicle.geometry()
     assert commands.tilt is not None
     assert commands.rotor_speed is not None
     speed = commands.rotor_speed
-    return Actuation(vehicle, commands.tilt, speed, rotors.c_f * speed * np.abs(speed))
+    thrust = rotors.c_f * speed * np.abs(speed)
+    if posture is None:
+        return Actuation(vehicle, commands.tilt, speed, thrust)
+    return Actuation(vehicle, posture.tilt, speed, thrust, posture=posture)
 
 
 @lru_cache(maxsize=64)
@@ -49,10 +52,15 @@ def rotor_wrench(actuation: Actuation) -> Array:
     """Wrench (N, 6) about O, in B, that these thrusts make."""
     sums, wrench = _matrices(actuation.vehicle)
     per_arm = actuation.thrust @ sums
-    count = actuation.tilt.shape[1]
-    cos, sin = np.cos(actuation.tilt), np.sin(actuation.tilt)
-    thrust, drag = per_arm[:, :count], per_arm[:, count:]
-    return np.asarray(np.hstack((thrust * cos, drag * cos, thrust * sin, drag * sin)) @ wrench)
+    cos, sin = actuation.posture.hold("per_arm", lambda: _per_arm(actuation.posture))
+    half = per_arm.shape[1]
+    return np.asarray((per_arm * cos) @ wrench[:half] + (per_arm * sin) @ wrench[half:])
+
+
+def _per_arm(posture: Posture) -> Array:
+    """Cosines and sines (2, N, 2A), once for the arms' thrusts and once for their drag torques."""
+    cos, sin = np.split(posture.turn, 2, axis=1)
+    return np.stack((np.hstack((cos, cos)), np.hstack((sin, sin))))
 
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from flight.errors import ModelError
 from plant.controller import ControllerGains
 from plant.effects import find
+from plant.history import Snapshot, Value, Version
 from plant.sensors import SensorNoise
 from plant.vehicle import Vehicle
 from plant.wrench_model import ModelEffect, WrenchModel
@@ -25,7 +26,8 @@ class Model:
     """A vehicle and what is known about it.
 
     `topics` maps roles to topics for logs of this vehicle. `text` is the file's own text (empty for a model made in
-    code), kept so that comments survive a rewrite.
+    code), kept so that comments survive a rewrite. `history` are the versions that led here, oldest first; `notes` is
+    what a user should know about the file.
     """
 
     vehicle: Vehicle
@@ -35,6 +37,8 @@ class Model:
     topics: Mapping[str, str] = field(default_factory=dict)
     path: Path | None = None
     text: str = ""
+    history: tuple[Version, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -54,6 +58,20 @@ class Model:
     def effect(self, name: str) -> ModelEffect | None:
         """The effect of this name, None if the model does not have it."""
         return next((e for e in self.effects if e.name == name), None)
+
+    @property
+    def snapshot(self) -> tuple[Snapshot, ...]:
+        """The effects as plain values."""
+        return tuple(
+            Snapshot(
+                e.name,
+                tuple(
+                    Value(p.name, float(e.theta[k]), None if e.std is None else float(e.std[k]), p.unit)
+                    for k, p in enumerate(e.effect.parameters(self.vehicle))
+                ),
+            )
+            for e in self.effects
+        )
 
     def with_effects(self, effects: Iterable[ModelEffect]) -> Model:
         """A copy with exactly these effects, sorted by name; raises ModelError if one comes twice."""

@@ -1,14 +1,15 @@
 """Model files: TOML, checked whole on reading, comments kept on writing. The keys are documented in docs/model-file.md.
 
-Writing keeps the file's own text, comments and order, and replaces only the effects.
+Writing keeps the file's own text, comments and order, and replaces only the effects and the history.
 """
 
 from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from tomlkit.exceptions import ParseError
 
 from flight.errors import ModelError, UsageError
 from plant.controller import ControllerGains
+from plant.effects import Source, catalogue, sources
+from plant.history import BY_HAND, GIVEN, Snapshot, Trial, Value, Version
 from plant.model import Model, make_effect
 from plant.sensors import SensorNoise
 from plant.vehicle import Arms, Body, Rotors, Vehicle
@@ -32,8 +35,8 @@ _SHIPPED = (Path(__file__).parent / "models", Path(__file__).parent.parent / "mo
 
 
 def content_hash(model: Model) -> str:
-    """SHA-256 of the text that `dumps` writes: the same for models that say the same."""
-    return hashlib.sha256(dumps(model).encode()).hexdigest()
+    """SHA-256 of the text that `dumps` writes but for the history: the same for models that say the same."""
+    return hashlib.sha256(dumps(replace(model, history=())).encode()).hexdigest()
 
 
 def find_model(name_or_path: str | Path) -> Path:
@@ -79,19 +82,74 @@ def loads(text: str) -> Model:
     controller = _dataclass(root.table("controller", optional=True), ControllerGains)
     sensors = _dataclass(root.table("sensors", optional=True), SensorNoise)
     topics = {str(k): str(v) for k, v in root.table("topics", optional=True).take_all().items()}
-    effects = [_effect(vehicle, t) for t in root.tables("effects", optional=True)]
+    read = [_effect(vehicle, t) for t in root.tables("effects", optional=True)]
+    notes = tuple(note for _, note in read if note)
+    versions = tuple(_version(t) for t in root.tables("history", optional=True))
     root.finish()
-    return Model(vehicle, (), controller, sensors, topics, None, text).with_effects(effects)
+    model = Model(vehicle, (), controller, sensors, topics, None, text, versions, notes)
+    return model.with_effects(effect for effect, _ in read)
 
 
 def dumps(model: Model) -> str:
-    """Text of the model file: the model's own text with its effects replaced."""
+    """Text of the model file: the model's own text with its effects and history replaced."""
     document = tomlkit.parse(model.text) if model.text else _skeleton(model)
     document.pop("effects", None)
+    document.pop("history", None)
     text = tomlkit.dumps(document).rstrip("\n") + "\n"
     for item in model.effects:
         text += "\n" + _effect_text(model.vehicle, item)
+    for entry in model.history:
+        text += "\n" + _version_text(entry)
     return text
+
+
+def next_version(
+    parent: Model,
+    model: Model,
+    *,
+    command: str,
+    path: Path,
+    flights: Sequence[tuple[str, str]] = (),
+    trial: Trial | None = None,
+) -> Model:
+    """`model` with `parent`'s history and one version more: itself, as made by `command` and written to `path`.
+
+    A parent without history becomes the first version; one that was changed since its last version gets a version
+    for that.
+    """
+    versions = list(parent.history)
+    content = content_hash(parent)
+    if not versions or versions[-1].content != content:
+        last = versions[-1] if versions else None
+        versions.append(
+            Version(
+                1 if last is None else last.number + 1,
+                GIVEN if last is None else BY_HAND,
+                content,
+                "" if parent.path is None else str(parent.path),
+                "" if last is None else last.content,
+                effects=parent.snapshot,
+            )
+        )
+    last = versions[-1]
+    made = Version(
+        last.number + 1,
+        command,
+        content_hash(model),
+        str(path),
+        last.content,
+        datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        tool_version(),
+        tuple(flights),
+        trial,
+        model.snapshot,
+    )
+    return replace(model, history=(*versions, made))
+
+
+def changed_since(model: Model) -> bool:
+    """Whether the file was changed by hand after its last version was written."""
+    return bool(model.history) and model.history[-1].content != content_hash(model)
 
 
 def save(model: Model, path: Path, *, force: bool = False) -> Model:
@@ -150,15 +208,18 @@ class _Table:
             raise ModelError(f"{self._key(key)}: got {value!r}, expected a finite number")
         return float(value)
 
-    def vector(self, key: str, default: tuple[float, float, float] | None = None) -> Array:
+    def numbers(self, key: str, count: int, said: str, default: Any = None) -> Array:
         value = self._get(key, default)
         try:
             array = np.array(value, dtype=float)
         except (TypeError, ValueError):
             array = np.empty(0)
-        if array.shape != (3,) or not np.all(np.isfinite(array)):
-            raise ModelError(f"{self._key(key)}: got {value!r}, expected three finite numbers")
+        if array.shape != (count,) or not np.all(np.isfinite(array)):
+            raise ModelError(f"{self._key(key)}: got {value!r}, expected {said} finite numbers")
         return array
+
+    def vector(self, key: str, default: tuple[float, float, float] | None = None) -> Array:
+        return self.numbers(key, 3, "three", default)
 
     def unit(self, key: str, default: tuple[float, float, float] | None = None) -> Array:
         value = self.vector(key, default)
@@ -324,9 +385,10 @@ def _dataclass(table: _Table, cls: type[Any]) -> Any:
     return cls(**given)
 
 
-def _effect(vehicle: Vehicle, table: _Table) -> ModelEffect:
-    """One [[effects]] entry."""
+def _effect(vehicle: Vehicle, table: _Table) -> tuple[ModelEffect, str]:
+    """One [[effects]] entry, and a note on it."""
     name = table.text("name")
+    own, note = _own(name, table.table("source", optional=True))
     values: dict[str, float] = {}
     stds: dict[str, float] = {}
     for key, value in table.table("parameters").take_all().items():
@@ -339,7 +401,8 @@ def _effect(vehicle: Vehicle, table: _Table) -> ModelEffect:
         parameter.finish()
     source = table.table("provenance", optional=True)
     logs = tuple((t.text("file"), t.text("sha256")) for t in source.tables("logs", optional=True))
-    provenance = Provenance(logs, source.text("fitted", ""), source.text("version", ""), source.text("method", ""))
+    fitted, tool, method = (source.text(key, "") for key in ("fitted", "version", "method"))
+    provenance = Provenance(logs, fitted, tool, method, own)
     source.finish()
     table.finish()
     made = make_effect(vehicle, name, values)
@@ -348,7 +411,91 @@ def _effect(vehicle: Vehicle, table: _Table) -> ModelEffect:
     if missing:
         raise ModelError(f"effect {name}: parameter {missing[0]!r} is missing; expected {', '.join(names)}")
     std = np.array([stds[n] for n in names]) if len(stds) == len(names) else None
-    return replace(made, std=std, provenance=provenance)
+    return replace(made, std=std, provenance=provenance), note
+
+
+def _own(name: str, table: _Table) -> tuple[Source | None, str]:
+    """The file of a user's own effect, and a note where another one is loaded; an error where none is."""
+    file, sha = table.text("file", ""), table.text("sha256", "")
+    table.finish()
+    if not file:
+        return None, ""
+    if name not in catalogue():
+        raise ModelError(f"effect {name!r} is a user's own, from {file}; pass that file with --effects {file}")
+    loaded = sources().get(name)
+    if loaded is None or loaded.sha256 == sha:
+        return Source(file, sha), ""
+    note = f"effect {name}: {loaded.file} is not as it was when the effect was fitted; fit it anew with wrenchgap add."
+    return Source(file, sha), note
+
+
+def _version(table: _Table) -> Version:
+    """One [[history]] entry."""
+    flights = tuple((t.text("file"), t.text("sha256")) for t in table.tables("flights", optional=True))
+    held_out = table.table("held_out", optional=True)
+    trial = None
+    if held_out.has("before"):
+        before, after, noise = (held_out.numbers(key, 6, "six") for key in ("before", "after", "noise"))
+        trial = Trial(before, after, noise, held_out.text("verdict", ""))
+    held_out.finish()
+    effects = []
+    for item in table.tables("effects", optional=True):
+        values = []
+        for row in item.tables("parameters", optional=True):
+            std = row.number("std") if row.has("std") else None
+            values.append(Value(row.text("name"), row.number("value"), std, row.text("unit", "")))
+            row.finish()
+        effects.append(Snapshot(item.text("name"), tuple(values)))
+        item.finish()
+    made = Version(
+        int(table.number("version")),
+        table.text("command", ""),
+        table.text("content"),
+        table.text("file", ""),
+        table.text("parent", ""),
+        table.text("date", ""),
+        table.text("wrenchgap", ""),
+        flights,
+        trial,
+        tuple(effects),
+    )
+    table.finish()
+    return made
+
+
+def _version_text(entry: Version) -> str:
+    """TOML of one entry."""
+    texts = {
+        "date": entry.date,
+        "command": entry.command,
+        "wrenchgap": entry.tool,
+        "file": entry.file,
+        "content": entry.content,
+        "parent": entry.parent,
+    }
+    lines = ["[[history]]", f"version = {entry.number}"]
+    lines += [f"{key} = {_text(value)}" for key, value in texts.items() if value]
+    if entry.flights:
+        rows = [f"{{ file = {_text(file)}, sha256 = {_text(sha)} }}" for file, sha in entry.flights]
+        lines += ["flights = [", *(f"  {row}," for row in rows), "]"]
+    if entry.trial is not None:
+        trial = entry.trial
+        lines.append("[history.held_out]")
+        for key, values in (("before", trial.before), ("after", trial.after), ("noise", trial.noise)):
+            lines.append(f"{key} = [{', '.join(_number(v) for v in values)}]")
+        lines.append(f"verdict = {_text(trial.verdict)}")
+    for effect in entry.effects:
+        lines += ["[[history.effects]]", f"name = {_text(effect.effect)}", "parameters = ["]
+        for v in effect.values:
+            std = "" if v.std is None else f", std = {_number(v.std)}"
+            lines.append(f"  {{ name = {_text(v.name)}, value = {_number(v.value)}{std}, unit = {_text(v.unit)} }},")
+        lines.append("]")
+    return "\n".join(lines) + "\n"
+
+
+def _text(value: str) -> str:
+    """A TOML string."""
+    return str(tomlkit.string(value).as_string())
 
 
 def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
@@ -357,20 +504,19 @@ def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
     for k, parameter in enumerate(item.effect.parameters(vehicle)):
         std = f", std = {_number(item.std[k])}" if item.std is not None else ""
         lines.append(f'{parameter.name} = {{ value = {_number(item.theta[k])}{std}, unit = "{parameter.unit}" }}')
+    own = item.provenance.source or sources().get(item.name)
+    if own is not None:
+        lines += ["[effects.source]", f"file = {_text(own.file)}", f"sha256 = {_text(own.sha256)}"]
     source = item.provenance
-    if source != Provenance():
+    if replace(source, source=None) != Provenance():
         lines += [
             "[effects.provenance]",
-            f"fitted = {tomlkit.string(source.fitted).as_string()}",
-            f"version = {tomlkit.string(source.version).as_string()}",
-            f"method = {tomlkit.string(source.method).as_string()}",
+            f"fitted = {_text(source.fitted)}",
+            f"version = {_text(source.version)}",
+            f"method = {_text(source.method)}",
         ]
         for file, sha in source.logs:
-            lines += [
-                "[[effects.provenance.logs]]",
-                f"file = {tomlkit.string(file).as_string()}",
-                f"sha256 = {tomlkit.string(sha).as_string()}",
-            ]
+            lines += ["[[effects.provenance.logs]]", f"file = {_text(file)}", f"sha256 = {_text(sha)}"]
     return "\n".join(lines) + "\n"
 
 

@@ -15,6 +15,7 @@ fourth-order Runge-Kutta. State-dependent effects are therefore first-order accu
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -49,6 +50,9 @@ Feedback = Literal["measured", "true"]
 
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first sample of simulated flights [ns since 1970]."""
+
+PHYSICS_RATE = 400
+"""Least rate of the simulation that `physics_rate` gives [Hz]."""
 
 LOST_POSITION, LOST_ATTITUDE = 5.0, np.radians(100.0)
 """Errors [m], [rad] beyond which control counts as lost and the simulation stops."""
@@ -210,6 +214,15 @@ def simulate(
     if progress is not None:
         progress(1.0)
     return _flight(name, truth, record, reference, noise, errors, voltage)
+
+
+def physics_rate(model: Model) -> float:
+    """The smallest multiple of all rates of the model that is not below `PHYSICS_RATE` [Hz]."""
+    rates = (model.controller.rate_hz, model.sensors.imu_rate_hz, model.sensors.pose_rate_hz)
+    if any(rate != round(rate) for rate in rates):
+        raise UsageError(f"rates of controller and sensors are {rates} Hz; the simulation needs whole numbers")
+    common = math.lcm(*(round(rate) for rate in rates))
+    return float(common * math.ceil(PHYSICS_RATE / common))
 
 
 def _known(state: State, measured: State, gyro: Array) -> State:

@@ -5,8 +5,9 @@ Every array has the sample axis first. O is the body origin; wrenches in this mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,11 +51,63 @@ class Rates:
     rotor_dot: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """What follows from the tilt angles (N, A) alone: worked out when first asked for, and shared by every `Actuation`
+    with these angles.
+    """  # noqa: D205
+
+    vehicle: Vehicle
+    tilt: Array
+    _held: dict[str, Array] = field(default_factory=dict, repr=False)
+
+    def hold(self, name: str, make: Callable[[], Array]) -> Array:
+        """The array of this name, made once; for what an effect works out of the angles and nothing else."""
+        if name not in self._held:
+            self._held[name] = make()
+        return self._held[name]
+
+    def forget(self) -> None:
+        """Free the memory; what is asked for again is made again."""
+        self._held.clear()
+
+    @property
+    def turn(self) -> Array:
+        """Cosines, then sines of the angles (N, 2A)."""
+        return self.hold("turn", lambda: np.hstack((np.cos(self.tilt), np.sin(self.tilt))))
+
+    @property
+    def arm_normal_B(self) -> Array:
+        """Unit thrust directions of the arms (N, A, 3): cos(alpha) n_0 + sin(alpha) a x n_0."""
+        return self.hold("arm_normal_B", lambda: (self.turn @ _directions(self.vehicle)).reshape(*self.tilt.shape, 3))
+
+    @property
+    def normal_B(self) -> Array:
+        """Unit thrust directions of the rotors (N, R, 3)."""
+        _, rotors = self.vehicle.geometry()
+        return self.hold("normal_B", lambda: self.arm_normal_B[:, rotors.arm])
+
+    @property
+    def hub_B(self) -> Array:
+        """Positions of the rotors (N, R, 3) from O [m]."""
+        arms, rotors = self.vehicle.geometry()
+        return self.hold("hub_B", lambda: arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
+
+
+@lru_cache(maxsize=64)
+def _directions(vehicle: Vehicle) -> Array:
+    """From cosines and sines of all arms to their thrust directions (2A, 3A)."""
+    arms, _ = vehicle.geometry()
+    own = np.eye(len(arms))[:, :, None]
+    return np.vstack([(own * d).reshape(len(arms), -1) for d in (arms.normal_B, arms.lateral_B)])
+
+
 @dataclass(frozen=True)
 class Actuation:
     """What the rotors of a vehicle do: `tilt` (N, A), `rotor_speed` (N, R), `thrust` (N, R) [N] along the normals.
 
-    `rates` is None where nobody asked how fast the actuators move; they then count as at rest.
+    `rates` is None where nobody asked how fast the actuators move; they then count as at rest. A `posture` that is not
+    that of `tilt` is replaced by one that is.
     """
 
     vehicle: Vehicle
@@ -62,6 +115,12 @@ class Actuation:
     rotor_speed: Array
     thrust: Array
     rates: Rates | None = None
+    posture: Posture = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        given: Posture | None = self.posture
+        if given is None or given.tilt is not self.tilt or given.vehicle is not self.vehicle:
+            object.__setattr__(self, "posture", Posture(self.vehicle, self.tilt))
 
     @property
     def tilt_rate(self) -> Array:
@@ -78,31 +137,24 @@ class Actuation:
         """dOmega/dt (N, R) [rad/s^2]."""
         return np.zeros_like(self.rotor_speed) if self.rates is None else self.rates.rotor_dot
 
-    @cached_property
+    @property
     def arm_normal_B(self) -> Array:
         """Unit thrust directions of the arms (N, A, 3): cos(alpha) n_0 + sin(alpha) a x n_0."""
-        arms, _ = self.vehicle.geometry()
-        return np.asarray(np.cos(self.tilt)[..., None] * arms.normal_B + np.sin(self.tilt)[..., None] * arms.lateral_B)
+        return self.posture.arm_normal_B
 
-    @cached_property
+    @property
     def normal_B(self) -> Array:
         """Unit thrust directions of the rotors (N, R, 3)."""
-        _, rotors = self.vehicle.geometry()
-        return np.asarray(self.arm_normal_B[:, rotors.arm])
+        return self.posture.normal_B
 
-    @cached_property
+    @property
     def hub_B(self) -> Array:
         """Positions of the rotors (N, R, 3) from O [m]."""
-        arms, rotors = self.vehicle.geometry()
-        return np.asarray(arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
+        return self.posture.hub_B
 
     def with_thrust(self, thrust: Array) -> Actuation:
         """The same rotors with other thrusts (N, R)."""
-        made = Actuation(self.vehicle, self.tilt, self.rotor_speed, thrust, self.rates)
-        for name in ("arm_normal_B", "normal_B", "hub_B"):
-            if name in self.__dict__:
-                made.__dict__[name] = self.__dict__[name]
-        return made
+        return Actuation(self.vehicle, self.tilt, self.rotor_speed, thrust, self.rates, self.posture)
 
 
 @dataclass(frozen=True)

@@ -33,10 +33,11 @@ from plant.effects.effect import (
     CommandEffect,
     Context,
     SensorEffect,
+    Source,
     ThrustEffect,
     WrenchEffect,
 )
-from plant.state import Actuation, Commands, Motion, Rates, State
+from plant.state import Actuation, Commands, Motion, Posture, Rates, State
 from plant.vehicle import Body, Vehicle
 
 Array = NDArray[np.float64]
@@ -44,12 +45,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where numbers come from: logs as (file name, SHA-256), when fitted (ISO 8601), with which version and command."""
+    """Where numbers come from: logs as (file name, SHA-256), when fitted (ISO 8601), with which version and command;
+    `source` is the file of a user's own effect.
+    """  # noqa: D205
 
     logs: tuple[tuple[str, str], ...] = ()
     fitted: str = ""
     version: str = ""
     method: str = ""
+    source: Source | None = None
 
 
 @dataclass(frozen=True)
@@ -149,31 +153,55 @@ class WrenchModel:
 
     def wrench(self, commands: Commands, state: State, rates: Rates | None = None) -> Array:
         """Wrench (N, 6) about O that these (effective) commands make in this state; at rest without `rates`."""
-        context = Context(self.vehicle, state)
-        act: Actuation | None = None
-        if self.vehicle.has_rotors and commands.rotor_speed is not None:
-            act = replace(actuation(self.vehicle, commands), rates=rates)
-            for item in self.effects:
-                if isinstance(item.effect, ThrustEffect):
-                    act = act.with_thrust(item.effect.apply(act, item.theta, context))
-            rotors = rotor_wrench(act)
-        else:
-            rotors = about_origin(self.vehicle.body, commands.wrench_B)
+        act, rotors = self.rotors(commands, state, rates)
         total = rotors
-        for item in self.effects:
-            if isinstance(item.effect, WrenchEffect):
-                total = total + item.effect.apply(act, rotors, item.theta, context)
+        for item in self.added:
+            total = total + self.addition(item, act, rotors, state)
         return total
+
+    def rotors(
+        self, commands: Commands, state: State, rates: Rates | None = None, posture: Posture | None = None
+    ) -> tuple[Actuation | None, Array]:
+        """What the rotors do, None where they are not known, and their wrench (N, 6) about O.
+
+        `posture` is one with the tilt angles of `commands`, where it is at hand.
+        """
+        if not self.vehicle.has_rotors or commands.rotor_speed is None:
+            return None, about_origin(self.vehicle.body, commands.wrench_B)
+        context = Context(self.vehicle, state)
+        act = replace(actuation(self.vehicle, commands, posture), rates=rates)
+        for item in self.effects:
+            if isinstance(item.effect, ThrustEffect):
+                act = act.with_thrust(item.effect.apply(act, item.theta, context))
+        return act, rotor_wrench(act)
+
+    @property
+    def added(self) -> tuple[ModelEffect, ...]:
+        """The effects that add a wrench to that of the rotors."""
+        return tuple(item for item in self.effects if isinstance(item.effect, WrenchEffect))
+
+    def addition(self, item: ModelEffect, act: Actuation | None, rotors: Array, state: State) -> Array:
+        """The wrench (N, 6) about O that one of `added` adds."""
+        assert isinstance(item.effect, WrenchEffect)
+        return item.effect.apply(act, rotors, item.theta, Context(self.vehicle, state))
 
     def actuate(
         self, commands: Commands, state: State, dt: float, memory: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """Wrench (N, 6) about O, through all effects on commands, thrusts and wrench; and the memory."""
         commands, memory = self.command(commands, state, dt, memory)
+        rates, memory = self.rates(commands, dt, memory)
+        return self.wrench(commands, state, rates), memory
+
+    def rates(
+        self, commands: Commands, dt: float, memory: dict[str, Any] | None = None
+    ) -> tuple[Rates | None, dict[str, Any]]:
+        """Rates of the actuators under effective commands, where an effect asks for them; and the memory."""
+        memory = {} if memory is None else memory
         rates: Rates | None = None
         if commands.rotor_speed is not None and any(item.effect.needs_rates for item in self.effects):
             rates, memory[_RATES] = _rates(commands, dt, memory.get(_RATES))
-        return self.wrench(commands, state, rates), memory
+        return rates, memory
 
     def motion(self, wrench_B: Array, omega_B: Array) -> Motion:
         """Accelerations of O under wrenches (N, 6) about O, with the body effects."""

@@ -9,7 +9,7 @@ import numpy as np
 
 import flight
 from flight.checks import Check
-from flight.errors import WrenchgapError
+from flight.errors import UsageError, WrenchgapError
 from flight.inspection import Inspection
 from flight.roles import parse_source
 from plant.actuation import nominal_wrench
@@ -30,13 +30,17 @@ def inspect(path: Path, topics: Mapping[str, str], model: Model | None) -> Inspe
     return flight.inspect(path, wanted) if wanted != dict(topics) else plain
 
 
-def checks(path: Path, topics: Mapping[str, str], model: Model, cutoff_hz: float) -> tuple[Check, ...]:
-    """What a model says about a log; a log that cannot be used with it is itself a finding."""
+def checks(
+    path: Path, topics: Mapping[str, str], model: Model, cutoff_hz: float, shifts: Mapping[str, float] | None = None
+) -> tuple[tuple[Check, ...], OpenFlight | None]:
+    """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
     try:
-        opened = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz)
+        opened = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, shifts=shifts)
+    except UsageError:
+        raise
     except WrenchgapError as error:
-        return (Check("model", "bad", str(error)),)
-    return (*_counts(opened, model), *_weight(opened, model), *_actuation(opened, model))
+        return (Check("model", "bad", str(error)),), None
+    return (*_counts(opened, model), *_weight(opened, model), *_actuation(opened, model)), opened
 
 
 def _counts(opened: OpenFlight, model: Model) -> list[Check]:

@@ -26,12 +26,16 @@ NAME = "wrenchgap"
 ORDER = (
     "inspect",
     "compare",
+    "where",
     "explain",
     "add",
     "remove",
+    "history",
     "learn",
+    "report",
     "replay",
     "counterfactual",
+    "design",
     "simulate",
     "view",
     "demo",
@@ -85,6 +89,9 @@ def report(error: BaseException) -> int:
         return _usage(error)
     if "flight.errors" in sys.modules and isinstance(error, sys.modules["flight.errors"].WrenchgapError):
         say(str(error))
+        return 2
+    if "plant.own_effects" in sys.modules and (said := sys.modules["plant.own_effects"].blame(error)):
+        say(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
         return 2
     if isinstance(error, OSError) and error.filename is not None:
         say(f"{error.filename}: {error.strerror or error}")

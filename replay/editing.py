@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import ModelError, UsageError
+from flight.errors import FitError, ModelError, UsageError
 from flight.flight import AXES
-from learn.fit import Fit, dataset, fit, with_fit
+from learn.fit import Dataset, Fit, dataset, fit, held_out, with_fit
 from plant.effects import find
+from plant.history import Trial
 from plant.model import Model, make_effect
 from plant.model_file import tool_version
 from plant.wrench_model import ModelEffect, Provenance
@@ -23,15 +24,24 @@ from replay.flights import OpenFlight
 Array = NDArray[np.float64]
 
 
+CLEAR = 3.0
+"""Paired t over blocks of time beyond which a change of the error is not chance."""
+
+
 @dataclass(frozen=True)
 class Edited:
-    """A model with effects fitted: rms (6,) on the fitted flights before and after; `refitted` were in it already."""
+    """A model with effects fitted: rms (6,) on the fitted flights before and after; `refitted` were in it already.
+
+    `trial` tells the same of time that was not fitted, None where the logs are too short to hold any out.
+    """
 
     model: Model
     fit: Fit
     rms_before: Array
     rms_after: Array
     refitted: tuple[str, ...]
+    trial: Trial | None
+    flights: tuple[tuple[str, str], ...]
 
     @property
     def rows(self) -> list[tuple[str, str, float, float | None, str]]:
@@ -48,6 +58,7 @@ class Edited:
             "rms_before": self.rms_before,
             "rms_after": self.rms_after,
             "at_bound": list(self.fit.at_bound),
+            "held_out": None if self.trial is None else trial_json(self.trial),
         }
 
 
@@ -74,8 +85,9 @@ def add_fitted(
         report(1.0 - 0.97**count, f"fitting {', '.join(every)}")
 
     fitted = fit(data, model, every, tick=tick)
+    logs = tuple((f.flight.path.name, f.flight.content_hash) for f in flights)
     source = Provenance(
-        logs=tuple((f.flight.path.name, f.flight.content_hash) for f in flights),
+        logs=logs,
         fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         version=tool_version(),
         method=f"wrenchgap add: {', '.join(every)} together, six axes below {cutoff_hz:g} Hz",
@@ -84,7 +96,41 @@ def add_fitted(
     after = with_fit(model, fitted)
     residuals = [data.measured - data.predict(m.wrench_model) for m in (model, after)]
     before_rms, after_rms = (np.sqrt(np.mean(r**2, axis=0)) for r in residuals)
-    return Edited(after, fitted, before_rms, after_rms, tuple(n for n in names if n in present))
+    refitted = tuple(n for n in names if n in present)
+    return Edited(after, fitted, before_rms, after_rms, refitted, trial(data, model, every, fitted), logs)
+
+
+def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit) -> Trial | None:
+    """`model` as it stands against the same with `names` fitted, on blocks of time that the fit did not see.
+
+    The accelerometer's bias is estimated on both sides. The verdict is that of a paired t over the blocks' weighted
+    squared errors (docs/decisions/0006-blocks.md).
+    """
+    try:
+        before = held_out(data, model, (), fit(data, model, ()))
+        after = held_out(data, model, names, fitted)
+    except FitError:  # too short to hold anything out
+        return None
+    counts = np.bincount(data.block)
+    losses = [np.bincount(data.block, weights=((r * data.weights) ** 2).sum(axis=1)) / counts for r in (before, after)]
+    gain = losses[0] - losses[1]
+    spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain)) if len(gain) > 2 else np.inf
+    t = float(np.mean(gain)) / max(spread, 1e-30)
+    change = float((losses[1] * counts).sum() / max((losses[0] * counts).sum(), 1e-30)) - 1.0
+    words = "better" if t > CLEAR else "worse" if t < -CLEAR else "no clear change"
+    rms = [np.sqrt(np.mean(r**2, axis=0)) for r in (before, after)]
+    return Trial(rms[0], rms[1], data.noise, f"{words}: error energy {100 * change:+.0f} %, t {t:.1f}")
+
+
+def trial_json(tried: Trial) -> dict[str, Any]:
+    """Errors on time that was not fitted, six each."""
+    return {
+        "rms_before": tried.before,
+        "rms_after": tried.after,
+        "noise": tried.noise,
+        "fall": tried.fall,
+        "verdict": tried.verdict,
+    }
 
 
 def parse_value(text: str) -> tuple[str, dict[str, float] | list[float]]:
@@ -139,7 +185,7 @@ def set_by_hand(model: Model, texts: Sequence[str]) -> Model:
 
 def with_hidden(model: Model, texts: Sequence[str]) -> Model:
     """The model with further effects; values add to those of an effect that it has already."""
-    truth = model
+    truth = replace(model, history=())
     for text in texts:
         new = made(model, text)
         old = truth.effect(new.name)

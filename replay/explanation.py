@@ -11,14 +11,19 @@ from numpy.typing import NDArray
 
 from flight import so3
 from flight.flight import AXES
-from learn.explain import Candidate, Explanation
+from learn.explain import Candidate, Explanation, Member
 from learn.measurement import Record
 from plant.model import Model
+from replay import timing
 from replay.comparison import Comparison, Predictor, compare
+from replay.design import next_flight
 from replay.flights import OpenFlight
+from replay.timing import Timing
 
 Array = NDArray[np.float64]
 
+CONCENTRATED = 0.7
+"""Share of what is left in the worst tenth of the time that is worth saying."""
 BEYOND = 1.15
 """A flight lies outside when its 95th percentile exceeds the fitted maximum by this factor."""
 
@@ -108,29 +113,56 @@ def validate(flights: Sequence[OpenFlight], fitted_on: Sequence[OpenFlight], giv
     return Validation(compare(flights, given, predictors), listed)
 
 
+def timing_first(found: Timing) -> list[str]:
+    """Offsets between the sensor topics of one flight, before any physics: a line each, where they are certain."""
+    return [f"timing, {found.flight}: {timing.sentence(o)}" for o in found.sensors if o.certain]
+
+
 def sentence(explanation: Explanation) -> str:
     """The verdict in plain words."""
-    named = " and ".join(_with_values(explanation, name) for name in explanation.effects)
+    named = " and ".join(_member(explanation, m) for m in explanation.members)
     left = _left(explanation)
     if explanation.verdict == "nothing":
         return f"Nothing is missing that these logs can show. {left}"
-    if explanation.verdict == "unknown" and not explanation.effects:
-        return f"Something is missing, but no effect of the catalogue explains it. {left}"
     if explanation.verdict == "unknown":
-        return f"Partly explained by {named}; more is missing than the catalogue can explain. {left}"
-    if explanation.groups:
-        groups = "; ".join(" or ".join(group) for group in explanation.groups)
-        return f"Explained by {named}, but these logs cannot tell apart: {groups}. {left}"
-    return f"Explained by {named}. {left}"
+        partly = f"Partly explained by {named}; more is missing than the catalogue can explain." if named else ""
+        none = "Something is missing, but no effect of the catalogue explains it."
+        return " ".join(filter(None, (partly or none, _clue(explanation), left)))
+    groups = "; ".join(" or ".join(group) for group in explanation.groups)
+    untold = f" These logs cannot tell apart: {groups}." if groups else ""
+    return f"Explained by {named}.{untold} {left}"
+
+
+def _member(explanation: Explanation, member: Member) -> str:
+    """Name with values, and how sure."""
+    return f"{_with_values(explanation, member.name)}, {100 * explanation.probability(member):.0f} % sure"
+
+
+def _clue(explanation: Explanation) -> str:
+    """What is known about what is not in the catalogue."""
+    clues = []
+    if explanation.swing is not None:
+        words = explanation.swing.words
+        clues.append(f"{words[:1].upper()}{words[1:]}.")
+    if explanation.depends is not None and explanation.depends.chosen:
+        inputs = " and ".join(g.label for g in explanation.depends.chosen[:3])
+        share = f"{100 * explanation.depends.explained:.0f} % of it can be predicted from"
+        clues.append(f"What is left depends on {inputs} ({share} them on held-out time).")
+    if explanation.concentrated > CONCENTRATED:
+        share = f"{100 * explanation.concentrated:.0f} %"
+        clues.append(f"{share} of what is left sits in a tenth of the time: see `wrenchgap where`.")
+    return " ".join(clues)
 
 
 def _with_values(explanation: Explanation, name: str) -> str:
-    """The effect with its parameters, or of many the three that are largest and beyond three standard deviations."""
+    """The effect with its parameters, or of many the three largest, as far as they are comparable with the largest."""
     values = parameters(explanation).get(name, [])
     shown = values
     if len(values) > 3:
-        beyond = [row for row in values if abs(row[1]) > 3.0 * row[2]]
-        shown = sorted(beyond, key=lambda row: -abs(row[1]))[:3]
+        typical = {p.name: p.scale for owner, p in explanation.fit.parameters if owner == name}
+        by_size = sorted(values, key=lambda row: -abs(row[1]) / typical[row[0]])
+        largest = abs(by_size[0][1]) / typical[by_size[0][0]]
+        shown = [row for row in by_size[:3] if abs(row[1]) / typical[row[0]] > 0.3 * largest]
     if not shown:
         return name
     words = ", ".join(f"{n} {v:.3g} {u if u != '1' else ''}".strip() for n, v, _, u in shown)
@@ -142,6 +174,18 @@ def _left(explanation: Explanation) -> str:
     axis = int(np.argmax(after / np.maximum(noise, 1e-30)))
     unit = "N" if axis < 3 else "Nm"
     return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit} rms (sensor noise {noise[axis]:.2g})."
+
+
+def what_next(explanation: Explanation, source: str, logs: str) -> list[str]:
+    """The commands that follow from the verdict."""
+    out = [f"to tell {' from '.join(g)}: {next_flight(g, source, [logs])}" for g in explanation.groups]
+    if explanation.full:
+        out.append("the search ended at its limit of effects: add these, then explain with the new model, for more")
+    add = f"wrenchgap add {' '.join(explanation.effects)} -m {source} --from {logs} -o fitted.toml"
+    if explanation.verdict == "unknown":
+        out.append(f"next: wrenchgap where {logs} -m {source}: something is missing that has no name here")
+        return [*out, f"what is named can be added all the same: {add}"] if explanation.effects else out
+    return [*out, f"next: {add}"] if explanation.effects else out
 
 
 def not_tried(explanation: Explanation) -> dict[str, list[str]]:
@@ -168,12 +212,15 @@ def to_json(explanation: Explanation, validation: Validation | None) -> dict[str
         "verdict": explanation.verdict,
         "effects": list(explanation.effects),
         "groups": [list(group) for group in explanation.groups],
+        "members": [_one_member(explanation, m) for m in explanation.members],
+        "left": _what_is_left(explanation),
         "ranking": [_candidate(c) for c in explanation.ranking],
         "axes": list(AXES),
         "summary": sentence(explanation),
         "fitted": [{"effect": name, "parameters": _named(fitted.get(name, []))} for name in explanation.effects],
         "steps": [
             {
+                "on": list(step.on),
                 "chosen": step.chosen,
                 "alike": [{"effect": name, "cosine": cosine} for name, cosine in step.alike],
                 "candidates": [_candidate(c) for c in step.candidates],
@@ -186,6 +233,39 @@ def to_json(explanation: Explanation, validation: Validation | None) -> dict[str
         "rms_after": explanation.rms_after,
         "noise": explanation.noise,
         "validation": None if validation is None else _validation(validation),
+    }
+
+
+def _one_member(explanation: Explanation, member: Member) -> dict[str, Any]:
+    rivals = [
+        {
+            "effect": r.name,
+            "separation": r.separation,
+            "cosine": r.cosine,
+            "alike": r.alike,
+            "worthy": r.candidate.worthy,
+            "score": r.candidate.score,
+        }
+        for r in member.rivals
+    ]
+    return {
+        "effect": member.name,
+        "probability": explanation.probability(member),
+        "share": member.share,
+        "significance": member.significance,
+        "evidence": member.evidence,
+        "group": [member.name, *(r.name for r in member.alike)],
+        "rivals": rivals,
+    }
+
+
+def _what_is_left(explanation: Explanation) -> dict[str, Any]:
+    swinging, depends = explanation.swing, explanation.depends
+    return {
+        "over_noise": explanation.left,
+        "in_worst_tenth": explanation.concentrated,
+        "swing": None if swinging is None else {**swinging.__dict__, "words": swinging.words},
+        "depends_on": None if depends is None else depends.to_json(),
     }
 
 

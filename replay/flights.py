@@ -39,13 +39,16 @@ def open_flight(
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
+    shifts: Mapping[str, float] | None = None,
 ) -> OpenFlight:
     """Read one log for a model, or what lies `between` two of its times [s].
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
-    actuators or both; motion may come from an IMU or, failing that, from the odometry.
+    actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
+    (`flight.shifted`).
     """
-    return opened(flight.load(path, topics, preferred=model.topics), model, cutoff_hz=cutoff_hz, between=between)
+    found = flight.shifted(flight.load(path, topics, preferred=model.topics), shifts or {})
+    return opened(found, model, cutoff_hz=cutoff_hz, between=between)
 
 
 def opened(
@@ -162,11 +165,12 @@ def open_flights(
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
+    shifts: Mapping[str, float] | None = None,
 ) -> list[OpenFlight]:
     """`open_flight` for several logs, in order, with names that differ; the same log twice is an error."""
     opened: list[OpenFlight] = []
     for path in paths:
-        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between)
+        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts)
         for other in opened:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from flight.errors import UsageError
 from flight.flight import AXES
+from learn.absorbed import Absorbed, Absorption, absorbed
+from learn.fit import dataset
 from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
 from learn.measurement import Record
 from learn.train import fit
@@ -95,6 +97,62 @@ class Learnt:
             "validation": None if self.validation is None else self.validation.to_json(),
             "warnings": self.warnings,
         }
+
+
+def guard(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    gp: GaussianProcess,
+    *,
+    progress: Callable[[float, str], None] | None = None,
+) -> Absorption:
+    """Which effect of the catalogue the GP, learnt on `model` from `flights`, is absorbing."""
+    report = progress or (lambda fraction, words: None)
+    data = dataset([r for f in flights for r in f.records], model)
+    return absorbed(data, model, gp, progress=lambda words, k, n: report(k / max(n, 1), words))
+
+
+def absorption_words(found: Absorption) -> str:
+    """What the GP absorbs and what to do about it, in one sentence; empty where it absorbs nothing that has a name."""
+    first = found.first
+    if first is None:
+        return ""
+    shares = {a.name: a.share for a in found.tried}
+    rest = "and learning what is left"
+    if len(found.effects) == 1:
+        values = f"; {_values(first)}" if len(first.values()) <= 3 else ""
+        what = f"{first.name} ({100 * first.share:.0f} % of its correction{values})"
+        return f"the GP absorbs {what}: consider `wrenchgap add {first.name}` {rest}."
+    listed = ", ".join(f"{name} ({100 * shares[name]:.0f} %)" for name in found.effects)
+    return (
+        f"the GP absorbs one of {listed}: these reproduce its correction equally well; see `wrenchgap explain`, then "
+        f"consider `wrenchgap add` {rest}."
+    )
+
+
+def _values(found: Absorbed) -> str:
+    return ", ".join(
+        f"{name} {value:.3g}{'' if unit == '1' else f' {unit}'}" for name, value, _, unit in found.values()
+    )
+
+
+def absorption_json(found: Absorption) -> dict[str, Any]:
+    """The key `absorbs` of the `learn` schema."""
+    return {
+        "effects": list(found.effects),
+        "summary": absorption_words(found),
+        "tried": [
+            {
+                "effect": a.name,
+                "cosine": a.cosine,
+                "share": a.share,
+                "significance": a.t,
+                "named": a.named,
+                "parameters": [{"name": n, "value": v, "std": s, "unit": u} for n, v, s, u in a.values()],
+            }
+            for a in found.tried
+        ],
+    }
 
 
 def parse_outputs(text: str) -> tuple[str, ...]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Sequence
+import math
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
@@ -53,7 +56,9 @@ def _class_name(item: ast.stmt) -> str:
 
 
 def complete_trajectories(incomplete: str) -> list[str]:
-    """Trajectories by name, read from the source likewise."""
+    """Trajectories by name, read from the source likewise; and files, where a path is being typed."""
+    if "/" in incomplete or incomplete.endswith(".toml"):
+        return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
     source = ast.parse((_ROOT / "plant" / "trajectory.py").read_text(encoding="utf-8"))
     for item in source.body:
         if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name) and item.target.id == "TRAJECTORIES":
@@ -103,6 +108,14 @@ Between = Annotated[
         help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40.",
     ),
 ]
+Shift = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--shift",
+        metavar="ROLE=SECONDS",
+        help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for more.",
+    ),
+]
 JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON as well (docs/json.md).", dir_okay=False),
@@ -115,6 +128,27 @@ Effects = Annotated[
 ]
 ModelOut = Annotated[
     Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.", show_default=False)
+]
+
+
+def _load_own_effects(paths: list[Path] | None) -> list[Path] | None:
+    """Put the user's own effects into the catalogue for this run, before any name is looked up."""
+    if paths or "plant.own_effects" in sys.modules:
+        from plant import own_effects
+
+        own_effects.use(paths or ())
+    return paths
+
+
+OwnEffects = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects",
+        metavar="FILE.py",
+        help="A file with an effect of your own (docs/effects/your-own.md); repeat for more.",
+        callback=_load_own_effects,
+        is_eager=True,
+    ),
 ]
 
 
@@ -143,6 +177,35 @@ def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
             yield arg
 
 
+def command_line(ctx: typer.Context, *without: str) -> str:
+    """The command that is running, as a user would type it; without options that do not change its result."""
+    silent = {"json", "force", "quiet", *without}
+    return shlex.join(["wrenchgap", ctx.info_name or "", *_words(ctx, lambda name: name not in silent)])
+
+
+def common_options(ctx: typer.Context) -> str:
+    """Options of the running command that others need as well to read the same flights, with a space before them."""
+    words = shlex.join(_words(ctx, lambda name: name in ("topic", "shift", "cutoff", "between", "own")))
+    return f" {words}" if words else ""
+
+
+def _words(ctx: typer.Context, wanted: Callable[[str], bool]) -> list[str]:
+    words: list[str] = []
+    for parameter in sorted(ctx.command.params, key=lambda p: p.param_type_name != "argument"):
+        value = ctx.params.get(parameter.name or "")
+        if not wanted(parameter.name or "") or value is None or value == parameter.default:
+            continue
+        listed = value if isinstance(value, list | tuple) else [value]
+        name = max(parameter.opts, key=len)
+        if parameter.param_type_name == "argument":
+            words += [str(v) for v in listed]
+        elif isinstance(value, bool):
+            words.append(name if value else max(parameter.secondary_opts or [name], key=len))
+        else:
+            words += [word for v in listed for word in (name, str(v))]
+    return words
+
+
 def parse_between(text: str | None) -> tuple[float, float] | None:
     """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
     from flight.errors import UsageError
@@ -157,6 +220,25 @@ def parse_between(text: str | None) -> tuple[float, float] | None:
     if not colon or not start < stop:
         raise UsageError(f"--between {text}: expected T0:T1 in seconds with T0 before T1, e.g. --between 5:40")
     return start, stop
+
+
+def parse_shifts(texts: Sequence[str] | None) -> dict[str, float]:
+    """`["odometry=-0.012"]` as `{"odometry": -0.012}`; raises UsageError on anything else."""
+    from flight.errors import UsageError
+
+    found: dict[str, float] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        try:
+            seconds = float(value)
+        except ValueError:
+            seconds = math.nan
+        if not (name and equals and math.isfinite(seconds)):
+            raise UsageError(f"--shift {text}: expected ROLE=SECONDS, e.g. --shift odometry=-0.0123")
+        if name in found:
+            raise UsageError(f"--shift {name}: given twice; say it once")
+        found[name] = seconds
+    return found
 
 
 def parse_topics(texts: Sequence[str] | None) -> dict[str, str]:

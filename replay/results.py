@@ -25,12 +25,16 @@ VERSIONS = {
     "inspect": 1,
     "simulate": 1,
     "compare": 1,
-    "explain": 1,
+    "explain": 2,
+    "where": 1,
     "add": 1,
     "remove": 1,
+    "history": 1,
+    "report": 1,
     "learn": 1,
     "replay": 1,
     "counterfactual": 1,
+    "design": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 
@@ -89,9 +93,10 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def log_input(flight: Flight, role: str = "log") -> dict[str, str]:
-    """A log as an input of a result."""
-    return {"role": role, "file": str(flight.path), "sha256": flight.content_hash}
+def log_input(flight: Flight, role: str = "log") -> dict[str, Any]:
+    """A log as an input of a result, with the shifts of its stamps where the user asked for some."""
+    shifts = {"shift_s": dict(flight.shifts)} if flight.shifts else {}
+    return {"role": role, "file": str(flight.path), "sha256": flight.content_hash, **shifts}
 
 
 def model_input(model: Model, role: str = "model") -> dict[str, str]:
@@ -106,7 +111,7 @@ def file_input(path: Path, role: str) -> dict[str, str]:
     return {"role": role, "file": str(path), "sha256": sha256(path)}
 
 
-def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[str, str]] = ()) -> dict[str, Any]:
+def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
     """A result with its schema, the version of wrenchgap and its inputs; plain types only."""
     head = {"schema": schema(command), "version": tool_version(), "inputs": [dict(i) for i in inputs]}
     return plain({**head, **content})  # type: ignore[no-any-return]

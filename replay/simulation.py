@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,21 +14,23 @@ import numpy as np
 from flight import so3
 from flight.errors import UsageError
 from flight.flight import Flight
+from plant.controller import pushes_along_z_only
 from plant.model import Model
 from plant.model_file import content_hash, tool_version
-from plant.simulate import simulate
-from plant.trajectory import Trajectory, named
+from plant.simulate import physics_rate, simulate
+from plant.trajectory import TRAJECTORIES, Trajectory, named
+from plant.trajectory_file import TrajectoryFile, load
 from replay.editing import with_hidden
 
 LONGEST = 3600.0
 """Longest flight [s]."""
-PHYSICS_RATE = 400
-"""Least rate of the simulation [Hz]."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What to fly. `integral` None: as in the model file; `hidden` are texts like `com_offset=x:0.004`."""
+    """What to fly. `trajectory` is a name or a file of `wrenchgap design`; `integral` None: as in the model file;
+    `hidden` are texts like `com_offset=x:0.004`.
+    """  # noqa: D205
 
     believed: Model
     trajectory: str
@@ -55,7 +59,8 @@ def prepare(plan: Plan) -> Ready:
         raise UsageError(f"--seed {plan.seed}: expected a whole number that is not negative")
     if plan.duration is not None and plan.duration > LONGEST:
         raise UsageError(f"--duration {plan.duration:g}: expected at most {LONGEST:g} s")
-    trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed)
+    file = trajectory_file(plan)
+    trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed) if file is None else file.trajectory
     believed = plan.believed
     if plan.integral is not None:
         size = (believed.controller.integral or 0.3) if plan.integral else 0.0
@@ -64,13 +69,26 @@ def prepare(plan: Plan) -> Ready:
     return Ready(truth, believed, trajectory, physics_rate(believed))
 
 
-def physics_rate(model: Model) -> float:
-    """The smallest multiple of all rates of the model that is not below `PHYSICS_RATE` [Hz]."""
-    rates = (model.controller.rate_hz, model.sensors.imu_rate_hz, model.sensors.pose_rate_hz)
-    if any(rate != round(rate) for rate in rates):
-        raise UsageError(f"rates of controller and sensors are {rates} Hz; the simulation needs whole numbers")
-    common = math.lcm(*(round(rate) for rate in rates))
-    return float(common * math.ceil(PHYSICS_RATE / common))
+def trajectory_file(plan: Plan) -> TrajectoryFile | None:
+    """The file that the plan's trajectory names, None for a name; UsageError where it cannot be flown so."""
+    text = plan.trajectory
+    if text in TRAJECTORIES or not (text.endswith(".toml") or os.sep in text):
+        return None
+    file = load(Path(text))
+    if plan.duration is not None or plan.excitation:
+        option = "--duration" if plan.duration is not None else "--excitation"
+        raise UsageError(f"{option}: {file_name(text)} says itself how long and how to fly; leave {option} out")
+    if pushes_along_z_only(plan.believed.vehicle) and not file.trajectory.follows_thrust:
+        raise UsageError(
+            f"{file_name(text)}: asks for an attitude of its own, but {plan.believed.vehicle.name} can only push along "
+            "its z axis; design a flight for it with `wrenchgap design`"
+        )
+    return file
+
+
+def file_name(text: str) -> str:
+    """The last part of a path."""
+    return Path(text).name
 
 
 def fly(plan: Plan, *, name: str = "simulation", progress: Callable[[float], None] | None = None) -> Flight:
@@ -89,11 +107,13 @@ def fly(plan: Plan, *, name: str = "simulation", progress: Callable[[float], Non
 
 def provenance(plan: Plan) -> dict[str, str]:
     """Where a log comes from, without a hint of what is hidden."""
+    file = trajectory_file(plan)
     return {
         "made_by": f"wrenchgap {tool_version()} simulate",
         "model": plan.believed.name,
         "model_sha256": content_hash(plan.believed),
         "trajectory": plan.trajectory,
+        **({} if file is None else {"trajectory_sha256": file.sha256}),
         "duration": "default" if plan.duration is None else f"{plan.duration:g}",
         "excitation": f"{plan.excitation:g}",
         "seed": str(plan.seed),

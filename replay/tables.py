@@ -14,7 +14,7 @@ from rich.table import Table
 
 from flight.checks import Check
 from flight.inspection import Inspection
-from learn.explain import Candidate, Step
+from learn.explain import Candidate, Explanation, Step
 from replay.comparison import Comparison, Stretch
 
 Array = NDArray[np.float64]
@@ -159,6 +159,28 @@ def ranking(title: str, step: Step, most: int | None = None) -> Table:
             style="bold" if mark == "*" else "",
         )
     return out
+
+
+def members(explanation: Explanation) -> Table:
+    """The effects that were named: how sure, how large, and what comes nearest in their place."""
+    out = table("named", "effect", "sure", "share", "t", "its group", "nearest other", left=1)
+    for column in out.columns[-2:]:
+        column.justify = "left"
+    for m in explanation.members:
+        group = ", ".join(f"{r.name} (cos {r.cosine:.2f})" for r in m.alike)
+        others = [r for r in m.rivals if not r.alike and r.candidate.worthy]
+        far = f"{others[0].name} ({others[0].separation:.1f})" if others else "-"
+        sure_and_share = (f"{100 * x:.0f} %" for x in (explanation.probability(m), m.share))
+        out.add_row(m.name, *sure_and_share, f"{m.significance:.1f}", group or "-", far)
+    return out
+
+
+def members_legend() -> str:
+    """What the columns of `members` mean."""
+    return (
+        "sure: how often a name with this much behind it was right   share: of the error energy, lost without it   "
+        "group: cannot be told from it here   nearest other: and by how many standard errors it does worse"
+    )
 
 
 def ranking_legend() -> str:

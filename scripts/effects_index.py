@@ -13,7 +13,7 @@ HEAD = """\
 # Effects
 
 Written by `make docs` from the catalogue in `plant/effects`; do not edit. The five places at which an effect may act
-are explained in [the design](../design.md#five-places).
+are explained in [the design](../design.md#five-places). How to write one of your own: [your-own.md](your-own.md).
 
 | effect | acts on | what shows it | easily confused with |
 |---|---|---|---|

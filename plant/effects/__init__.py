@@ -1,7 +1,8 @@
 """The catalogue: every effect in this folder, and those that other packages offer.
 
 An effect is one file here with one subclass of `Effect`; it is found by being here. Another package offers effects
-through the entry point group `wrenchgap.effects`.
+through the entry point group `wrenchgap.effects`. A user's own file is checked by `plant.own_effects` and registered
+here for the running process.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from plant.effects.effect import (
     Effect,
     Parameter,
     SensorEffect,
+    Source,
     ThrustEffect,
     WrenchEffect,
 )
@@ -33,13 +35,39 @@ __all__ = [
     "Effect",
     "Parameter",
     "SensorEffect",
+    "Source",
     "ThrustEffect",
     "WrenchEffect",
     "catalogue",
     "find",
+    "forget",
+    "register",
+    "sources",
 ]
 
 _PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
+
+
+_own: dict[str, tuple[AnyEffect, Source]] = {}
+
+
+def register(effect: AnyEffect, source: Source) -> None:
+    """Put a user's own effect into the catalogue; raises ModelError where its name is taken."""
+    if effect.name in catalogue():
+        raise ModelError(f"{source.file}: effect {effect.name!r} exists already; rename yours")
+    _own[effect.name] = (effect, source)
+    catalogue.cache_clear()
+
+
+def forget() -> None:
+    """Take all own effects out of the catalogue again."""
+    _own.clear()
+    catalogue.cache_clear()
+
+
+def sources() -> dict[str, Source]:
+    """Files of the own effects, by name of the effect."""
+    return {name: source for name, (_, source) in _own.items()}
 
 
 @cache
@@ -59,6 +87,7 @@ def catalogue() -> dict[str, AnyEffect]:
         if cls.name in found:
             raise ModelError(f"effect {cls.name}: two classes have this name; rename one")
         found[cls.name] = cls()
+    found |= {name: effect for name, (effect, _) in _own.items()}
     return dict(sorted(found.items()))
 
 
@@ -66,5 +95,8 @@ def find(name: str) -> AnyEffect:
     """The effect of this name; raises ModelError that lists the others."""
     known = catalogue()
     if name not in known:
-        raise ModelError(f"effect {name!r} is not in the catalogue; known effects: {', '.join(known)}")
+        raise ModelError(
+            f"effect {name!r} is not in the catalogue; known effects: {', '.join(known)}; "
+            "a file of your own is passed with --effects FILE.py"
+        )
     return known[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flight.so3 import rotate_inverse
+from plant.effects.com_offset import span
 from plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
 from plant.vehicle import Vehicle
 
@@ -12,7 +13,7 @@ from plant.vehicle import Vehicle
 class BodyDrag(WrenchEffect):
     """Drag on the body, linear and quadratic in the velocity through still air, axis by axis in B.
 
-        F = -D_1 v_B - D_2 v_B |v_B|          (componentwise, at the centre of mass, no torque)
+        F = -D_1 v_B - D_2 v_B |v_B|,    M = p x F       (componentwise; p: centre of pressure, from the centre of mass)
 
     Source: reference effects.md, "body drag"; Faessler et al., RA-L 2018 (rotor drag, linear), Hoerner, "Fluid-Dynamic
     Drag", 1965 (quadratic).
@@ -24,21 +25,22 @@ class BodyDrag(WrenchEffect):
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
-        """Linear and quadratic coefficients along body x, y and z; typical: a tenth of the weight at 5 m/s."""
+        """Linear and quadratic coefficients along body x, y and z (typical: a tenth of the weight at 5 m/s), and p."""
         weight = vehicle.body.mass * 9.81
         linear = tuple(Parameter(f"linear_{a}", "N s/m", 0.0, 0.2 * weight, 0.02 * weight) for a in "xyz")
         squared = tuple(Parameter(f"quadratic_{a}", "N s^2/m^2", 0.0, 0.04 * weight, 0.004 * weight) for a in "xyz")
-        return linear + squared
+        size = span(vehicle)
+        return linear + squared + tuple(Parameter(f"point_{a}", "m", -size, size, 0.2 * size) for a in "xyz")
 
     def unexcited(self, context: Context) -> str | None:
         """Drag needs speed."""
         return too_slow(context)
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
-        """Drag force about the nominal centre of mass, moved to O."""
+        """Drag force at the centre of pressure, about O."""
         velocity_B = rotate_inverse(context.state.quat_EB, context.state.velocity_E)
-        force = -theta[:3] * velocity_B - theta[3:] * velocity_B * np.abs(velocity_B)
-        return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)
+        force = -theta[:3] * velocity_B - theta[3:6] * velocity_B * np.abs(velocity_B)
+        return np.concatenate((force, np.cross(context.vehicle.body.com_B + theta[6:], force)), axis=-1)
 
 
 def too_slow(context: Context, least: float = 0.3) -> str | None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from flight.errors import ModelError
 from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from plant.state import Posture
 
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Midpoints of five equal parts of a boom, as fractions of its length, at which the wake is looked at."""
@@ -37,19 +38,26 @@ class DownwashBlockage(ThrustEffect):
         """Thrusts (N, R), reduced where a wake meets the airframe."""
         if theta[0] == 0.0:
             return actuation.thrust
-        arms, rotors = context.vehicle.geometry()
-        share = np.zeros((len(actuation.thrust), len(arms)))
-        for i in range(len(arms)):
-            on = np.flatnonzero(rotors.arm == i)
-            if on.size == 0:
-                continue
-            others = np.delete(arms.position_B, i, axis=0)
-            points = (_PLACES[:, None, None] * others).reshape(-1, 3)
-            length = np.tile(np.linalg.norm(others, axis=1) / len(_PLACES), len(_PLACES))
-            apart = points - arms.position_B[i]
-            along = -(actuation.arm_normal_B[:, i] @ apart.T)
-            squared = (apart**2).sum(axis=1) - along**2
-            radius = rotors.radius[on[0]]
-            met = np.where(along > 0.01 * radius, np.exp(-squared / radius**2), 0.0)
-            share[:, i] = met @ length / radius
+        _, rotors = context.vehicle.geometry()
+        share = actuation.posture.hold(self.name, lambda: _share(actuation.posture))
         return np.asarray(actuation.thrust * np.maximum(1.0 - theta[0] * share[:, rotors.arm], 0.0))
+
+
+def _share(posture: Posture) -> Array:
+    """(N, A): the integral along the booms over R, for the rotors of each arm."""
+    arms, rotors = posture.vehicle.geometry()
+    share = np.zeros(posture.tilt.shape)
+    for i in range(len(arms)):
+        on = np.flatnonzero(rotors.arm == i)
+        if on.size == 0:
+            continue
+        others = np.delete(arms.position_B, i, axis=0)
+        points = (_PLACES[:, None, None] * others).reshape(-1, 3)
+        length = np.tile(np.linalg.norm(others, axis=1) / len(_PLACES), len(_PLACES))
+        apart = points - arms.position_B[i]
+        along = -(posture.arm_normal_B[:, i] @ apart.T)
+        squared = (apart**2).sum(axis=1) - along**2
+        radius = rotors.radius[on[0]]
+        met = np.where(along > 0.01 * radius, np.exp(-squared / radius**2), 0.0)
+        share[:, i] = met @ length / radius
+    return share

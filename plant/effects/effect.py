@@ -41,6 +41,7 @@ __all__ = [
     "Motion",
     "Parameter",
     "SensorEffect",
+    "Source",
     "State",
     "ThrustEffect",
     "Vehicle",
@@ -69,6 +70,14 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Source:
+    """The file of a user's own effect: its name and the SHA-256 of its content."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True)
 class Context:
     """What an effect may look at: the vehicle and the state (N samples)."""
 
@@ -83,6 +92,8 @@ class Effect(ABC):
     place: ClassVar[Place]
     excited_by: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
+    parts: ClassVar[tuple[str, ...]] = ()
+    """Effects that this one stands for when they come together (a payload: mass, centre of mass, inertia)."""
     order: ClassVar[int] = 0
     needs_rotors: ClassVar[bool] = False
     needs_voltage: ClassVar[bool] = False

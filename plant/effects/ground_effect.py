@@ -9,11 +9,12 @@ from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEff
 
 
 class GroundEffect(ThrustEffect):
-    """Near the ground thrust grows: T -> T / (1 - g (R / 4z)^2), z the height of the hub above z = 0 of E.
+    """Near the ground thrust grows: T -> T / (1 - g (R / 4h)^2), with h = z - z_0 the height of the hub.
 
+    The ground is at z_0 in E: rarely at zero, and for several rotors, whose wakes meet above it, effectively lower.
     Source: Cheeseman and Bennett, ARC R&M 3021, 1955, the image source below one rotor (g = 1); g above 1 for several
     rotors, Sanchez-Cuevas, Heredia and Ollero, Int. J. Aerospace Eng. 2017, 1823056. The denominator is kept above one
-    half and z above R/4, where the formula has no meaning.
+    half and h above R/4, where the formula has no meaning.
     """
 
     name = "ground_effect"
@@ -22,8 +23,8 @@ class GroundEffect(ThrustEffect):
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
-        """The gain g."""
-        return (Parameter("gain", "1", 0.0, 40.0, 3.0),)
+        """The gain g, and the height z_0 of the ground in E."""
+        return (Parameter("gain", "1", 0.0, 100.0, 3.0), Parameter("ground", "m", -0.5, 0.3, 0.1))
 
     def unexcited(self, context: Context) -> str | None:
         """Above six rotor radii one rotor gains less than 0.2 % of thrust."""
@@ -36,5 +37,5 @@ class GroundEffect(ThrustEffect):
         """Thrusts (N, R) near the ground."""
         _, rotors = context.vehicle.geometry()
         hubs = rotate(context.state.quat_EB[:, None], actuation.hub_B)[..., 2]
-        z = np.maximum(context.state.position_E[:, None, 2] + hubs, 0.25 * rotors.radius)
-        return np.asarray(actuation.thrust / np.maximum(1.0 - theta[0] * (rotors.radius / (4.0 * z)) ** 2, 0.5))
+        h = np.maximum(context.state.position_E[:, None, 2] + hubs - theta[1], 0.25 * rotors.radius)
+        return np.asarray(actuation.thrust / np.maximum(1.0 - theta[0] * (rotors.radius / (4.0 * h)) ** 2, 0.5))

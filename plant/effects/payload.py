@@ -19,6 +19,7 @@ class Payload(BodyEffect):
     name = "payload"
     excited_by = "weight, and tilt about two axes; rates for its inertia"
     confused_with = ("mass", "com_offset", "tether", "thrust_scale")
+    parts = ("mass", "com_offset", "inertia")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Mass, and place from O along body x, y and z."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import ModelError
 from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
+from plant.state import Posture
 from plant.vehicle import GRAVITY, Vehicle
 
 
@@ -41,33 +44,58 @@ class RotorInterference(ThrustEffect):
             return actuation.thrust
         arms, rotors = context.vehicle.geometry()
         per_arm = actuation.thrust @ (rotors.arm[:, None] == np.arange(len(arms)))
-        strength = np.sqrt(np.maximum(per_arm, 0.0) * len(arms) / (context.vehicle.body.mass * GRAVITY))
-        lost = np.zeros_like(actuation.thrust)
-        for j in range(len(arms)):
-            source = np.flatnonzero(rotors.arm == j)
-            if source.size == 0:
-                continue
-            others = np.flatnonzero(rotors.arm != j)
-            along, rho_squared = _place_in_wake(actuation, j, others)
-            reach = width * rotors.radius[source[0]]
-            inside = (along > 0) & (rho_squared < (3.0 * reach) ** 2)
-            share = np.zeros_like(along)
-            share[inside] = np.exp(-rho_squared[inside] / reach**2)
-            lost[:, others] += loss * strength[:, j, None] * share
-        return np.asarray(actuation.thrust * np.maximum(1.0 - lost, 0.0))
+        strength = loss * np.sqrt(np.maximum(per_arm, 0.0) * len(arms) / (context.vehicle.body.mass * GRAVITY)).T
+        apart = actuation.posture.hold(self.name, lambda: _apart(actuation.posture))
+        sources, reach = _sources(context.vehicle)
+        reach = width * reach[:, :, None]
+        lost = np.empty(actuation.thrust.shape[::-1])
+        for rows in _pieces(actuation.thrust):
+            far = apart[:, :, rows] / -(reach**2)
+            share = np.exp(far)
+            share *= far > -9.0  # nothing beyond three times the width
+            share *= strength[sources, rows]
+            share.sum(axis=0, out=lost[:, rows])
+        return np.asarray(actuation.thrust * np.maximum(1.0 - lost.T, 0.0))
 
 
-def _place_in_wake(actuation: Actuation, j: int, hubs: NDArray[np.intp]) -> tuple[Array, Array]:
-    """How far downstream of arm j (N, H) and how far squared from its wake's axis (N, H) the hubs sit.
+def _pieces(rows: Array, most: int = 1024) -> list[slice]:
+    """The rows in pieces, so that what is worked out for all pairs at once stays in the processor's cache."""
+    return [slice(k, k + most) for k in range(0, len(rows), most)]
+
+
+@lru_cache(maxsize=64)
+def _sources(vehicle: Vehicle) -> tuple[NDArray[np.intp], Array]:
+    """For every rotor the other arms that have rotors (S, R), and the radii of the rotors there (S, R) [m]."""
+    arms, rotors = vehicle.geometry()
+    carrying = np.array([j for j in range(len(arms)) if np.any(rotors.arm == j)])
+    radius = np.array([rotors.radius[np.argmax(rotors.arm == j)] for j in range(len(arms))])
+    sources = np.array([carrying[carrying != i] for i in rotors.arm]).reshape(len(rotors), -1).T
+    return sources, radius[sources]
+
+
+def _apart(posture: Posture) -> Array:
+    """Squared distances (S, R, N) [m^2] of the hubs from the axes of the wakes of `_sources`; inf upstream of those.
 
     With d = p_i + h_i n_i - p_j from arm j to a hub: downstream -d.n_j, distance squared |d|^2 - (d.n_j)^2.
     """
-    arms, rotors = actuation.vehicle.geometry()
-    on, h = rotors.arm[hubs], rotors.offset[hubs]
-    apart = arms.position_B[on] - arms.position_B[j]
-    n_j, n = actuation.arm_normal_B[:, j], actuation.arm_normal_B
-    cosines = np.matmul(n, n_j[:, :, None])[..., 0]
-    along = -(n_j @ apart.T + h * cosines[:, on])
-    lever = np.einsum("nai,ai->na", n, arms.position_B) - n @ arms.position_B[j]
-    squared = (apart**2).sum(axis=1) + h**2 + 2.0 * h * lever[:, on]
-    return along, squared - along**2
+    arms, rotors = posture.vehicle.geometry()
+    j, _ = _sources(posture.vehicle)
+    i = np.broadcast_to(rotors.arm, j.shape)
+    h = rotors.offset[None, :, None]
+    squared = ((arms.position_B[i] - arms.position_B[j]) ** 2).sum(axis=-1)[:, :, None] + h**2
+    out = np.empty((*j.shape, len(posture.tilt)))
+    for rows in _pieces(posture.tilt):
+        n = np.ascontiguousarray(posture.arm_normal_B[rows].transpose(1, 2, 0))
+        heights = arms.position_B @ n  # (j, i, N): p_i . n_j
+        heights -= np.einsum("jjn->jn", heights)[:, None]
+        cosines = np.einsum("ikn,jkn->ijn", n, n)
+        along = cosines[i, j]
+        along *= -h
+        along -= heights[j, i]
+        apart = heights[i, j]
+        apart *= -2.0 * h
+        apart += squared
+        apart -= along**2
+        apart[along <= 0] = np.inf
+        out[:, :, rows] = apart
+    return out

@@ -14,11 +14,15 @@ from replay.options import (
     JsonFile,
     ModelOption,
     ModelOut,
+    OwnEffects,
     Quiet,
+    Shift,
     Topics,
+    command_line,
     complete_effects,
     many,
     parse_between,
+    parse_shifts,
     parse_topics,
 )
 
@@ -32,6 +36,7 @@ def register(app: typer.Typer) -> None:
 
 
 def add(
+    ctx: typer.Context,
     model: ModelOption,
     output: ModelOut,
     effects: Annotated[
@@ -46,8 +51,10 @@ def add(
         typer.Option("--value", metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
     ] = None,
     topic: Topics = None,
+    shift: Shift = None,
     cutoff: Cutoff = 8.0,
     between: Between = None,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -55,7 +62,7 @@ def add(
     """Fit effects to logs and write the model that has them; the model file's comments stay.
 
     All effects of the new model are fitted together, those that MODEL had already too. Logs, hashes, date and version
-    are written beside the values.
+    are written beside the values, and the new file carries the history of all its versions (`wrenchgap history`).
 
     Example: `wrenchgap add com_offset servo_lag -m tilt_hexarotor --from train.mcap -o fitted.toml`
     """
@@ -68,21 +75,23 @@ def add(
     if value and (effects or logs):
         raise UsageError("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
     if value:
-        _set(base, value, output, json, force, quiet)
+        _set(ctx, base, value, output, json, force, quiet)
         return
     if not effects:
         raise UsageError("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
     if not logs:
         raise UsageError("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
-    _fit(base, list(effects), logs, output, topic, cutoff, between, json, force, quiet)
+    _fit(ctx, base, list(effects), logs, output, topic, shift, cutoff, between, json, force, quiet)
 
 
 def _fit(
+    ctx: typer.Context,
     base: Model,
     effects: list[str],
     logs: list[Path],
     output: Path,
     topic: list[str] | None,
+    shift: list[str] | None,
     cutoff: float,
     between: str | None,
     json: Path | None,
@@ -102,10 +111,14 @@ def _fit(
     hz = comparison.cutoff_checked(cutoff)
     with progress("fitting", quiet) as report:
         report(0.0, "reading logs")
-        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=hz, between=parse_between(between))
+        topics, shifts = parse_topics(topic), parse_shifts(shift)
+        flights = open_flights(logs, base, topics=topics, cutoff_hz=hz, between=parse_between(between), shifts=shifts)
         edited = editing.add_fitted(base, effects, flights, cutoff_hz=hz, progress=report)
     source = model_input(base)  # before the output may replace it
-    saved = model_file.save(edited.model, output, force=force)
+    versioned = model_file.next_version(
+        base, edited.model, command=command_line(ctx), path=output, flights=edited.flights, trial=edited.trial
+    )
+    saved = model_file.save(versioned, output, force=force)
     together = [e.name for e in base.effects if e.name not in effects]
     if edited.refitted:
         printer.line(f"already in {base.name}, fitted anew: {', '.join(edited.refitted)}")
@@ -114,29 +127,41 @@ def _fit(
     printer.show(tables.parameters(edited.rows, f"effects of {saved.name}"))
     rows = [("rms before", edited.rms_before), ("rms after", edited.rms_after)]
     fall = 1.0 - edited.rms_after / edited.rms_before
-    printer.show(tables.before_after("on the fitted logs", rows, fall))
+    if edited.trial is None:
+        printer.show(tables.before_after("on the fitted logs", rows, fall))
+    else:
+        tried = [("rms before", edited.trial.before), ("rms after", edited.trial.after)]
+        tried.append(("sensor noise", edited.trial.noise))
+        printer.show(tables.before_after("on time of these logs that was not fitted", tried, edited.trial.fall))
+        printer.line(edited.trial.verdict, style="yellow" if edited.trial.verdict.startswith("worse") else "")
     limits = [f"{name} ended at the limit of what is plausible; see docs/effects" for name in edited.fit.at_bound]
     printer.notes(limits, "warning")
-    notes = [note for f in flights for note in f.notes]
+    notes = [*base.notes, *(note for f in flights for note in f.notes)]
     printer.notes(notes)
     if json is not None:
         inputs = [*(log_input(f.flight) for f in flights), source]
-        body = {**edited.to_json(), "model": str(output), "cutoff_hz": cutoff, "notes": [*limits, *notes]}
+        head = {"model": str(output), "model_version": saved.history[-1].number}
+        body = {**edited.to_json(), **head, "cutoff_hz": cutoff, "notes": [*limits, *notes]}
         write_json(json, document("add", body, inputs), force=force)
-    printer.wrote(model=output, result=json)
+    printer.wrote(**{f"model (version {saved.history[-1].number})": output, "result": json})
 
 
-def _set(base: Model, values: list[str], output: Path, json: Path | None, force: bool, quiet: bool) -> None:
+def _set(
+    ctx: typer.Context, base: Model, values: list[str], output: Path, json: Path | None, force: bool, quiet: bool
+) -> None:
     from plant import model_file
     from replay import editing, tables
     from replay.console import Printer
     from replay.results import document, model_input, write_json
 
     source = model_input(base)  # before the output may replace it
-    saved = model_file.save(editing.set_by_hand(base, values), output, force=force)
+    changed = editing.set_by_hand(base, values)
+    versioned = model_file.next_version(base, changed, command=command_line(ctx), path=output)
+    saved = model_file.save(versioned, output, force=force)
     printer = Printer(quiet)
     printer.show(tables.parameters(editing.rows_of(saved), f"effects of {saved.name}"))
     if json is not None:
-        body = {"effects": editing.effects_json(saved), "refitted": [], "model": str(output)}
+        head = {"model": str(output), "model_version": saved.history[-1].number}
+        body = {"effects": editing.effects_json(saved), "refitted": [], **head}
         write_json(json, document("add", body, [source]), force=force)
     printer.wrote(model=output, result=json)

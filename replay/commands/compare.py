@@ -14,11 +14,14 @@ from replay.options import (
     JsonFile,
     Logs,
     ModelOption,
+    OwnEffects,
     Quiet,
+    Shift,
     Topics,
     complete_models,
     many,
     parse_between,
+    parse_shifts,
     parse_topics,
 )
 
@@ -43,8 +46,10 @@ def compare(
     ] = None,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")] = None,
     topic: Topics = None,
+    shift: Shift = None,
     cutoff: Cutoff = 8.0,
     between: Between = None,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -72,7 +77,10 @@ def compare(
     found, notes = comparison.predictors(base, others, process, comparison.cutoff_checked(cutoff))
     with progress("reading", quiet) as report:
         report(0.0, "reading logs")
-        flights = open_flights(logs, base, topics=parse_topics(topic), cutoff_hz=cutoff, between=parse_between(between))
+        topics, shifts = parse_topics(topic), parse_shifts(shift)
+        flights = open_flights(
+            logs, base, topics=topics, cutoff_hz=cutoff, between=parse_between(between), shifts=shifts
+        )
         report(0.7, "comparing")
         result = comparison.compare(flights, base, found)
 
@@ -81,7 +89,8 @@ def compare(
         printer.show(tables.by_flight(result))
     last = result.evaluations[-1]
     printer.show(tables.worst(last.name, last.worst))
-    printer.notes([*notes, *result.notes])
+    printer.line(f"why there: wrenchgap where {' '.join(map(str, logs))} -m {model}", style="dim")
+    printer.notes([*base.notes, *notes, *result.notes])
     if figure is not None:
         title = f"{base.name}: {', '.join(result.flights)}"
         figures.wrench_figure(figures.traces(result), figure, title=title, residuals=result, force=force)

@@ -11,11 +11,14 @@ from replay.options import (
     Force,
     JsonFile,
     ModelOption,
+    OwnEffects,
     Quiet,
+    Shift,
     Topics,
     complete_effects,
     complete_models,
     many,
+    parse_shifts,
     parse_topics,
 )
 
@@ -69,6 +72,8 @@ def counterfactual(
         float | None, typer.Option("--duration", metavar="S", help="How long, in seconds; default: to the end.")
     ] = None,
     topic: Topics = None,
+    shift: Shift = None,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -81,7 +86,7 @@ def counterfactual(
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
-    from flight import load
+    from flight import load, shifted
     from learn import store
     from plant import model_file
     from replay import counterfactual as engine
@@ -95,7 +100,7 @@ def counterfactual(
     process = None if gp is None else store.load(gp)
     with progress("counterfactual", quiet) as report:
         report(0.0, "reading the log")
-        found = load(log, parse_topics(topic), preferred=base.topics)
+        found = shifted(load(log, parse_topics(topic), preferred=base.topics), parse_shifts(shift))
         recording = engine.read_recording(found, base.vehicle, start=start, duration=duration)
         change = reports.change(
             base,

@@ -14,11 +14,14 @@ from replay.options import (
     JsonFile,
     Logs,
     ModelOption,
+    OwnEffects,
     Quiet,
+    Shift,
     Topics,
     many,
     parse_between,
     parse_names,
+    parse_shifts,
     parse_topics,
 )
 
@@ -44,8 +47,10 @@ def explain(
         str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
     ] = None,
     topic: Topics = None,
+    shift: Shift = None,
     cutoff: Cutoff = 8.0,
     between: Between = None,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -59,12 +64,14 @@ def explain(
     """
     from learn.explain import explain as find_missing
     from learn.fit import dataset
+    from learn.parallel import cores
     from plant import model_file
     from plant.effects import find
     from replay import comparison, explanation
     from replay.console import Printer, progress
     from replay.flights import open_flights
     from replay.results import claim, document, log_input, model_input, write_json
+    from replay.timing import barred, timing_of
 
     unseen = validate or []
     claim({"--json": json}, force=force, inputs=[*logs, *unseen, model])
@@ -77,22 +84,38 @@ def explain(
     hz = comparison.cutoff_checked(cutoff)
     with progress("explaining", quiet) as report:
         report(0.0, "reading logs")
-        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between))
+        every = open_flights(
+            [*logs, *unseen],
+            base,
+            topics=topics,
+            cutoff_hz=hz,
+            between=parse_between(between),
+            shifts=parse_shifts(shift),
+        )
         flights, tests = every[: len(logs)], every[len(logs) :]
+        report(0.0, "timing")
+        offsets = [timing_of(f, base) for f in flights]
         data = dataset([r for f in flights for r in f.records], base)
         found = find_missing(
             data,
             base,
             names=names or None,
+            barred={} if names else barred(offsets),
+            jobs=cores(),
             progress=lambda words, k, n: report(min(1.0, k / max(n, 1)), words),
         )
     checked = explanation.validate(tests, flights, base, found.model) if tests else None
+    for found_timing in offsets:
+        for line in explanation.timing_first(found_timing):
+            printer.line(line, style="dim")
+        printer.notes(found_timing.warnings, "warning")
     _print(printer, found, checked, model, " ".join(map(str, logs)))
-    printer.notes([note for f in every for note in f.notes])
+    printer.notes([*base.notes, *(note for f in every for note in f.notes)])
     if json is not None:
         read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in tests)]
         body = {**explanation.to_json(found, checked), "flights": [f.records[0].flight for f in flights]}
         body["cutoff_hz"] = cutoff
+        body["timing"] = [t.to_json() for t in offsets]
         body["notes"] = list(dict.fromkeys(note for f in every for note in f.notes))
         write_json(json, document("explain", body, [*read, model_input(base)]), force=force)
     printer.wrote(result=json)
@@ -103,14 +126,15 @@ def _print(printer: Printer, found: Explanation, checked: Validation | None, sou
 
     printer.line(explanation.sentence(found), style="bold")
     printer.line()
-    before: list[str] = []
+    if found.members:
+        printer.show(tables.members(found))
+        printer.line(tables.members_legend() + "\n", style="dim")
     for step in found.steps:
-        if step.chosen is None and before:
-            printer.line(f"on top of {', '.join(before)}: no further effect stands out\n")
-            break
-        title = f"on top of {', '.join(before)}" if before else "candidates"
-        printer.show(tables.ranking(title, step, most=4 if before else None))
-        before += [step.chosen] if step.chosen else []
+        if step.chosen is None and step.on:
+            printer.line(f"on top of {', '.join(step.on)}: no further effect stands out\n")
+            continue
+        title = f"how it was found: on top of {', '.join(step.on)}" if step.on else "candidates"
+        printer.show(tables.ranking(title, step, most=4 if step.on else 10))
     printer.line(tables.ranking_legend() + "\n", style="dim")
     fitted = explanation.parameters(found)
     if fitted:
@@ -126,8 +150,8 @@ def _print(printer: Printer, found: Explanation, checked: Validation | None, sou
         printer.show(tables.before_after(f"unseen: {where}", rows_of, checked.falls))
         printer.notes(checked.warnings, "warning")
     if found.dropped:
-        printer.line(f"dropped again, no longer needed: {', '.join(found.dropped)}")
+        printer.line(f"found on the way, then dropped or replaced: {', '.join(found.dropped)}")
     for reason, names in explanation.not_tried(found).items():
         printer.line(f"not tried: {', '.join(names)}: {reason}", style="dim")
-    if found.effects:
-        printer.line(f"next: wrenchgap add {' '.join(found.effects)} -m {source} --from {logs} -o fitted.toml")
+    for line in explanation.what_next(found, source, logs):
+        printer.line(line)

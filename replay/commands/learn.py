@@ -15,10 +15,13 @@ from replay.options import (
     JsonFile,
     Logs,
     ModelOption,
+    OwnEffects,
     Quiet,
+    Shift,
     Topics,
     many,
     parse_between,
+    parse_shifts,
     parse_topics,
 )
 
@@ -74,16 +77,22 @@ def learn(
     ] = Scale.standardised,
     restarts: Annotated[int, typer.Option("--restarts", metavar="N", help="Random starts of the likelihood.")] = 1,
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of k-medoids and restarts.")] = 0,
+    no_guard: Annotated[
+        bool, typer.Option("--no-guard", help="Do not look for the effect that the GP is absorbing.")
+    ] = False,
     topic: Topics = None,
+    shift: Shift = None,
     cutoff: Cutoff = 8.0,
     between: Between = None,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Learn what the model leaves of the measured wrench, as a function of the commanded one.
 
-    The process is added to MODEL with its effects, so name effects first and learn the rest.
+    The process is added to MODEL with its effects, so name effects first and learn the rest. If it reproduces an effect
+    of the catalogue, that is said.
 
     Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
     """
@@ -108,19 +117,25 @@ def learn(
     hz = comparison.cutoff_checked(cutoff)
     with progress("learning", quiet) as report:
         report(0.0, "reading logs")
-        topics = parse_topics(topic)
-        every = open_flights([*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between))
+        topics, shifts = parse_topics(topic), parse_shifts(shift)
+        every = open_flights(
+            [*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between), shifts=shifts
+        )
         flights, tests = every[: len(logs)], every[len(logs) :]
         learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
+        absorbs = None if no_guard else learning.guard(flights, base, learnt.gp, progress=report)
     store.save(learnt.gp, output, force=force)
     printer = Printer(quiet)
     _print(printer, learnt)
-    notes = [note for f in every for note in f.notes]
+    notes = [*base.notes, *(note for f in every for note in f.notes)]
+    if absorbs is not None and (said := learning.absorption_words(absorbs)):
+        printer.line(said, style="bold")
     printer.notes(learnt.warnings, "warning")
     printer.notes(notes)
     if json is not None:
         read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in tests)]
         body = {**learnt.to_json(), "gp": str(output), "notes": notes}
+        body["absorbs"] = None if absorbs is None else learning.absorption_json(absorbs)
         write_json(json, document("learn", body, [*read, model_input(base)]), force=force)
     printer.wrote(GP=output, result=json)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from replay.options import Effects, Force, JsonFile, ModelOption, ModelOut, Quiet
+from replay.options import Effects, Force, JsonFile, ModelOption, ModelOut, OwnEffects, Quiet, command_line
 
 
 def register(app: typer.Typer) -> None:
@@ -13,9 +13,11 @@ def register(app: typer.Typer) -> None:
 
 
 def remove(
+    ctx: typer.Context,
     effects: Effects,
     model: ModelOption,
     output: ModelOut,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -32,12 +34,14 @@ def remove(
     claim({"--output": output, "--json": json}, force=force)
     base = model_file.load(model)
     source = model_input(base)  # before the output may replace it
-    saved = model_file.save(base.without(effects), output, force=force)
+    less = model_file.next_version(base, base.without(effects), command=command_line(ctx), path=output)
+    saved = model_file.save(less, output, force=force)
     printer = Printer(quiet)
     printer.line(f"removed {', '.join(dict.fromkeys(effects))} from {base.name}")
     if saved.effects:
         printer.show(tables.parameters(editing.rows_of(saved), f"effects of {saved.name}"))
     if json is not None:
         body = {"removed": list(dict.fromkeys(effects)), "effects": editing.effects_json(saved), "model": str(output)}
+        body["model_version"] = saved.history[-1].number
         write_json(json, document("remove", body, [source]), force=force)
-    printer.wrote(model=output, result=json)
+    printer.wrote(**{f"model (version {saved.history[-1].number})": output, "result": json})

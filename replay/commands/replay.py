@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from replay.options import Force, JsonFile, ModelOption, Quiet, Topics, parse_topics
+from replay.options import Force, JsonFile, ModelOption, OwnEffects, Quiet, Topics, parse_topics
 
 
 def register(app: typer.Typer) -> None:
@@ -49,6 +49,7 @@ def replay(
         Path | None, typer.Option("--figure", metavar="PNG", help="Draw wrenches, correction, sigma and beta.")
     ] = None,
     topic: Topics = None,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from replay.options import Force, JsonFile, Quiet, complete_models, complete_trajectories, many
+from replay.options import Force, JsonFile, OwnEffects, Quiet, complete_models, complete_trajectories, many
 
 
 def register(app: typer.Typer) -> None:
@@ -34,7 +34,13 @@ def simulate(
     ],
     trajectory: Annotated[
         str,
-        typer.Option("--trajectory", "-t", metavar="NAME", help="See --list.", autocompletion=complete_trajectories),
+        typer.Option(
+            "--trajectory",
+            "-t",
+            metavar="NAME",
+            help="See --list; or a file of `wrenchgap design`.",
+            autocompletion=complete_trajectories,
+        ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")],
     duration: Annotated[float | None, typer.Option("--duration", metavar="S", help="Length in seconds.")] = None,
@@ -53,6 +59,7 @@ def simulate(
     list_: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and leave.")
     ] = False,
+    own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -71,7 +78,7 @@ def simulate(
     from replay.console import Printer, progress
     from replay.results import claim, document, model_input, write_json
 
-    claim({"--output": output, "--truth": truth, "--json": json}, force=force)
+    claim({"--output": output, "--truth": truth, "--json": json}, force=force, inputs=[trajectory])
     if output.suffix != ".mcap":
         raise UsageError(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
     believed = model_file.load(model)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from replay.options import Logs, ModelOption, Quiet, Topics, parse_topics
+from replay.options import Logs, ModelOption, OwnEffects, Quiet, Topics, parse_topics
 
 
 def register(app: typer.Typer) -> None:
@@ -22,6 +22,7 @@ def view(
     host: Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")] = 8080,
     topic: Topics = None,
+    own: OwnEffects = None,
     quiet: Quiet = False,
 ) -> None:
     """Show flights on a page: the vehicle as it flew, wrenches as arrows and plots, a slider for time.

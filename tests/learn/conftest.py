@@ -1,11 +1,16 @@
 """Flights of the independent engine (MuJoCo), which shares no formula with the code under test."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 import flight
 from learn.fit import dataset
 from learn.measurement import prepare
+from learn.search import Candidate, Member, Rival
 from plant import model_file
+from plant.effects import Parameter
 
 
 @pytest.fixture(scope="session")
@@ -29,3 +34,22 @@ def fly(hexarotor):
         return cache[key]
 
     return made
+
+
+@pytest.fixture
+def made_up():
+    """Members and rivals as a search might leave them, without a search."""
+
+    def candidate(name="other", *, sizes=1.0, significance=9.0, evidence=1.0, implausible=()):
+        """Worthy unless told otherwise; `sizes` is its largest parameter in typical sizes."""
+        unit = Parameter("value", "N", -5.0, 5.0, 0.5)
+        fitted = SimpleNamespace(parameters=((name, unit),), theta=np.array([0.5 * sizes]))
+        return Candidate(name, fitted, np.empty((0, 6)), np.zeros(6), 0.5, evidence, significance, implausible)
+
+    def rival(separation, cosine=0.5, name="other", **kwargs):
+        return Rival(name, separation, cosine, candidate(name, **kwargs))
+
+    def member(*rivals, share=0.5, evidence=3.0, significance=12.0):
+        return Member("this", share, significance, evidence, tuple(sorted(rivals, key=lambda r: r.separation)))
+
+    return SimpleNamespace(candidate=candidate, rival=rival, member=member)

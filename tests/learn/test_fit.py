@@ -7,6 +7,8 @@ import pytest
 
 from flight.errors import FitError
 from learn.fit import fit, held_out, inapplicable, with_fit
+from plant.effects import find
+from plant.wrench_model import ModelEffect, WrenchModel
 
 
 def fall(data, model, fitted):
@@ -84,3 +86,83 @@ def test_effects_that_the_log_cannot_carry_say_why(fly, hexarotor):
     assert inapplicable("com_offset", hexarotor, bare.records) is None
     with pytest.raises(FitError, match="rotor commands"):
         fit(bare, hexarotor, ["rotor_thrust"])
+
+
+# ---------------------------------------------------------------- what shows only once something else is there
+
+
+def values(fitted, name):
+    return np.array([v for (owner, _), v in zip(fitted.parameters, fitted.theta, strict=True) if owner == name])
+
+
+def test_the_place_of_a_payload_is_found_from_nothing(fly, hexarotor):
+    """Where there is no mass its place makes no difference; the search must go on until it does."""
+    data, truth = fly("payload", None, "train", seed=3, seconds=20)
+    assert not any(p.start for p in find("payload").parameters(hexarotor.vehicle))
+    fitted = fit(data, hexarotor, ["payload", "servo_lag", "arm_reaction"])
+    given = truth.parameters["payload"]
+    expected = [given[k] for k in ("mass", "x", "y", "z")]
+    assert (np.abs(values(fitted, "payload") - expected) < [2e-3, 1e-3, 1e-3, 1e-3]).all()
+
+
+def test_the_point_where_a_rope_pulls_is_found_from_nothing(fly, hexarotor):
+    """The anchor is 12 m away: the pull hardly changes its direction."""
+    data, truth = fly("tether", None, "train", seed=6, seconds=25)
+    fitted = fit(data, hexarotor, ["tether", "servo_lag", "arm_reaction"])
+    given = truth.parameters["tether"]
+    away = np.array(given["anchor"]) - [0, 0, 1.6]
+    found = values(fitted, "tether")
+    np.testing.assert_allclose(found[:3], given["pull"] * away / np.linalg.norm(away), atol=0.03)
+    np.testing.assert_allclose(found[3:], given["at"], atol=3e-3)
+
+
+def test_one_more_effect_on_a_base_finds_its_place_too(fly, hexarotor):
+    """As the search tries it: the other effects' derivatives are kept."""
+    data, truth = fly("payload", None, "train", seed=3, seconds=20)
+    base = fit(data, hexarotor, ["servo_lag", "arm_reaction"])
+    fitted = fit(data, hexarotor, ["servo_lag", "arm_reaction", "payload"], base=base)
+    given = truth.parameters["payload"]
+    expected = [given[k] for k in ("mass", "x", "y", "z")]
+    assert (np.abs(values(fitted, "payload") - expected) < [3e-3, 2e-3, 2e-3, 2e-3]).all()
+
+
+# ---------------------------------------------------------------- held out
+
+
+def test_linearised_and_exact_held_out_residuals_agree_where_the_steps_are_small(fly, hexarotor):
+    data, _ = fly("com_offset", None, "train", seed=11, seconds=25)
+    names = ["com_offset", "servo_lag", "rotor_thrust"]
+    fitted = fit(data, hexarotor, names)
+    exact, quick = (held_out(data, hexarotor, names, fitted, exact=e) for e in (True, False))
+    between = np.linalg.norm(exact - quick, axis=0) / np.linalg.norm(exact - fitted.residual, axis=0)
+    assert (between > 0).all()  # a lag is not linear
+    assert (between < 0.02).all()
+
+
+def test_large_steps_are_evaluated_in_full(fly, hexarotor):
+    """From a lag of 90 ms back to the true 15 ms the linearisation is far off, and is not used."""
+    data, _ = fly("com_offset", None, "train", seed=11, seconds=25)
+    names = ["com_offset", "servo_lag"]
+    best = fit(data, hexarotor, names)
+    theta = best.theta + np.array([0, 0, 0, 0.075])
+    parts = zip(names, (theta[:3], theta[3:]), strict=True)
+    far = WrenchModel(hexarotor.vehicle, tuple(ModelEffect(find(n), v) for n, v in parts))
+    residual = data.measured - data.predict(far)
+    residual[:, :3] -= hexarotor.vehicle.body.mass * best.bias
+    moved = replace(best, theta=theta, residual=residual)
+    exact, quick = (held_out(data, hexarotor, names, moved, exact=e) for e in (True, False))
+    np.testing.assert_array_equal(exact, quick)
+
+
+def test_what_happens_in_a_block_does_not_reach_its_own_prediction(fly, hexarotor):
+    """A torque of 0.3 Nm in every fourth block is still all there; a fit to all blocks takes a part of it away."""
+    data, _ = fly("com_offset", None, "train", seed=11, seconds=25)
+    names, pushed = ["com_offset", "servo_lag"], data.block % 4 == 0
+    push = np.zeros_like(data.measured)
+    push[pushed, 3] = 0.3
+    other = replace(data, measured=data.measured + push)
+    fits = [fit(d, hexarotor, names) for d in (data, other)]
+    before, after = (held_out(d, hexarotor, names, f)[pushed] for d, f in zip((data, other), fits, strict=True))
+    lost = np.abs(after - before - push[pushed])[:, 3].mean()
+    assert lost < 3e-3
+    assert np.abs(fits[1].residual - fits[0].residual - push)[pushed, 3].mean() > 1.5 * lost

@@ -5,9 +5,11 @@ import pytest
 
 from flight.errors import FitError
 from flight.flight import Samples
-from learn.measurement import derivative, low_pass, predict, prepare
+from learn.measurement import Evaluator, derivative, low_pass, predict, prepare
 from plant import model_file
+from plant.effects import find
 from plant.vehicle import Body, Vehicle
+from plant.wrench_model import ModelEffect, WrenchModel
 
 DT = 0.005
 BODY = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
@@ -80,8 +82,6 @@ def test_same_filter_on_both_sides_leaves_no_lag():
         lambda t: (*(0 * t,) * 2, 2 * (9.81 + 0.5 * wave(t)), *(0 * t,) * 3),
     )
     record = prepare(s, vehicle())
-    from plant.wrench_model import WrenchModel
-
     np.testing.assert_allclose(record.measured - predict(record, WrenchModel(vehicle())), 0, atol=1e-9)
     np.testing.assert_allclose(record.measured - record.commanded, 0, atol=1e-9)
 
@@ -154,3 +154,133 @@ def test_window_of_a_record_predicts_what_the_record_does():
     np.testing.assert_allclose(part.state.time[part.keep], part.time)
     np.testing.assert_allclose(predict(part, m.wrench_model), predict(record, m.wrench_model)[60:160], atol=2e-3)
     np.testing.assert_allclose(part.measured, record.measured[60:160])
+
+
+# ---------------------------------------------------------------- models that have much in common
+
+EVERYWHERE = {
+    "servo_lag": 0.03,
+    "motor_lag": 0.02,
+    "rotor_thrust": 0.05,
+    "coaxial_loss": 0.1,
+    "constant_wrench": 0.4,
+    "arm_reaction": 1e-3,
+    "thrust_scale": 0.05,
+    "com_offset": 0.005,
+    "inertia": 0.002,
+    "imu_misalignment": 0.02,
+}
+"""Effects at all five places, one with rates, with sizes."""
+
+
+@pytest.fixture(scope="module")
+def record(fly):
+    (found,) = fly("none", None, "train", seed=23, seconds=25)[0].records
+    return found
+
+
+@pytest.fixture(scope="module")
+def start(hexarotor):
+    """Values of every parameter, by effect."""
+    rng = np.random.default_rng(0)
+    count = {name: len(find(name).parameters(hexarotor.vehicle)) for name in EVERYWHERE}
+    return {name: size * rng.uniform(0.2, 1, count[name]) for name, size in EVERYWHERE.items()}
+
+
+def model_of(vehicle, values):
+    return WrenchModel(vehicle, tuple(ModelEffect(find(name), theta) for name, theta in values.items()))
+
+
+def changed(values, name, by):
+    """All values the same but one of this effect."""
+    theta = values[name].copy()
+    theta[-1] += by
+    return {**values, name: theta}
+
+
+def assert_as_predict(evaluate, record, model):
+    expected = predict(record, model)
+    np.testing.assert_allclose(evaluate(model), expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_effects_of_the_test_stand_at_all_five_places():
+    assert {find(name).place for name in EVERYWHERE} == {"commands", "thrusts", "wrench", "body", "sensor"}
+    assert any(find(name).needs_rates for name in EVERYWHERE)
+
+
+@pytest.mark.parametrize("name", EVERYWHERE)
+def test_evaluator_notices_a_change_of_one_parameter(record, hexarotor, start, name):
+    """There and back again: what is remembered of one model is not taken for the other."""
+    evaluate = Evaluator(record)
+    first, second = model_of(hexarotor.vehicle, start), model_of(hexarotor.vehicle, changed(start, name, 0.003))
+    assert np.abs(predict(record, first) - predict(record, second)).max() > 1e-6
+    for model in (first, second, first):
+        assert_as_predict(evaluate, record, model)
+
+
+def test_evaluator_works_out_rates_when_an_effect_needs_them(record, hexarotor, start):
+    """The arms' reaction, added to a model that did without rates so far."""
+    evaluate = Evaluator(record)
+    without = {name: theta for name, theta in start.items() if not find(name).needs_rates}
+    assert len(without) < len(start)
+    for values in (without, start, without):
+        assert_as_predict(evaluate, record, model_of(hexarotor.vehicle, values))
+
+
+def test_evaluator_gives_the_prediction_in_any_order(record, hexarotor, start):
+    """A walk through parameters, one effect or another taken out at times; far more than it can remember."""
+    rng = np.random.default_rng(1)
+    evaluate, values = Evaluator(record), start
+    for _ in range(60):
+        values = changed(values, rng.choice(list(EVERYWHERE)), rng.choice([-0.002, 0.002]))
+        out = rng.choice(list(EVERYWHERE))
+        model = model_of(hexarotor.vehicle, {n: v for n, v in values.items() if n != out or rng.random() < 0.5})
+        assert_as_predict(evaluate, record, model)
+    assert_as_predict(evaluate, record, model_of(hexarotor.vehicle, start))
+
+
+def test_evaluator_stays_right_after_its_memory_has_overflowed(record, hexarotor, start):
+    evaluate = Evaluator(record)
+    tried = [changed(start, name, k * 0.001) for name in ("servo_lag", "coaxial_loss") for k in range(6)]
+    tried += [changed(start, "constant_wrench", k * 0.01) for k in range(40)]
+    for values in tried:
+        evaluate(model_of(hexarotor.vehicle, values))
+    for values in tried[::-4]:
+        assert_as_predict(evaluate, record, model_of(hexarotor.vehicle, values))
+
+
+def test_evaluator_does_not_give_away_what_it_remembers(record, hexarotor, start):
+    """Whoever changes a prediction in place, as the fit does with the bias, changes nothing for the next."""
+    evaluate = Evaluator(record)
+    for values in (start, {}):
+        model = model_of(hexarotor.vehicle, values)
+        before = evaluate(model).copy()
+        evaluate(model)[:] = 7.0
+        np.testing.assert_array_equal(evaluate(model), before)
+
+
+def test_evaluator_computes_what_is_shared_once(record, hexarotor, start, monkeypatch):
+    """Nine models with the same lags: the tilt angles are lagged once."""
+    calls = []
+    lag = type(find("servo_lag"))
+    apply = lag.apply
+    monkeypatch.setattr(lag, "apply", lambda self, *rest: calls.append(1) or apply(self, *rest))
+    evaluate = Evaluator(record)
+    for name in ("com_offset", "inertia", "constant_wrench"):
+        for k in range(3):
+            evaluate(model_of(hexarotor.vehicle, changed(start, name, 0.001 * k)))
+    assert len(calls) == 1
+    for k in range(1, 9):
+        evaluate(model_of(hexarotor.vehicle, changed(start, "motor_lag", 0.001 * k)))
+    assert len(calls) == 9
+    evaluate(model_of(hexarotor.vehicle, changed(start, "motor_lag", 0.008)))  # the last is still known
+    assert len(calls) == 9
+
+
+def test_evaluator_of_a_vehicle_without_rotors():
+    s = samples(zero3, lambda t: (0 * t, 0 * t, 9.81 + 0 * t), lambda t: (np.sin(t), *(0 * t,) * 4, np.cos(3 * t)))
+    plain = vehicle()
+    record = prepare(s, plain)
+    evaluate = Evaluator(record)
+    for values in ({}, {"com_offset": np.array([0.01, 0, 0])}, {"command_delay": np.array([0.03])}, {}):
+        assert_as_predict(evaluate, record, model_of(plain, values))

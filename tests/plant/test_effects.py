@@ -181,13 +181,20 @@ def test_drag_opposes_the_motion_and_dissipates():
     rng = np.random.default_rng(7)
     q = rng.normal(size=4)
     x = state(1, velocity=(2.0, -1.0, 0.5), quat=q / np.linalg.norm(q))
-    W = model(body_drag=[0.1, 0.2, 0.3, 0.05, 0.05, 0.1]).wrench(hover(), x) - model().wrench(hover(), x)
+    W = model(body_drag=[0.1, 0.2, 0.3, 0.05, 0.05, 0.1, 0, 0, 0]).wrench(hover(), x) - model().wrench(hover(), x)
     from flight.so3 import rotate
 
     force_E = rotate(x.quat_EB, W[:, :3])
     assert float(np.sum(force_E * x.velocity_E)) < 0
-    isotropic = model(body_drag=[0.3, 0.3, 0.3, 0, 0, 0]).wrench(hover(), x) - model().wrench(hover(), x)
+    isotropic = model(body_drag=[0.3, 0.3, 0.3, 0, 0, 0, 0, 0, 0]).wrench(hover(), x) - model().wrench(hover(), x)
     np.testing.assert_allclose(rotate(x.quat_EB, isotropic[:, :3]), -0.3 * x.velocity_E, atol=1e-12)
+
+
+def test_drag_above_the_centre_of_mass_pitches_the_nose_up_in_forward_flight():
+    x = state(1, velocity=(2.0, 0.0, 0.0))
+    W = model(body_drag=[0.5, 0, 0, 0, 0, 0, 0, 0, 0.1]).wrench(hover(), x) - model().wrench(hover(), x)
+    assert W[0, 0] == pytest.approx(-1.0)  # backward, 0.1 m above
+    assert W[0, 4] == pytest.approx(-0.1)  # about -y: in FLU the nose goes up
 
 
 def test_wake_hurts_only_who_stands_downstream():

@@ -441,6 +441,12 @@ def test_ground_effect_falls_with_height_and_is_gone_high_up(quadrotor):
     assert W[2] / thrust == pytest.approx(1.0, abs=1e-5)
 
 
+def test_ground_below_the_origin_of_the_odometry_is_farther_away(quadrotor):
+    u = commands(0.0, 700.0, vehicle=quadrotor)
+    low = model("ground_effect", {"gain": 1.0, "ground": -0.1}, quadrotor).wrench(u, state(position=(0, 0, 0.13)))
+    np.testing.assert_allclose(low[0], lift_at(0.23, quadrotor)[0])
+
+
 def test_ground_rights_a_rolled_vehicle(quadrotor):
     """Rolled by +5 deg the right side (-y) is lower and lifts more: torque about -x."""
     W, _ = lift_at(0.2, quadrotor, 1.0, exp(np.array([np.deg2rad(5), 0, 0])))

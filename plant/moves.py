@@ -1,0 +1,316 @@
+"""Trajectories made of moves: tilt, turn, shift, swing, shake, each over its own interval, added up.
+
+    p_D(t)  = home + sum of shifts, swings and shakes                                  in E
+    R_ED(t) = R_z(psi + phi) R_y(s) R_z(-phi) R_e
+
+psi is the yaw of all turns, s the tilt, phi the azimuth towards which body z leans (seen in the frame that turns with
+the yaw), R_e = R_z R_y R_x the deflection of the shakes. Every move begins and ends at rest and, but for a turn, where
+it began; so any sequence of moves is a smooth flight with consistent derivatives, from which one can also take a move
+away. For rotations R = R_1 R_2 with rates in their own frames,
+
+    omega = R_2^T omega_1 + omega_2,    omega_dot = R_2^T omega_dot_1 - omega_2 x (R_2^T omega_1) + omega_dot_2.
+
+A vehicle that pushes along body z only takes its attitude from the thrust (`plant.trajectory.Flat`): its moves may
+not tilt. `plant.trajectory_file` reads and writes these trajectories.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from flight.errors import UsageError
+from plant.trajectory import Flat, Multisine, Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
+from plant.wrench_model import cross
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Rotation = tuple[Array, Array, Array]
+"""Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""
+
+SHAKEN = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Axes of a shake, in the order of `Multisine`."""
+_Y, _Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Move:
+    """What a move has: `start` and `duration` [s]. A subclass names its `kind` and checks its values."""
+
+    kind: ClassVar[str]
+
+    start: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name != "axes" and not np.all(np.isfinite(np.asarray(value, dtype=float))):
+                raise UsageError(f"{self.kind}: {item.name} is {value}, expected finite numbers")
+        if self.start < 0 or self.duration <= 0:
+            raise UsageError(
+                f"{self.kind}: starts at {self.start:g} s and lasts {self.duration:g} s; a move starts at 0 s or later "
+                "and lasts longer than 0 s"
+            )
+
+    @property
+    def stop(self) -> float:
+        """When it ends [s]."""
+        return self.start + self.duration
+
+    def _fits(self, name: str) -> None:
+        length = float(getattr(self, name))
+        if not 0.0 < length <= 0.5 * self.duration + 1e-9:
+            raise UsageError(
+                f"{self.kind}: {name} is {length:g} s; it comes twice within {self.duration:g} s, so expected more "
+                f"than 0 s and at most {0.5 * self.duration:g} s"
+            )
+
+
+@dataclass(frozen=True)
+class Tilt(Move):
+    """Body z leans by `angle` [rad] towards `azimuth` [rad]: up within `ramp` [s], held, and back within `ramp`.
+
+    Azimuth 0 is forward, 90 deg left, in the frame that turns with the yaw. While it is held, the azimuth moves on by
+    `sweep` [rad]; the heading stays.
+    """
+
+    kind = "tilt"
+
+    angle: float
+    azimuth: float = 0.0
+    ramp: float = 2.0
+    sweep: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._fits("ramp")
+        if not 0.0 < self.angle <= np.pi:
+            raise UsageError(f"tilt: angle is {np.degrees(self.angle):g} deg, expected more than 0 and at most 180 deg")
+
+    def lean(self, time: Array) -> Profile:
+        """The tilt s."""
+        up, down = quintic(time, self.start, self.ramp), quintic(time, self.stop - self.ramp, self.ramp)
+        value, rate, change = (self.angle * (a - b) for a, b in zip(up, down, strict=True))
+        return value, rate, change
+
+    def direction(self, time: Array) -> Profile:
+        """The azimuth phi."""
+        held = max(self.duration - 2.0 * self.ramp, 1e-6)
+        value, rate, change = (self.sweep * p for p in quintic(time, self.start + self.ramp, held))
+        return self.azimuth + value, rate, change
+
+
+@dataclass(frozen=True)
+class Turn(Move):
+    """The yaw turns by `angle` [rad] (positive: to the left) within the duration, and stays there."""
+
+    kind = "turn"
+
+    angle: float
+
+    def yaw(self, time: Array) -> Profile:
+        """The yaw that this turn adds."""
+        value, rate, change = (self.angle * p for p in quintic(time, self.start, self.duration))
+        return value, rate, change
+
+
+@dataclass(frozen=True)
+class Shift(Move):
+    """Goes `by` (3,) [m] in E within `ramp` [s], stays, and comes back within `ramp`."""
+
+    kind = "shift"
+
+    by: Vector
+    ramp: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._fits("ramp")
+
+    def position(self, time: Array) -> Profile:
+        """Displacement (N, 3) in E."""
+        there, back = quintic(time, self.start, self.ramp), quintic(time, self.stop - self.ramp, self.ramp)
+        value, rate, change = (np.outer(a - b, self.by) for a, b in zip(there, back, strict=True))
+        return value, rate, change
+
+
+@dataclass(frozen=True)
+class Swing(Move):
+    """Oscillates by +-`by` (3,) [m] in E with `period` [s]: by w(t) sin(2 pi t / period + phase), phase in rad.
+
+    w fades in and out within `fade` [s]. Two swings with phases a quarter apart make a circle.
+    """
+
+    kind = "swing"
+
+    by: Vector
+    period: float
+    phase: float = 0.0
+    fade: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._fits("fade")
+        if self.period <= 0.0:
+            raise UsageError(f"swing: period is {self.period:g} s, expected more than 0 s")
+
+    def position(self, time: Array) -> Profile:
+        """Displacement (N, 3) in E."""
+        rate = 2.0 * np.pi / self.period
+        angle = (rate * (time - self.start), np.full_like(time, rate), np.zeros_like(time))
+        s, c = sine(angle, 1.0), cosine(angle, 1.0)
+        waves = [np.cos(self.phase) * a + np.sin(self.phase) * b for a, b in zip(s, c, strict=True)]
+        value, slope, change = _faded((waves[0], waves[1], waves[2]), self, time, self.fade)
+        return np.outer(value, self.by), np.outer(slope, self.by), np.outer(change, self.by)
+
+
+@dataclass(frozen=True)
+class Shake(Move):
+    """A multisine on some axes (`plant.trajectory.Multisine`): harmonics between `low_hz` and `high_hz`.
+
+    Deflections up to `size` [m] on x, y, z of E and up to `angle` [rad] on roll, pitch, yaw; flat in velocity.
+    """
+
+    kind = "shake"
+
+    size: float
+    angle: float
+    low_hz: float
+    high_hz: float
+    axes: tuple[str, ...] = SHAKEN
+    fade: float = 1.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._fits("fade")
+        unknown = [a for a in self.axes if a not in SHAKEN]
+        if unknown:
+            raise UsageError(f"shake: no axis is called {unknown[0]!r}; available: {', '.join(SHAKEN)}")
+        if not 0.0 < self.low_hz < self.high_hz:
+            raise UsageError(
+                f"shake: the band is {self.low_hz:g} to {self.high_hz:g} Hz; expected low_hz above 0 and below high_hz"
+            )
+        if self.seed < 0 or self.size < 0 or not 0.0 <= self.angle < 0.5 * np.pi:
+            raise UsageError("shake: size and seed must not be negative, and the angle lie between 0 and 90 deg")
+        self._multisine()
+
+    def _multisine(self) -> Multisine:
+        band = (self.low_hz, self.high_hz)
+        return _multisine(self.duration, self.size, self.angle, band, self.fade, self.seed)
+
+    def deflection(self, time: Array) -> Profile:
+        """x, y, z [m], roll, pitch, yaw [rad] (N, 6)."""
+        local = time - self.start
+        inside = ((local >= 0.0) & (local <= self.duration))[:, None] * np.isin(SHAKEN, self.axes)
+        value, rate, change = (inside * p for p in self._multisine().at(local))
+        return value, rate, change
+
+
+@lru_cache(maxsize=64)
+def _multisine(
+    duration: float, size: float, angle: float, band: tuple[float, float], fade: float, seed: int
+) -> Multisine:
+    return Multisine(duration, size, angle, band, fade=fade, seed=seed)
+
+
+def _faded(wave: Profile, move: Move, time: Array, fade: float) -> Profile:
+    """A wave (N,) times the window that opens and closes within `fade` at the ends of the move."""
+    opening, closing = quintic(time, move.start, fade), quintic(time, move.stop - fade, fade)
+    w, dw, ddw = (a - b for a, b in zip(opening, closing, strict=True))
+    e, de, dde = wave
+    return w * e, w * de + dw * e, w * dde + 2.0 * dw * de + ddw * e
+
+
+KINDS: dict[str, type[Move]] = {cls.kind: cls for cls in (Tilt, Turn, Shift, Swing, Shake)}
+"""Every kind of move by its name."""
+
+
+@dataclass(frozen=True)
+class Moves(Trajectory):
+    """A flight of `duration` [s] that starts at `home` (3,) [m] with the moves given.
+
+    `follows_thrust`: body z points along the thrust, as fixed rotors need it. Raises UsageError for a move that
+    ends after the flight, tilts that overlap, and tilts where the attitude follows the thrust.
+    """
+
+    duration: float
+    home: Vector
+    moves: tuple[Move, ...] = ()
+    follows_thrust: bool = False
+
+    def __post_init__(self) -> None:
+        for number, move in enumerate(self.moves):
+            if move.stop > self.duration + 1e-9:
+                raise UsageError(
+                    f"moves[{number}] ({move.kind}): ends at {move.stop:g} s, after the flight of {self.duration:g} s"
+                )
+            tilting = isinstance(move, Tilt) or (isinstance(move, Shake) and {"roll", "pitch"} & set(move.axes))
+            if self.follows_thrust and tilting:
+                raise UsageError(
+                    f"moves[{number}] ({move.kind}): the attitude follows the thrust and cannot be tilted; "
+                    "leave the move (or its axes roll and pitch) out"
+                )
+        tilts = sorted(self._of(Tilt), key=lambda m: m.start)
+        for first, second in itertools.pairwise(tilts):
+            if second.start < first.stop - 1e-9:
+                raise UsageError(
+                    f"two tilts overlap: one ends at {first.stop:g} s, the next starts at {second.start:g} s"
+                )
+
+    def _of(self, kind: type[Move]) -> list[Move]:
+        return [m for m in self.moves if isinstance(m, kind)]
+
+    def at(self, time: Array) -> Reference:
+        """The sum of the moves."""
+        if self.follows_thrust:
+            return Flat(replace(self, follows_thrust=False)).at(time)
+        shaken = _sum([m.deflection(time) for m in self.moves if isinstance(m, Shake)], (len(time), 6))
+        moved = _sum([m.position(time) for m in self.moves if isinstance(m, Shift | Swing)], (len(time), 3))
+        p, v, a = (one + other[:, :3] for one, other in zip(moved, shaken, strict=True))
+        angles = (part[:, 3:] for part in shaken)
+        attitude = composed(self._attitude(time), euler_attitude(*angles))
+        return Reference(time, p + np.array(self.home), v, a, *attitude)
+
+    def _attitude(self, time: Array) -> Rotation:
+        """R_z(psi + phi) R_y(s) R_z(-phi)."""
+        psi = _sum([m.yaw(time) for m in self.moves if isinstance(m, Turn)], time.shape)
+        s = _sum([m.lean(time) for m in self.moves if isinstance(m, Tilt)], time.shape)
+        phi = _sum([_during(m, time) for m in self.moves if isinstance(m, Tilt)], time.shape)
+        heading = (psi[0] + phi[0], psi[1] + phi[1], psi[2] + phi[2])
+        back = (-phi[0], -phi[1], -phi[2])
+        return composed(composed(about(_Z, heading), about(_Y, s)), about(_Z, back))
+
+
+def _during(tilt: Tilt, time: Array) -> Profile:
+    """The azimuth of a tilt while it lasts, zero else: there it jumps, and the tilt is zero."""
+    inside = (time >= tilt.start) & (time <= tilt.stop)
+    value, rate, change = (inside * p for p in tilt.direction(time))
+    return value, rate, change
+
+
+def _sum(profiles: list[Profile], shape: tuple[int, ...]) -> Profile:
+    value, rate, change = (sum((p[k] for p in profiles), np.zeros(shape)) for k in range(3))
+    return value, rate, change
+
+
+def about(axis: Array, angle: Profile) -> Rotation:
+    """Rotation about a fixed axis (3,) by a profile (N,) [rad]."""
+    value, rate, change = (part[:, None] * axis for part in angle)
+    return so3.exp(value), rate, change
+
+
+def composed(first: Rotation, second: Rotation) -> Rotation:
+    """R_1 R_2 with its rate and the derivative of that, both in the frame of the product."""
+    quat_1, omega_1, omega_dot_1 = first
+    quat_2, omega_2, omega_dot_2 = second
+    carried = so3.rotate_inverse(quat_2, omega_1)
+    omega_dot = so3.rotate_inverse(quat_2, omega_dot_1) - cross(omega_2, carried) + omega_dot_2
+    return so3.multiply(quat_1, quat_2), carried + omega_2, omega_dot

@@ -1,0 +1,218 @@
+"""Offsets between signals with a known answer: moved stamps, drifting clocks, noise, repetition, copies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flight import timing
+from flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
+from flight.timing import Signal, offset
+
+FINE = 2000.0
+
+
+class Wander:
+    """Three smooth random signals: sums of sinusoids, known at any time."""
+
+    def __init__(self, seed, low=0.1, high=4.0, count=60):
+        rng = np.random.default_rng(seed)
+        self.omega = 2 * np.pi * rng.uniform(low, high, count)
+        self.size = rng.normal(size=(count, 3)) / np.sqrt(count)
+        self.phase = rng.uniform(0, 2 * np.pi, count)
+
+    def __call__(self, time):
+        return np.sin(np.outer(time, self.omega) + self.phase) @ self.size
+
+    def integral(self, time):
+        return -np.cos(np.outer(time, self.omega) + self.phase) @ (self.size / self.omega[:, None])
+
+
+def pair(seed, late, *, seconds=30.0, noise=0.1, rates=(200.0, 100.0), rate_error=0.0, jitter=0.0):
+    """A signal by two topics with clocks of their own; the second is stamped `late` seconds late at mid-flight."""
+    rng = np.random.default_rng(1000 + seed)
+    wander = Wander(seed)
+    first, second = (np.arange(0.0, seconds, 1.0 / rate) for rate in rates)
+    second = second + rng.uniform(0.0, 1.0 / rates[1])
+    first = np.sort(first + jitter * rng.normal(size=len(first)))
+    values = [wander(t) + noise * rng.normal(size=(len(t), 3)) for t in (first, second)]
+    stamps = second + late + rate_error * (second - 0.5 * seconds)
+    return Signal("first", first, values[0]), Signal("second", stamps, values[1])
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0073, -0.0021, 0.15, -0.4])
+def test_a_fractional_offset_is_recovered_within_its_interval(late):
+    found = offset(*pair(0, late))
+    assert found.std < 5e-4
+    assert abs(found.seconds - late) < found.interval
+
+
+def test_without_noise_it_is_exact_to_some_microseconds():
+    assert offset(*pair(3, 0.0073, noise=0.0)).seconds == pytest.approx(0.0073, abs=2e-5)
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say():
+    found = [offset(*pair(seed, 0.0073, seconds=20.0, noise=0.3)) for seed in range(40)]
+    missed = [abs(o.seconds - 0.0073) > o.interval for o in found]
+    assert sum(missed) <= 5  # 2 expected; more than 5 has a chance of 1.4 %
+    scatter = np.std([o.seconds for o in found])
+    assert 0.6 < np.mean([o.std for o in found]) / scatter < 1.6
+
+
+def test_coloured_noise_does_not_fool_the_interval():
+    rng = np.random.default_rng(5)
+    missed = 0
+    for seed in range(24):
+        first, second = pair(seed, 0.004, noise=0.0)
+        slow = Wander(500 + seed, 0.1, 1.0)
+        second = replace(second, values=second.values + 0.3 * slow(second.time) + 0.01 * rng.normal(size=(3,)))
+        found = offset(first, second)
+        missed += abs(found.seconds - 0.004) > found.interval
+    assert missed <= 4
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-3])
+def test_jitter_of_the_stamps_is_no_offset(jitter):
+    found = offset(*pair(7, 0.0073, jitter=jitter, noise=0.02))
+    assert abs(found.seconds - 0.0073) < found.interval
+
+
+def test_noise_alone_gives_no_number():
+    rng = np.random.default_rng(1)
+    given = 0
+    for _ in range(20):
+        time = np.arange(0.0, 20.0, 0.01)
+        signals = [Signal(name, time, rng.normal(size=(len(time), 3))) for name in ("a", "b")]
+        given += offset(*signals).seconds is not None
+    assert given == 0
+
+
+def test_a_motion_that_repeats_itself_has_no_unique_offset():
+    time = np.arange(0.0, 30.0, 0.01)
+    tone = np.sin(2 * np.pi * 4.0 * time)[:, None]
+    signals = [Signal(name, time, tone, ("x",)) for name in ("a", "b")]
+    assert "repeats itself" in offset(*signals).problem
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s: replace(s, values=np.zeros_like(s.values)), "never changes"),
+        (lambda s: Signal("slow", s.time[::80], s.values[::80]), "too slowly"),
+        (lambda s: Signal("short", s.time[:250], s.values[:250]), "less than 4 s"),
+    ],
+)
+def test_what_cannot_be_estimated_says_why(change, words):
+    first, second = pair(0, 0.0)
+    assert words in offset(first, change(second)).problem
+
+
+def test_a_drifting_clock_is_seen_with_its_slope():
+    found = offset(*pair(2, 0.005, seconds=60.0, rate_error=2e-4))
+    assert found.drifts
+    assert found.drift == pytest.approx(2e-4, abs=3 * found.drift_std)
+    assert abs(found.seconds - 0.005) < 2 * found.interval
+    steady = offset(*pair(2, 0.005, seconds=60.0))
+    assert not steady.drifts
+    assert [abs(half.seconds - 0.005) < 4 * half.std for half in steady.halves] == [True, True]
+
+
+def test_a_gap_is_not_bridged():
+    first, second = pair(4, 0.0073)
+    rng = np.random.default_rng(0)
+    bad = (second.time > 10.0) & (second.time < 14.0)
+    second = replace(second, values=np.where(bad[:, None], 50 * rng.normal(size=second.values.shape), second.values))
+    found = offset(first, replace(second, gaps=(Gap(10.0, 14.0),)))
+    assert abs(found.seconds - 0.0073) < found.interval
+    assert found.std < 1e-3
+
+
+def test_one_violent_block_does_not_decide():
+    first, second = pair(4, 0.0073)
+    crash = 200.0 * np.exp(-(((first.time - 28.0) / 0.05) ** 2))[:, None]
+    other = 200.0 * np.exp(-(((second.time - 28.1) / 0.05) ** 2))[:, None]
+    found = offset(replace(first, values=first.values + crash), replace(second, values=second.values + other))
+    assert abs(found.seconds - 0.0073) < found.interval
+
+
+def test_a_delay_is_the_same_in_every_band_and_a_lag_is_not():
+    wander, time, tau = Wander(9, 0.2, 9.0, 200), np.arange(0.0, 60.0, 0.005), 0.05
+    late = np.sin(np.outer(time, wander.omega) + wander.phase - np.arctan(wander.omega * tau))
+    lagged = late @ (wander.size / np.sqrt(1 + (wander.omega * tau) ** 2)[:, None])
+    rng = np.random.default_rng(0)
+    first = Signal("first", time, wander(time) + 0.02 * rng.normal(size=lagged.shape))
+    lag = offset(first, Signal("second", time, lagged))
+    for part, hz in zip(lag.bands[:3], (1.25, 3.5, 7.5), strict=True):
+        expected = np.arctan(2 * np.pi * hz * tau) / (2 * np.pi * hz)
+        assert part.seconds == pytest.approx(expected, rel=0.12)
+    delay = offset(first, Signal("second", time, wander(time - 0.03)))
+    assert [part.seconds for part in delay.bands[:3]] == pytest.approx([0.03] * 3, abs=3e-4)
+
+
+def flown(late=0.0, seconds=24.0, imu=True):
+    """A flight that turns about z and moves: gyroscope and accelerometer exact, odometry stamped `late`."""
+    wander = Wander(11, 0.2, 3.0)
+
+    def yaw(t):
+        return wander.integral(t)[:, 0]
+
+    fast, slow = np.arange(0.0, seconds, 0.005), np.arange(0.0, seconds, 0.01)
+    zero = np.zeros(len(slow))
+    quat = np.stack((np.cos(yaw(slow) / 2), zero, zero, np.sin(yaw(slow) / 2)), axis=1)
+    velocity = wander.integral(slow) * [0.0, 0.0, 1.0]
+    position = np.cumsum(velocity, axis=0) * 0.01
+    rates = wander(fast)[:, [0]] * [0.0, 0.0, 1.0]
+    force = wander(fast) * [0.0, 0.0, 1.0] + [0.0, 0.0, 9.80665]
+    omega = wander(slow)[:, [0]] * [0.0, 0.0, 1.0]
+    odometry = OdometrySeries("/odometry", slow + late, position, quat, velocity, omega)
+    series = ImuSeries("/imu", fast, rates, force) if imu else None
+    return Flight("made", __file__, "", 0, imu=series, odometry=odometry)
+
+
+def test_every_part_of_the_odometry_is_held_against_the_imu():
+    found = {(o.first, o.second): o for o in timing.sensor_offsets(flown(0.0123))}
+    for names in (
+        ("gyroscope", "odometry attitude"),
+        ("gyroscope", "odometry rate"),
+        ("accelerometer", "odometry velocity"),
+    ):
+        assert found[names].seconds == pytest.approx(0.0123, abs=2e-4), names
+    assert found[("odometry rate", "odometry attitude")].seconds == pytest.approx(0.0, abs=2e-4)
+    # the position was summed up at the ends of the intervals: half a sample ahead of the velocity
+    assert found[("odometry velocity", "odometry position")].seconds == pytest.approx(-0.005, abs=2e-4)
+
+
+def test_noise_that_goes_through_the_controller_is_no_common_motion():
+    """What shakes one sensor moves the vehicle: coherent, a quarter period late at all frequencies, of any gain."""
+    first, second = pair(6, 0.0073, noise=0.0, seconds=40.0)
+    shake = Wander(77, 8.0, 18.0, 200)
+    moved = replace(first, values=first.values - 0.02 * shake(first.time))
+    rate = (shake(second.time - 0.0073 + 1e-4) - shake(second.time - 0.0073 - 1e-4)) / 2e-4
+    shaken = replace(second, values=second.values + 0.01 * rate)
+    fooled, found = offset(moved, shaken), offset(moved, shaken, gains=timing.ALIKE)
+    assert abs(fooled.seconds - 0.0073) > 0.003
+    assert abs(found.seconds - 0.0073) < 3e-4
+
+
+def test_without_imu_pose_and_twist_are_still_compared():
+    names = [(o.first, o.second) for o in timing.sensor_offsets(flown(imu=False))]
+    assert names == [("odometry rate", "odometry attitude"), ("odometry velocity", "odometry position")]
+    assert timing.sensor_offsets(Flight("none", __file__, "", 0)) == ()
+
+
+def test_tracking_and_controller_offsets():
+    made = flown()
+    behind = made.odometry
+    reference = ReferenceSeries("/reference", behind.time - 0.08, behind.position_E, behind.quat_EB)
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 24.0, 0.005)
+    wrench = np.cumsum(rng.normal(size=(len(time), 6)), axis=0)
+    desired, commanded = WrenchSeries("/d", time, wrench), WrenchSeries("/c", time + 0.002, wrench)
+    found = replace(made, reference=reference, desired=desired, commanded=commanded)
+    position, attitude = timing.tracking_offsets(found)
+    assert position.seconds == pytest.approx(0.08, abs=3e-4)
+    assert attitude.seconds == pytest.approx(0.08, abs=3e-4)
+    assert timing.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
+    copied = replace(found, commanded=replace(commanded, time=time))
+    assert timing.controller_offset(copied).same
+    assert timing.controller_offset(made) is None

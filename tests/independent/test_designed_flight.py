@@ -1,0 +1,47 @@
+"""A designed flight, flown by the independent engine and its own autopilot, tells apart what a hover does not."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+pytest.importorskip("mujoco", reason="the independent engine needs MuJoCo (a development dependency)")
+
+from benchmarks.hidden_effects import engine, trajectories
+from flight import uniform
+from learn.fit import dataset
+from learn.measurement import prepare
+from learn.separability import measured_separation
+from plant import model_file
+from plant.moves import Moves, Tilt, Turn
+
+LEAN_AND_TURN = Moves(
+    16.0,
+    (0.0, 0.0, 1.6),
+    (Tilt(0.5, 9.0, np.radians(50.0), 0.0, 1.8, np.pi), Tilt(9.5, 6.0, np.radians(40.0)), Turn(10.0, 5.0, np.pi)),
+)
+
+
+@pytest.fixture
+def separation(monkeypatch):
+    """separation("tether", "constant_wrench", trajectory): of a flight with the first hidden, by both fits."""
+    hexarotor = model_file.load("tilt_hexarotor")
+
+    def followed(time, rng):
+        r = LEAN_AND_TURN.at(np.clip(time, 0.0, LEAN_AND_TURN.duration))
+        return r.position_E, Rotation.from_quat(r.quat_ED, scalar_first=True).as_rotvec()
+
+    monkeypatch.setitem(trajectories.TRAJECTORIES, "designed", (followed, LEAN_AND_TURN.duration))
+
+    def of(hidden, truth, other, name):
+        found, _ = engine.fly(hidden, None, name, 16.0, seed=3)
+        data = dataset([prepare(s, hexarotor.vehicle) for s in uniform(found)], hexarotor)
+        return measured_separation(data, hexarotor, truth, other, ("servo_lag",))
+
+    return of
+
+
+@pytest.mark.parametrize(
+    ("hidden", "truth", "other"), [("tether", "tether", "constant_wrench"), ("jet", "constant_wrench", "tether")]
+)
+def test_tilt_and_yaw_tell_a_force_in_E_from_one_in_B(separation, hidden, truth, other):
+    assert separation(hidden, truth, other, "hover") < 2.5 < separation(hidden, truth, other, "designed")

@@ -1,0 +1,50 @@
+"""A dozen flights of the benchmark of hidden effects: every kind, judged as the benchmark judges."""
+
+from functools import cache
+
+import pytest
+
+from benchmarks.hidden_effects import cases
+from benchmarks.hidden_effects.judge import run
+from benchmarks.hidden_effects.score import GOOD, score
+from plant import model_file
+
+CASES = {case.name: case for case in cases.fast()}
+
+
+@cache
+def row(name):
+    return run(CASES[name], model_file.load("tilt_hexarotor"))
+
+
+def of(kind):
+    return [name for name, case in CASES.items() if case.kind == kind]
+
+
+@pytest.mark.parametrize("name", of("one"))
+def test_a_single_hidden_effect_is_named(name):
+    assert row(name)["right"] in GOOD
+
+
+@pytest.mark.parametrize("name", of("two"))
+def test_both_of_two_hidden_effects_are_found(name):
+    assert row(name)["right"] in GOOD
+
+
+@pytest.mark.parametrize("name", of("none"))
+def test_nothing_is_named_where_nothing_is_missing(name):
+    assert row(name)["verdict"] == "nothing"
+    assert row(name)["effects"] == []
+
+
+@pytest.mark.parametrize("name", of("outside"))
+def test_what_is_not_in_the_catalogue_is_called_unknown_and_swings(name):
+    assert row(name)["verdict"] == "unknown"
+    assert "swings" in row(name)["swing"]
+
+
+def test_error_falls_on_a_flight_of_another_kind_and_values_are_right():
+    scores = score([row(name) for name in of("one")])
+    assert scores["unseen"]["force"]["median"] > 0.9
+    assert scores["unseen"]["torque"]["median"] > 0.9
+    assert scores["parameters"]["both"] >= 0.75

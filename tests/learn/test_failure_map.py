@@ -1,0 +1,148 @@
+"""Residuals made by hand land in the right bins; noise lands nowhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from learn.failure_map import failure_map
+from learn.fit import dataset
+from learn.measurement import derivative, low_pass
+from learn.quantities import quantities
+
+
+def noise(data, rng):
+    """Filtered sensor noise (K, 6): white in the force, differentiated in the torque, sized as the records say."""
+    out = []
+    for r in data.records:
+        raw = low_pass(rng.standard_normal((len(r.state.time) + 400, 6)), r.dt, r.cutoff_hz)[200:-200]
+        raw[:, 3:] = derivative(raw[:, 3:], r.dt)
+        kept = raw[r.keep]
+        out.append(kept / kept.std(axis=0) * r.noise)
+    return np.concatenate(out)
+
+
+@pytest.fixture
+def turning(fly):
+    return fly("none", None, "turn", seconds=30, seed=31)[0]
+
+
+@pytest.fixture
+def tumbling(fly):
+    return fly("none", None, "train", seconds=40, seed=5)[0]
+
+
+def quantity(data, name):
+    return next(q.values for q in quantities(data)[0] if q.name == name)
+
+
+def test_a_torque_that_depends_on_heading_lands_there(turning):
+    rng = np.random.default_rng(0)
+    angle = np.radians(quantity(turning, "heading"))
+    residual = noise(turning, rng)
+    residual[:, 5] += 0.1 * np.sin(angle)
+    found = failure_map(turning, residual)
+    first = found.dependences[0]
+    assert first.name == "heading"
+    assert first.significant
+    assert first.of_mean > 0.7
+    assert int(np.argmax(first.axes_mean)) == 5
+    b = first.binned
+    sectors = np.isfinite(b.low)
+    # mean of 0.1 sin over a sector of 45 deg: 0.1 sin(centre) sinc(22.5 deg), if all of it was flown equally long
+    centre = np.radians(0.5 * (b.low + b.high)[sectors])
+    assert b.mean[sectors, 5] == pytest.approx(0.1 * np.sin(centre) * np.sinc(22.5 / 180), abs=0.025)
+
+
+def test_an_error_at_large_tilt_sits_there(tumbling):
+    """Nothing but noise below 50 deg: all of the error above the noise is in the bins above."""
+    tilt = quantity(tumbling, "tilt")
+    rng = np.random.default_rng(1)
+    residual = noise(tumbling, rng)
+    phase = np.sign(np.sin(2 * np.pi * 0.9 * np.concatenate([r.time for r in tumbling.records])))
+    residual[:, 0] += np.where(tilt > 50, 0.8 * phase, 0.0)  # no mean, only size
+    found = failure_map(tumbling, residual)
+    first = found.dependences[0]
+    assert first.name == "tilt"
+    assert first.of_size > 0.5
+    assert first.of_size > 2 * first.of_mean
+    b = first.binned
+    assert b.whole_share[b.low > 49].sum() > 0.6
+    assert b.whole_share[b.high < 50].sum() < 0.1
+    assert b.time_share[b.low > 49].sum() < 0.5
+    grid = found.grid
+    assert (grid.x, grid.y) == ("tilt", "direction")
+    rows = 0.5 * (grid.x_edges[1:] + grid.x_edges[:-1])
+    assert np.nanmin(grid.force[rows > 57]) > 3 * np.nanmax(grid.force[rows < 43])
+
+
+def test_bins_account_for_every_sample(tumbling):
+    rng = np.random.default_rng(2)
+    residual = noise(tumbling, rng) + rng.standard_normal(6)
+    for d in failure_map(tumbling, residual, permutations=20).dependences:
+        b = d.binned
+        assert b.samples.sum() == len(residual)
+        assert b.time_share.sum() == pytest.approx(1)
+        assert b.share.sum(axis=0) == pytest.approx(np.ones(6))
+        assert b.whole_share.sum() == pytest.approx(1)
+        assert (b.samples @ b.rms**2) / len(residual) == pytest.approx(np.mean(residual**2, axis=0))
+        assert (b.samples @ b.mean) / len(residual) == pytest.approx(residual.mean(axis=0))
+        assert b.noise == pytest.approx(np.broadcast_to(tumbling.noise, b.noise.shape))
+        if not d.circular:
+            assert b.samples.min() > 0.9 * b.samples.max()
+
+
+def test_noise_goes_with_nothing(tumbling):
+    """p is corrected for all quantities: one flight in a hundred may cry wolf, three in forty are one in 130."""
+    rng = np.random.default_rng(3)
+    alarms = [
+        bool(failure_map(tumbling, noise(tumbling, rng), permutations=200, seed=k).significant) for k in range(40)
+    ]
+    assert sum(alarms) <= 2
+
+
+def test_slow_drift_does_not_pass_for_other_quantities(tumbling):
+    """A residual coloured over half a second, which a test of single samples would see everywhere."""
+    rng = np.random.default_rng(4)
+    dt = tumbling.records[0].dt * tumbling.records[0].keep.step
+    alarms = 0
+    for k in range(20):
+        residual = np.zeros_like(tumbling.measured)
+        for i in range(1, len(residual)):
+            residual[i] = np.exp(-dt / 0.5) * residual[i - 1] + rng.standard_normal(6)
+        alarms += any(
+            d.significant
+            for d in failure_map(tumbling, residual, permutations=200, seed=k).dependences
+            if d.name != "time"
+        )
+    assert alarms <= 2
+
+
+def test_an_offset_between_flights_is_no_dependence(fly, hexarotor):
+    """An accelerometer's bias differs from flight to flight, and so do height and heading."""
+    parts = [fly("none", None, name, seconds=20, seed=4)[0] for name in ("turn", "train")]
+    records = [replace(r, flight=str(k)) for k, p in enumerate(parts) for r in p.records]
+    both = dataset(records, hexarotor)
+    residual = noise(both, np.random.default_rng(5))
+    residual[:, :3] += np.where(both.flight[:, None] == 0, 0.1, -0.1)
+    assert failure_map(both, residual).significant == ()
+
+
+def test_a_manoeuvre_as_long_as_a_block_is_seen(turning):
+    """Shuffling blocks alone would leave a period of 2 s in place."""
+    record = turning.records[0]
+    wave = np.sin(np.pi * record.time)
+    omega = np.column_stack((0 * wave, 0 * wave, wave))
+    data = replace(turning, records=(replace(record, state_kept=replace(record.state_kept, omega_B=omega)),))
+    residual = noise(turning, np.random.default_rng(6))
+    residual[:, 5] += 0.01 * wave
+    assert {d.name for d in failure_map(data, residual).significant} >= {"rate_z"}
+
+
+def test_a_log_without_pose_is_mapped_by_what_it_has(turning, hexarotor):
+    bare = dataset([replace(r, has_pose=False) for r in turning.records], hexarotor)
+    found = failure_map(bare, noise(bare, np.random.default_rng(7)), permutations=20)
+    assert "tilt" in found.lacking
+    assert (found.grid.x, found.grid.y) == ("thrust", "rate")
+    plain = found.to_json()
+    assert {row["quantity"] for row in plain["lacking"]} >= {"tilt", "height", "voltage"}

@@ -1,0 +1,74 @@
+"""What the residual depends on comes out by name; noise depends on nothing."""
+
+import time
+
+import numpy as np
+import pytest
+
+from learn.quantities import input_groups
+from learn.relevance import relevance
+
+
+def group(data, name):
+    return next(g.values for g in input_groups(data)[0] if g.name == name)
+
+
+def white(data, seed):
+    return np.random.default_rng(seed).standard_normal(data.measured.shape) * data.noise
+
+
+def test_a_torque_that_depends_on_heading(fly):
+    """Half of the torque's variance is noise: the share that is found is the share that was put in."""
+    data, _ = fly("none", None, "turn", seconds=30, seed=31)
+    residual = white(data, 0)
+    signal = 0.02 * group(data, "heading")[:, 0]
+    residual[:, 5] += signal - residual[:, 5] + signal.std() * np.random.default_rng(1).standard_normal(len(signal))
+    found = relevance(data, residual)
+    assert [g.name for g in found.chosen] == ["heading"]
+    first = found.groups[0]
+    assert first.alone_axes[5] == pytest.approx(0.5, abs=0.06)
+    assert first.lost_axes[5] == pytest.approx(0.5, abs=0.06)
+    assert first.alone_axes[:5].max() < 0.05
+
+
+def test_a_force_that_depends_on_height_without_a_straight_line(fly):
+    data, _ = fly("none", None, "low", seconds=30, seed=7)
+    height = group(data, "height")[:, 0]
+    residual = white(data, 2)
+    residual[:, 2] += 2.0 * np.exp(-(((height - np.median(height)) / height.std()) ** 2))
+    found = relevance(data, residual)
+    assert found.groups[0].name == "height"
+    assert found.groups[0].alone_axes[2] > 0.85
+
+
+def test_two_causes_are_both_found_and_each_is_missed(fly):
+    data, _ = fly("none", None, "train", seconds=40, seed=5)
+    residual = white(data, 3)
+    for axis, name in ((3, "velocity"), (5, "rates")):
+        values = group(data, name)[:, 2]
+        residual[:, axis] += 4 * data.noise[axis] * values / values.std()
+    found = relevance(data, residual)
+    assert {g.name for g in found.chosen} == {"velocity", "rates"}
+    for g in found.chosen:
+        assert g.lost == pytest.approx(g.alone, abs=0.1)
+    assert found.explained == pytest.approx(sum(g.lost for g in found.chosen), abs=0.05)
+
+
+def test_noise_depends_on_nothing(fly):
+    data, _ = fly("none", None, "train", seconds=40, seed=5)
+    assert not any(relevance(data, white(data, seed)).chosen for seed in range(5))
+
+
+@pytest.mark.parametrize(
+    ("effect", "trajectory", "inputs"), [("compass", "turn", "heading"), ("ground", "low", "height")]
+)
+def test_on_the_independent_engine(fly, hexarotor, effect, trajectory, inputs):
+    """The controller counteracts both, so the command follows them; it must not take their place."""
+    data, _ = fly(effect, None, trajectory, seconds=30, seed=31)
+    residual = data.measured - data.predict(hexarotor.wrench_model)
+    started = time.perf_counter()
+    found = relevance(data, residual)
+    assert time.perf_counter() - started < 10
+    assert found.chosen[0].name == inputs
+    again = relevance(data, residual)
+    assert [g.to_json() for g in again.groups] == [g.to_json() for g in found.groups]

@@ -1,0 +1,129 @@
+"""Separability against closed forms, Monte Carlo, and a screening that is written differently."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from learn.contest import contrast
+from learn.design import rehearse
+from learn.fit import dataset
+from learn.manoeuvres import Limits
+from learn.screening import Screen
+from learn.separability import expected_separation, separability, sized, typical
+from plant.model import make_effect
+from plant.moves import Moves, Shake, Tilt, Turn
+
+HOME = (0.0, 0.0, 1.5)
+LIMITS = Limits((5.0, 5.0, 3.0))
+HOVER = Moves(10.0, HOME)
+TURN = Moves(10.0, HOME, (Turn(0.0, 10.0, 2 * np.pi),))
+TILT = Moves(10.0, HOME, (Tilt(0.0, 10.0, np.radians(50.0), 0.0, 2.0, 2 * np.pi),))
+
+
+@pytest.fixture(scope="module")
+def record(hexarotor):
+    made = {}
+
+    def of(flight):
+        if id(flight) not in made:
+            made[id(flight)] = rehearse(flight, hexarotor, LIMITS).record
+        return made[id(flight)]
+
+    return of
+
+
+def between(found, truth, imitator):
+    return next(d for d in found.directions if (d.truth, d.imitator) == (truth, imitator))
+
+
+def test_a_force_in_E_and_one_in_B_are_the_same_thing_at_one_heading(hexarotor, record):
+    tether = make_effect(hexarotor.vehicle, "tether", {"force_x": 0.8})
+    hover = separability(record(HOVER), hexarotor, tether, "constant_wrench", also=())
+    assert between(hover, "tether", "constant_wrench").cosine == pytest.approx(1.0, abs=1e-6)
+    assert not hover.separable
+    turn = between(
+        separability(record(TURN), hexarotor, tether, "constant_wrench", also=()), "tether", "constant_wrench"
+    )
+    # Seen from B the force goes round: of (cos, -sin) over a full turn a constant takes next to nothing. (The quintic
+    # turn rests at both ends, where a constant can help: it leaves 1 - |mean|^2 of the energy.)
+    s = np.linspace(0.0375, 0.9625, 4001)  # without what the filter trims
+    yaw = 2 * np.pi * s**3 * (10 - 15 * s + 6 * s**2)
+    mean = np.hypot(np.cos(yaw).mean(), np.sin(yaw).mean())
+    assert turn.share == pytest.approx(np.sqrt(1.0 - mean**2), abs=0.02)
+    assert turn.told
+
+
+def test_what_an_accelerometer_s_bias_can_do_tells_nothing(hexarotor, record):
+    """A constant force of 0.04 m/s^2 times the mass is within the bias that every fit may use."""
+    small = make_effect(hexarotor.vehicle, "constant_wrench", {"force_x": 0.04 * 4.0})
+    found = separability(record(TILT), hexarotor, small, "com_offset", also=())
+    assert between(found, "constant_wrench", "com_offset").share < 0.02
+
+
+@pytest.mark.parametrize("pair", [("mass", "thrust_scale"), ("coaxial_loss", "thrust_scale")])
+@pytest.mark.parametrize("flight", [TILT, Moves(10.0, HOME, (Shake(0.0, 10.0, 0.05, 0.1, 0.2, 2.0),))])
+def test_exact_aliases_stay_aliases_on_any_flight(hexarotor, record, pair, flight):
+    found = separability(record(flight), hexarotor, *pair)
+    assert not found.separable
+    assert found.share < 0.01
+
+
+def test_an_effect_that_does_not_act_is_not_told(hexarotor, record):
+    found = separability(record(HOVER), hexarotor, "servo_lag", "command_delay")
+    assert found.separation == 0.0
+    assert np.isnan(found.directions[0].cosine)
+
+
+def test_a_richer_imitator_does_not_count(hexarotor, record):
+    found = separability(record(TILT), hexarotor, "com_offset", "rotor_thrust")
+    assert not between(found, "com_offset", "rotor_thrust").counts
+    assert between(found, "rotor_thrust", "com_offset").counts
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0])
+@pytest.mark.parametrize("uneven", [False, True])
+def test_expected_separation_is_what_noise_gives_on_average(hexarotor, record, size, uneven):
+    data = dataset([record(HOVER)], hexarotor)
+    data = replace(data, independence=1.0)  # samples of this noise are independent
+    rng = np.random.default_rng(1)
+    shape = np.where(data.block % 2 == 0, 1.4, 0.2) if uneven else np.ones(len(data.block))
+    left = size * shape[:, None] * data.noise * np.array([1.0, 0.0, 0.0, 0.5, 0.0, 0.0])
+    drawn = []
+    for _ in range(60):
+        noise = data.noise * rng.standard_normal(left.shape)
+        made = contrast(data, noise + left, noise)
+        drawn.append(made.t)
+    assert expected_separation(data, left) == pytest.approx(np.median(drawn), rel=0.25)
+
+
+def test_errors_of_the_model_lower_the_expected_separation(hexarotor, record):
+    data = dataset([record(HOVER)], hexarotor)
+    left = np.tile(2.0 * data.noise, (len(data.block), 1))
+    alone = expected_separation(data, left)
+    # Of an axis' variance 91 % is error of the model, a quarter of which counts; the difference is 4 variances.
+    both = 1.0 / np.hypot(1.0 / alone, 0.25 * 0.91 / 4.0)
+    assert expected_separation(data, left, 0.3 * data.noise) == pytest.approx(both)
+
+
+def test_screening_agrees_with_fits_for_effects_that_are_linear(hexarotor, record):
+    records = [record(TILT), record(TURN)]
+    effects = [typical(name, hexarotor) for name in ("com_offset", "constant_wrench", "thrust_scale")]
+    screen = Screen(hexarotor, effects, (), None)
+    quick = screen.judge([screen.piece(r) for r in records])
+    slow = separability(records, hexarotor, *effects, also=())
+    for a, b in zip(quick.directions, slow.directions, strict=True):
+        assert (a.truth, a.imitator) == (b.truth, b.imitator)
+        assert a.share == pytest.approx(b.share, rel=0.1, abs=0.01)
+
+
+def test_sizes_come_from_the_model_then_the_log_then_are_typical(hexarotor, record):
+    own = make_effect(hexarotor.vehicle, "mass", [0.2])
+    assert sized("mass", hexarotor.with_effects([own])) is own
+    data = dataset([record(TILT)], hexarotor)
+    hidden = make_effect(hexarotor.vehicle, "com_offset", [0.004, -0.003, 0.002])
+    seen = replace(data, measured=data.predict(hexarotor.with_effects([hidden]).wrench_model))
+    np.testing.assert_allclose(sized("com_offset", hexarotor, seen).theta, hidden.theta, atol=2e-5)
+    np.testing.assert_allclose(sized("com_offset", hexarotor).theta, [0.006, -0.006, 0.006])
+    nothing = replace(data, measured=data.predict(hexarotor.wrench_model))
+    np.testing.assert_allclose(sized("com_offset", hexarotor, nothing).theta, [0.006, -0.006, 0.006])

@@ -1,0 +1,169 @@
+"""Pendulums and masses on springs, integrated here, are found at their frequency; what does not swing is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, lfilter
+from scipy.spatial.transform import Rotation
+
+from learn.swing import LEAST_SHARE, LOOSE, Swing, swing
+
+G = 9.81
+
+
+class Hull:
+    """A flight that obeys its model, on which something is hung. Everything at the compared samples (K,)."""
+
+    def __init__(self, data, model):
+        self.data = data
+        self.said = data.predict(model.wrench_model)
+        (record,) = data.records
+        self.time = record.time
+        self.to_E = Rotation.from_quat(record.state_kept.quat_EB, scalar_first=True)
+        self.felt_B = self.said[:, :3] / model.vehicle.body.mass
+
+    def noise(self, seed, size=1.0):
+        return size * self.data.noise * np.random.default_rng(seed).normal(size=self.said.shape)
+
+    def search(self, residual):
+        """`swing` where the model leaves this residual."""
+        return swing(replace(self.data, measured=self.said + residual), residual)
+
+    def pendulum(self, length, mass=0.2, damping=0.1):
+        """What a model with a rigid payload leaves (K, 6) of a mass on a rope, at large angles.
+
+        With the rope's direction q, q'' = -(q' . q') q + (1 - q q^T) p / l - c q' under the pull p = g - a of the
+        hanging point; the rope pulls with m (q . p + l q' . q'), a rigid mass with m p.
+        """
+        felt = CubicSpline(self.time, self.to_E.apply(self.felt_B))
+
+        def rate(t, y):
+            q, v, pull = y[:3], y[3:], -felt(t)
+            return np.concatenate((v, -(v @ v) * q + (pull - (pull @ q) * q) / length - damping * v))
+
+        q, v = self._integrate(rate, [0, 0, -1, 0, 0, 0])
+        pull = -felt(self.time)
+        tension = mass * (np.sum(q * pull, axis=1) + length * np.sum(v * v, axis=1))
+        force_E = tension[:, None] * q - mass * pull
+        return np.hstack((self.to_E.inv().apply(force_E), np.zeros_like(force_E)))
+
+    def sprung(self, hz, zeta, mass=0.2):
+        """What a mass on springs in the plane z = 0 of the hull adds (K, 6) to what it would add if it were fixed."""
+        felt, w = CubicSpline(self.time, self.felt_B[:, :2]), 2 * np.pi * hz
+
+        def rate(t, y):
+            return np.concatenate((y[2:], -w * w * y[:2] - 2 * zeta * w * y[2:] - felt(t)))
+
+        place, speed = self._integrate(rate, np.zeros(4))
+        force, at = np.zeros((2, len(place), 3))
+        force[:, :2] = mass * (w * w * place + 2 * zeta * w * speed + self.felt_B[:, :2])
+        at[:, :2] = place
+        return np.hstack((force, np.cross(at, -mass * self.felt_B)))
+
+    def _integrate(self, rate, start):
+        span = self.time[0], self.time[-1]
+        found = solve_ivp(rate, span, np.asarray(start, float), t_eval=self.time, rtol=1e-6, atol=1e-8)
+        return np.split(found.y.T, 2, axis=1)
+
+
+@pytest.fixture(scope="module")
+def tumbling(fly, hexarotor):
+    """Tilts to 70 deg: what is fixed in the world is not fixed in the hull."""
+    return Hull(fly("none", None, "train", seed=23, seconds=25)[0], hexarotor)
+
+
+@pytest.fixture(scope="module")
+def shaken(fly, hexarotor):
+    """Steps, which excite up to some hertz."""
+    return Hull(fly("none", None, "steps", seed=23, seconds=25)[0], hexarotor)
+
+
+@pytest.mark.parametrize("length", [0.3, 0.7])
+def test_a_pendulum_is_found_at_its_frequency_and_in_the_world(tumbling, length):
+    found = tumbling.search(tumbling.pendulum(length) + tumbling.noise(0))
+    assert found is not None
+    assert found.frame == "E"
+    assert found.frequency_hz == pytest.approx(np.sqrt(G / length) / (2 * np.pi), rel=0.05)
+    assert found.damping < 0.1
+    assert found.share > 0.6
+
+
+@pytest.mark.parametrize("hz", [0.7, 1.5])
+def test_a_mass_on_springs_is_found_at_its_frequency_and_in_the_hull_or_said_to_be_unclear(shaken, hz):
+    found = shaken.search(shaken.sprung(hz, 0.02) + shaken.noise(1))
+    assert found is not None
+    assert found.frame != "E"
+    assert found.frequency_hz == pytest.approx(hz, rel=0.05)
+    assert found.damping == pytest.approx(0.02, abs=0.02)
+    assert found.share > 0.6
+
+
+def test_the_rest_of_the_residual_does_not_hide_a_pendulum(tumbling):
+    """Twice the sensor noise, and slow forces that have nothing to do with it."""
+    b, a = butter(2, 0.2, fs=1 / np.diff(tumbling.time).mean())
+    wind = lfilter(b, a, tumbling.noise(2, 10.0), axis=0)
+    found = tumbling.search(tumbling.pendulum(0.7) + wind + tumbling.noise(3, 2.0))
+    assert found is not None
+    assert found.frequency_hz == pytest.approx(np.sqrt(G / 0.7) / (2 * np.pi), rel=0.05)
+
+
+def test_without_a_pose_only_the_hull_can_be_asked(tumbling):
+    residual = tumbling.pendulum(0.7) + tumbling.noise(0)
+    blind = replace(tumbling.data, records=tuple(replace(r, has_pose=False) for r in tumbling.data.records))
+    found = swing(replace(blind, measured=tumbling.said + residual), residual)
+    assert found is None or found.frame == "B"
+
+
+def test_a_mass_too_damped_to_swing_does_not(shaken):
+    """The same mass on the same springs in oil."""
+    assert shaken.search(shaken.sprung(1.5, 0.02) + shaken.noise(1)) is not None
+    assert shaken.search(shaken.sprung(1.5, 1.0) + shaken.noise(1)) is None
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_noise_does_not_swing(tumbling, seed):
+    """White, and white through a narrow band at 1 Hz, which rings but does not answer the motion."""
+    b, a = butter(1, (0.9, 1.1), "bandpass", fs=1 / np.diff(tumbling.time).mean())
+    ringing = lfilter(b, a, tumbling.noise(seed, 25.0), axis=0)
+    assert np.all(ringing.std(axis=0) > 2 * tumbling.data.noise)
+    assert tumbling.search(tumbling.noise(seed, 3.0)) is None
+    assert tumbling.search(ringing + tumbling.noise(seed + 10)) is None
+
+
+@pytest.mark.parametrize(("seed", "tau"), [(0, 0.05), (1, 0.25)])
+def test_a_lag_does_not_swing(shaken, seed, tau):
+    part = 1 - np.exp(-np.diff(shaken.time).mean() / tau)
+    late = lfilter([part], [1, part - 1], shaken.said - shaken.said[0], axis=0) + shaken.said[0]
+    residual = late - shaken.said + shaken.noise(seed)
+    assert np.all(residual.std(axis=0) > 3 * shaken.data.noise)
+    assert shaken.search(residual) is None
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_function_of_the_command_does_not_swing(shaken, seed):
+    """Any bend in the thrust curve, coupled over the axes at random."""
+    mix = np.random.default_rng(seed).normal(size=(6, 6))
+    z = (shaken.said - shaken.said.mean(axis=0)) / shaken.said.std(axis=0) @ mix
+    assert shaken.search(10 * shaken.data.noise * (np.tanh(z) + 0.05 * z**2) + shaken.noise(seed)) is None
+
+
+def test_a_swing_too_small_to_mention_is_not_mentioned(tumbling):
+    """Beside five times more of something else it is 4 % of what is left."""
+    b, a = butter(2, 0.2, fs=1 / np.diff(tumbling.time).mean())
+    wind = lfilter(b, a, tumbling.noise(2), axis=0)
+    load = tumbling.pendulum(0.7)
+    wind *= 5 * load[:, :3].std() / wind[:, :3].std()
+    assert tumbling.search(load + tumbling.noise(0)).share > LEAST_SHARE
+    assert tumbling.search(load + wind + tumbling.noise(0)) is None
+
+
+def test_words_say_frequency_and_where():
+    on_a_rope = Swing(0.724, 0.012, "E", 0.75, 2.3)
+    assert "0.72 Hz" in on_a_rope.words
+    assert "75 %" in on_a_rope.words
+    assert "rope" in on_a_rope.words
+    assert "hull" in replace(on_a_rope, frame="B").words
+    assert on_a_rope.damping < LOOSE

@@ -1,0 +1,134 @@
+"""Bands hold for coloured series; delays are found; filtered noise is told from structure."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from learn.measurement import derivative, low_pass
+from learn.quantities import InputGroup
+from learn.whiteness import autocorrelation, crosscorrelation, noise_autocorrelation, whiteness
+
+DT, STEP, CUTOFF = 0.005, 5, 8.0
+KEPT = DT * STEP
+
+
+def coloured(rng, seconds, memory=0.0, differentiated=False):
+    """White noise behind the filter; with `memory` [s] it was an autoregression of first order before."""
+    white = rng.standard_normal(round(seconds / DT) + 800)
+    if memory:
+        white = lfilter([1.0], [1.0, -np.exp(-DT / memory)], white)
+    smooth = low_pass(white, DT, CUTOFF)
+    return (derivative(smooth, DT) if differentiated else smooth)[400:-400:STEP]
+
+
+def sines(rng, seconds):
+    """What a trajectory looks like: two slow sines."""
+    t = np.arange(0, seconds, KEPT)
+    return sum(a * np.sin(2 * np.pi * (rng.uniform(0.1, 0.6) * t + rng.uniform())) for a in (1.0, 0.5))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("trajectory", [True, False])
+def test_independent_series_stay_inside_the_band(memory, trajectory):
+    """1 % of them may leave it anywhere in +-1 s: of 200, 8 or more are one case in 900 (binomial)."""
+    rng = np.random.default_rng(7)
+    alarms = small = unjudged = 0
+    for _ in range(200):
+        x = sines(rng, 40) if trajectory else coloured(rng, 40, 0.3)
+        z = coloured(rng, 40, memory)[: len(x)]
+        found = crosscorrelation([x], [z], KEPT, 40)
+        if found is None:  # by chance, most of both is slower than the log is long
+            unjudged += 1
+            continue
+        alarms += found.outside
+        small += found.p < 0.05
+        assert found.outside == (found.p < 0.01)
+    assert alarms <= 7
+    assert small <= 20
+    assert unjudged <= 6
+
+
+def test_a_naive_band_would_cry_wolf():
+    """Same series, band of independent samples without a search over lags: it would not hold."""
+    rng = np.random.default_rng(8)
+    naive = 2.58 / np.sqrt(40 / KEPT)
+    peaks = [
+        abs(crosscorrelation([coloured(rng, 40, 0.3)], [coloured(rng, 40, 0.3)], KEPT, 40).peak) for _ in range(50)
+    ]
+    assert np.mean(np.array(peaks) > naive) > 0.9
+
+
+@pytest.mark.parametrize("differentiated", [False, True])
+def test_autocorrelation_of_filtered_noise_is_as_expected(differentiated):
+    """Against half an hour of filtered noise."""
+    long = coloured(np.random.default_rng(1), 1800, differentiated=differentiated)
+    expected = noise_autocorrelation(DT, CUTOFF, KEPT, differentiated)
+    measured = [float(long[: len(long) - k] @ long[k:]) / float(long @ long) for k in range(40)]
+    assert expected[:40] == pytest.approx(np.array(measured), abs=0.02)
+
+
+@pytest.mark.parametrize("differentiated", [False, True])
+def test_filtered_noise_is_white_and_structure_is_not(differentiated):
+    rng = np.random.default_rng(2)
+    expected = noise_autocorrelation(DT, CUTOFF, KEPT, differentiated)
+    alarms = sum(
+        not autocorrelation([coloured(rng, 40, differentiated=differentiated)], expected, KEPT).white
+        for _ in range(100)
+    )
+    assert alarms <= 4
+    signal = coloured(rng, 40, differentiated=differentiated)
+    slow = coloured(rng, 40, memory=0.5)
+    found = autocorrelation([signal + signal.std() / slow.std() * slow], expected, KEPT)
+    assert not found.white
+    assert found.p < 1e-6
+
+
+@pytest.mark.parametrize("delay", [0, 4, -8])
+def test_the_lag_of_an_echo_is_found(delay):
+    """Positive where the residual follows the input."""
+    rng = np.random.default_rng(3)
+    x = coloured(rng, 60, 0.3)
+    z = -np.roll(x, delay) / x.std() + coloured(rng, 60) * 3
+    found = crosscorrelation([x], [z], KEPT, 40, pairs=100)
+    assert found.outside
+    assert found.peak < 0
+    assert found.lag == pytest.approx(delay * KEPT)
+
+
+def test_pieces_are_not_joined():
+    """An echo across the gap between two pieces is none."""
+    rng = np.random.default_rng(4)
+    x = [coloured(rng, 30), coloured(rng, 30)]
+    z = [coloured(rng, 30), coloured(rng, 30)]
+    joined = crosscorrelation([np.concatenate(x)], [np.concatenate(z)], KEPT, 40).value
+    apart = crosscorrelation(x, z, KEPT, 40)
+    size = np.sqrt(sum(np.sum((p - p.mean()) ** 2) for p in x) * sum(np.sum((p - p.mean()) ** 2) for p in z))
+    by_hand = sum(float((a - a.mean())[:-10] @ (b - b.mean())[10:]) for a, b in zip(x, z, strict=True)) / size
+    assert apart.value[50] == pytest.approx(by_hand)
+    assert joined[50] != pytest.approx(by_hand)
+
+
+def test_too_slow_an_input_says_nothing():
+    """One half period of a sine in a flight: no band can be had from that."""
+    ramp = np.sin(np.pi * np.linspace(0, 1, 400))
+    assert crosscorrelation([ramp], [ramp], KEPT, 40) is None
+    assert crosscorrelation([np.ones(400)], [ramp], KEPT, 40) is None
+
+
+def test_the_surest_input_is_named(fly):
+    """Torque z as an echo of the first of three inputs, 0.1 s late."""
+    data, _ = fly("none", None, "train", seconds=40, seed=5)
+    rng = np.random.default_rng(5)
+    inputs = np.column_stack([coloured(rng, 50, 0.2)[: len(data.measured)] for _ in range(3)])
+    residual = np.column_stack([coloured(rng, 50, 0, k >= 3)[: len(data.measured)] for k in range(6)])
+    residual /= residual.std(axis=0)
+    residual[4:, 5] += 0.7 * inputs[:-4, 0] / inputs[:, 0].std()
+    found = whiteness(data, residual, groups=[InputGroup("made", "made", ("a", "b", "c"), inputs)])
+    assert [a.axis for a in found.autocorrelation if not a.white] == ["torque_z"]
+    best = found.crosscorrelation[0]
+    assert (best.axis, best.input, best.lag) == ("torque_z", "a", pytest.approx(0.1))
+    assert [c.axis for c in found.crosscorrelation if c.outside] == ["torque_z"]
+    assert len(found.crosscorrelation) == 18
+    plain = found.to_json()
+    assert len(plain["peaks"]) == 18
+    assert "value" not in plain["peaks"][0]

@@ -1,0 +1,120 @@
+"""Versions of a model file: kept in the file, chained by content, honest about changes by hand."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight.errors import ModelError
+from plant import history, model_file
+from plant.effects.effect import Source
+from plant.history import Change, Trial, Value
+from plant.model import make_effect
+from plant.wrench_model import Provenance
+
+TRIAL = Trial(np.full(6, 0.4), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.04]), np.full(6, 0.01), "better: much")
+
+
+def given():
+    return model_file.load("tilt_hexarotor")
+
+
+def step(parent, names, path, trial=None):
+    """The parent with exactly these effects as the next version, written and read again."""
+    values = {"com_offset": [0.004, 0.0, 0.0], "servo_lag": [0.05], "mass": [0.1]}
+    new = parent.with_effects([make_effect(parent.vehicle, n, values[n]) for n in names])
+    made = model_file.next_version(parent, new, command=f"with {names}", path=path, flights=[("a", "1")], trial=trial)
+    model_file.save(made, path, force=True)
+    return model_file.load(path)
+
+
+def test_a_file_without_history_has_none(tmp_path):
+    model = given()
+    assert model.history == ()
+    assert not model_file.changed_since(model)
+    assert "[[history]]" not in model_file.dumps(model)
+
+
+def test_chain_survives_in_the_file(tmp_path):
+    first = step(given(), ["com_offset"], tmp_path / "a.toml", TRIAL)
+    second = step(first, ["com_offset", "servo_lag"], tmp_path / "b.toml")
+    (tmp_path / "a.toml").unlink()
+    third = step(second, ["servo_lag"], tmp_path / "c.toml")
+    versions = third.history
+    assert [v.number for v in versions] == [1, 2, 3, 4]
+    assert [v.names for v in versions] == [(), ("com_offset",), ("com_offset", "servo_lag"), ("servo_lag",)]
+    assert [v.parent for v in versions] == ["", *(v.content for v in versions[:-1])]
+    assert versions[0].content == model_file.content_hash(given())
+    assert versions[0].command == history.GIVEN
+    assert versions[1].flights == (("a", "1"),)
+    np.testing.assert_allclose(versions[1].trial.after, TRIAL.after)
+    np.testing.assert_allclose(versions[1].trial.fall, [0.75, 0.5, 0.25, 0.0, -0.25, 0.9])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", versions[3].date)
+    last = history.changes(versions[2], versions[3])
+    assert [e.effect for e in last.removed] == ["com_offset"]
+    assert last.added == ()
+
+
+def test_history_is_no_part_of_the_content(tmp_path):
+    """A GP knows its model by content: the same vehicle and effects are the same model, however they came about."""
+    model = step(given(), ["com_offset"], tmp_path / "a.toml")
+    back = step(model, [], tmp_path / "b.toml")
+    assert len(back.history) == 3
+    assert model_file.content_hash(back) == model_file.content_hash(given())
+
+
+def test_a_change_by_hand_is_noticed_and_becomes_a_version(tmp_path):
+    path = tmp_path / "a.toml"
+    model = step(given(), ["com_offset"], path)
+    assert not model_file.changed_since(model)
+    path.write_text(re.sub(r"value = 0\.004\b", "value = 0.005", path.read_text(), count=1))
+    edited = model_file.load(path)
+    assert model_file.changed_since(edited)
+    after = step(edited, ["com_offset"], tmp_path / "b.toml")
+    assert [v.command for v in after.history][2] == history.BY_HAND
+    (moved,) = history.changes(*after.history[1:3]).moved
+    assert (moved.effect, moved.before.value, moved.after.value) == ("com_offset", 0.004, 0.005)
+    assert not model_file.changed_since(after)
+
+
+def test_sigmas_are_those_of_the_difference():
+    change = Change("e", Value("x", 1.0, 0.3, "m"), Value("x", 2.0, 0.4, "m"))
+    assert change.sigmas == pytest.approx(2.0)
+    assert Change("e", Value("x", 1.0, None, "m"), Value("x", 2.0, None, "m")).sigmas is None
+
+
+def test_order_in_which_effects_came(tmp_path):
+    first = step(given(), ["servo_lag"], tmp_path / "a.toml")
+    second = step(first, ["com_offset", "servo_lag"], tmp_path / "b.toml")
+    assert history.order_of(second.history, ["com_offset", "mass", "servo_lag"]) == ("mass", "servo_lag", "com_offset")
+
+
+def test_odd_names_survive(tmp_path):
+    made = model_file.next_version(given(), given(), command='say "a\\b"', path=Path('q"uote.toml'))
+    assert model_file.loads(model_file.dumps(made)).history[-1].command == 'say "a\\b"'
+    assert model_file.loads(model_file.dumps(made)).history[-1].file == 'q"uote.toml'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("version = 2", "version = 'two'", "history"),
+        ("before = [", "before = [1.0, ", "held_out.before"),
+        ("content = ", "contents = ", "content: is missing"),
+    ],
+)
+def test_a_damaged_history_is_named(tmp_path, old, new, message):
+    step(given(), ["com_offset"], tmp_path / "a.toml", TRIAL)
+    text = (tmp_path / "a.toml").read_text()
+    head, tail = text.split("version = 2", 1)
+    with pytest.raises(ModelError, match=message):
+        model_file.loads(head + ("version = 2" + tail).replace(old, new, 1))
+
+
+def test_source_of_an_own_effect_stays_with_its_values():
+    source = Provenance(source=Source("mine.py", "0" * 64))
+    effect = replace(make_effect(given().vehicle, "mass", [0.1]), provenance=source)
+    text = model_file.dumps(given().with_effects([effect]))
+    assert model_file.loads(text).effects[0].provenance.source == source.source

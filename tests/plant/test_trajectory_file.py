@@ -1,0 +1,89 @@
+"""Trajectory files: what is written is what is read, and what is wrong is said in one line."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from flight.errors import UsageError
+from plant.moves import Moves, Shake, Shift, Swing, Tilt, Turn
+from plant.trajectory_file import COLUMNS, TrajectoryFile, dumps, load, loads, write_csv
+
+MOVES = (
+    Tilt(0.5, 6.0, np.radians(55.27), np.radians(30.0), 1.8),
+    Turn(1.0, 8.0, np.radians(360.0)),
+    Shift(7.0, 2.0, (0.0, 0.0, -0.5), 0.9),
+    Swing(2.0, 7.0, (0.5, 0.0, 0.1), 2.5, np.radians(90.0), 1.5),
+    Shake(2.0, 7.0, 0.02, np.radians(3.0), 0.3, 2.0, ("x", "yaw"), 1.0, 4),
+)
+FILE = TrajectoryFile("one", Moves(10.0, (0.0, 0.1, 1.5), MOVES), "hexa", {"separates": ["a", "b"]})
+
+
+def test_what_is_written_is_read_and_flies_the_same():
+    again = loads(dumps(FILE))
+    assert again.trajectory.moves[1:4] == MOVES[1:4]
+    assert (again.name, again.vehicle, again.purpose) == (FILE.name, FILE.vehicle, FILE.purpose)
+    time = np.linspace(0.0, 10.0, 500)
+    before, after = FILE.trajectory.at(time), again.trajectory.at(time)
+    for part in ("position_E", "quat_ED", "acceleration_E", "omega_dot_D"):
+        np.testing.assert_allclose(getattr(after, part), getattr(before, part), atol=1e-9)
+
+
+def test_a_file_that_was_read_is_written_as_it_was():
+    text = dumps(FILE)
+    assert dumps(loads(text)) == text
+    assert loads(text).trajectory == loads(dumps(loads(text))).trajectory
+
+
+def test_attitudes_that_follow_the_thrust_survive():
+    plan = Moves(10.0, (0.0, 0.0, 1.0), (MOVES[3],), follows_thrust=True)
+    assert loads(dumps(TrajectoryFile("x", plan))).trajectory.follows_thrust
+
+
+def test_the_table_holds_the_reference(tmp_path):
+    write_csv(FILE, tmp_path / "f.csv", 50.0)
+    with (tmp_path / "f.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    assert tuple(rows[0]) == COLUMNS
+    values = np.array(rows[1:], dtype=float)
+    assert len(values) == 501
+    velocity = np.gradient(values[:, 1:4], values[:, 0], axis=0)[5:-5]
+    np.testing.assert_allclose(velocity, values[5:-5, 8:11], atol=2e-2)
+    np.testing.assert_allclose(np.linalg.norm(values[:, 4:8], axis=1), 1.0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("schema = 1", "schema = 7", "schema: got 7, this version of wrenchgap reads 1"),
+        (
+            "angle_deg = 55.27",
+            "angle_dg = 55.27",
+            r"moves\[0\] \(tilt\): angle_dg is not known; did you mean 'angle_deg'",
+        ),
+        ('kind = "turn"', 'kind = "tun"', r"moves\[1\].kind: got 'tun', available: tilt, turn"),
+        ("duration = 10.0", 'duration = "long"', r"trajectory.duration: got 'long', expected a finite number"),
+        ("duration = 10.0", "duration = 5.0", "after the flight of 5 s"),
+        ("home = [0.0, 0.1, 1.5]", "home = [1.0]", "trajectory.home: got .*, expected three numbers"),
+        ('attitude = "free"', 'attitude = "loose"', "expected one of free, thrust"),
+        ("ramp = 1.8", "ramp = nan", r"ramp: got nan, expected a finite number"),
+        ("ramp = 1.8", "ramp = 4.0", r"moves\[0\]: tilt: ramp is 4 s"),
+        ('axes = ["x", "yaw"]', 'axes = ["x", "jaw"]', "no axis is called 'jaw'"),
+        ("[trajectory]", "[vehicle]", "is a model file, not a trajectory"),
+        ("schema = 1", "schema = ", "is not TOML"),
+    ],
+)
+def test_a_bad_file_is_told_in_one_line_with_its_name(tmp_path, old, new, words):
+    path = tmp_path / "bad.toml"
+    text = dumps(FILE)
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(UsageError, match=words) as error:
+        load(path)
+    assert str(error.value).startswith("bad.toml: ")
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(UsageError, match="cannot be read as a trajectory file: No such file"):
+        load(tmp_path / "gone.toml")

@@ -1,0 +1,137 @@
+"""Versions of a model on the command line: add, remove, history; own effects; what the GP absorbs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plant import effects, model_file
+
+MODEL = "tilt_hexarotor"
+ROOT = Path(__file__).resolve().parents[2]
+ResultOf = Callable[..., dict[str, Any]]
+PAGE = (ROOT / "docs" / "effects" / "your-own.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Any:
+    """The effect of the page docs/effects/your-own.md, as a file."""
+    found = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert found is not None
+    path = tmp_path / "field_torque.py"
+    path.write_text(found[1], encoding="utf-8")
+    yield path
+    effects.forget()
+
+
+def test_history_tells_what_add_and_remove_did(logs: Any, run: Any, result_of: ResultOf, tmp_path: Path) -> None:
+    added = result_of("add", "com_offset", "-m", MODEL, "--from", logs.train, "-o", "a.toml")
+    assert added["model_version"] == 2
+    assert added["held_out"]["verdict"].startswith("better")
+    assert min(added["held_out"]["fall"][3:]) > 0.9
+    assert run("add", "servo_lag", "-m", "a.toml", "--from", logs.train, "-o", "b.toml").exit_code == 0
+    assert run("remove", "com_offset", "-m", "b.toml", "-o", "c.toml").exit_code == 0
+    for name in ("a.toml", "b.toml"):
+        (tmp_path / name).unlink()
+    result = result_of("history", "c.toml")
+    assert result["schema"] == "wrenchgap.history/1"
+    versions = result["versions"]
+    assert [v["version"] for v in versions] == [1, 2, 3, 4]
+    assert [(v["added"], v["removed"]) for v in versions] == [
+        ([], []),
+        (["com_offset"], []),
+        (["servo_lag"], []),
+        ([], ["com_offset"]),
+    ]
+    assert {c["effect"] for c in versions[2]["changed"]} == {"com_offset"}
+    assert all(c["after_std"] > 0 for c in versions[2]["changed"])
+    assert versions[1]["flights"][0]["file"] == "train.mcap"
+    assert versions[1]["command"].startswith("wrenchgap add com_offset --model tilt_hexarotor")
+    assert versions[2]["held_out"]["verdict"].startswith("no clear change")
+    assert versions[3]["held_out"] is None
+    assert not result["changed_by_hand_since"]
+    shown = run("history", "c.toml").stdout
+    for word in ("+ com_offset", "+ servo_lag, ~ com_offset", "- com_offset", "as given: no effects"):
+        assert word in shown
+
+
+def test_history_notices_a_hand_on_the_file(run: Any, result_of: ResultOf, tmp_path: Path) -> None:
+    assert run("add", "-m", MODEL, "--value", "mass=0.1", "-o", "a.toml").exit_code == 0
+    path = tmp_path / "a.toml"
+    path.write_text(path.read_text().replace("mass = 4.0", "mass = 4.1", 1))
+    result = result_of("history", "a.toml")
+    assert result["changed_by_hand_since"]
+    assert "changed by hand after version 2" in result["notes"][0]
+
+
+def test_a_model_without_history_says_so(run: Any, result_of: ResultOf) -> None:
+    assert "no history" in run("history", MODEL).stdout
+    assert result_of("history", MODEL)["versions"] == []
+    assert run("history", "gone.toml").exit_code == 2
+
+
+def test_an_own_effect_flies_is_found_and_is_asked_for(run: Any, result_of: ResultOf, own: Path) -> None:
+    fly = ("simulate", "-m", MODEL, "-t", "multi_axis", "--excitation", 1, "--duration", 14)
+    assert run(*fly, "--effects", own, "--hide", "field_torque=x:0.03,y:0.05", "-o", "f.mcap").exit_code == 0
+    found = result_of(
+        *("explain", "f.mcap", "-m", MODEL, "--effects", own),
+        *("--effects-only", "field_torque,com_offset,constant_wrench,rotor_thrust"),
+    )
+    assert found["effects"] == ["field_torque"]
+    values = {p["name"]: p["value"] for p in found["fitted"][0]["parameters"]}
+    assert values == pytest.approx({"x": 0.03, "y": 0.05, "z": 0.0}, abs=1e-3)
+    assert run("add", "field_torque", "-m", MODEL, "--from", "f.mcap", "--effects", own, "-o", "m.toml").exit_code == 0
+    missing = run("compare", "f.mcap", "-m", "m.toml")
+    assert missing.exit_code == 2
+    assert "--effects field_torque.py" in missing.stderr
+    assert missing.stderr.count("\n") == 1
+    result = result_of("compare", "f.mcap", "-m", "m.toml", "--effects", own)
+    assert result["models"][1]["fall_of_rms"][3] > 0.9
+    unknown = run("add", "field_torque", "-m", MODEL, "--from", "f.mcap", "-o", "n.toml")
+    assert unknown.exit_code == 2  # the file of the last command is not remembered
+    assert "--effects FILE.py" in unknown.stderr
+
+
+def test_an_own_effect_that_fails_is_one_line(run: Any, own: Path, logs: Any) -> None:
+    own.write_text(own.read_text().replace("np.cross(theta,", "np.cros(theta,"))
+    done = run("compare", logs.test, "-m", MODEL, "--effects", own)
+    assert done.exit_code == 2
+    assert re.search(r"field_torque\.py:\d+: AttributeError", done.stderr)
+    assert done.stderr.count("\n") == 1
+
+
+def test_an_own_effect_that_fails_later_is_one_line(run: Any, own: Path, logs: Any, tmp_path: Path) -> None:
+    text = own.read_text().replace("    def apply(self, actuation, wrench_B, theta, context):\n", "{}", 1)
+    trap = "    def apply(self, actuation, wrench_B, theta, context):\n        assert len(wrench_B) < 100\n"
+    own.write_text(text.replace("{}", trap))
+    done = run("add", "field_torque", "-m", MODEL, "--from", logs.train, "--effects", own, "-o", "m.toml")
+    assert done.exit_code == 2
+    assert re.search(r"field_torque\.py:\d+: AssertionError", done.stderr)
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "m.toml").exists()
+
+
+def test_learn_says_what_the_gp_absorbs(logs: Any, run: Any, result_of: ResultOf) -> None:
+    few = ("--points", 40, "--restarts", 0)
+    result = result_of("learn", logs.train, "-m", MODEL, "-o", "t.gp", *few)
+    assert result["absorbs"]["effects"] == ["com_offset"]
+    assert "wrenchgap add com_offset" in result["absorbs"]["summary"]
+    first = result["absorbs"]["tried"][0]
+    assert (first["effect"], first["named"]) == ("com_offset", True)
+    assert first["share"] > 0.9
+    quiet = result_of("learn", logs.train, "-m", MODEL, "-o", "u.gp", *few, "--no-guard")
+    assert quiet["absorbs"] is None
+    nothing = run("learn", logs.ideal, "-m", MODEL, "-o", "v.gp", *few)
+    assert nothing.exit_code == 0
+    assert "absorbs" not in nothing.stdout
+
+
+def test_history_of_a_simulation_s_truth_is_not_that_of_its_model(run: Any) -> None:
+    assert run("add", "-m", MODEL, "--value", "mass=0.1", "-o", "a.toml").exit_code == 0
+    fly = ("simulate", "-m", "a.toml", "-t", "hover", "--duration", 2, "--hide", "mass=added:0.2", "-o", "h.mcap")
+    assert run(*fly, "--truth", "t.toml").exit_code == 0
+    assert model_file.load("t.toml").history == ()

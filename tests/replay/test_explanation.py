@@ -1,0 +1,238 @@
+"""What `explain` found, in words, in commands that work, in a table, and as the JSON that docs/json.md promises."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import shlex
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from learn.explain import Explanation, explain
+from learn.fit import Dataset, dataset
+from learn.relevance import GroupRelevance, Relevance
+from learn.swing import Swing
+from plant import model_file
+from plant.effects import find
+from replay import tables
+from replay.explanation import not_tried, sentence, to_json, what_next
+from replay.flights import open_flights
+from replay.results import VERSIONS
+
+MODEL = "tilt_hexarotor"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "json.md"
+
+
+def data_of(path: Path) -> Dataset:
+    model = model_file.load(MODEL)
+    return dataset([r for f in open_flights([path], model) for r in f.records], model)
+
+
+@pytest.fixture(scope="module")
+def named(logs: Any) -> Explanation:
+    """A centre-of-mass offset of (-4, 7, -5) mm."""
+    return explain(data_of(logs.train), model_file.load(MODEL), names=("com_offset", "mass", "battery_sag"))
+
+
+@pytest.fixture(scope="module")
+def grouped(logs: Any) -> Explanation:
+    """6 % less of everything: thin air, or lower rotors that lose 12 %."""
+    data = data_of(logs.ideal)
+    less = replace(data, measured=0.94 * data.measured)
+    return explain(less, model_file.load(MODEL), names=("thrust_scale", "coaxial_loss", "com_offset"))
+
+
+@pytest.fixture(scope="module")
+def nothing(logs: Any) -> Explanation:
+    return explain(data_of(logs.ideal), model_file.load(MODEL), names=("com_offset", "mass"))
+
+
+def heading(explained: float) -> Relevance:
+    group = GroupRelevance("heading", "heading", ("sin", "cos"), 0.6, 0.5, np.zeros(6), np.zeros(6), 9.0, 1)
+    other = replace(group, name="height", label="height", step=0)
+    return Relevance((group, other), explained, np.zeros(6), {})
+
+
+def swinging(found: Explanation) -> Explanation:
+    return replace(found, verdict="unknown", swing=Swing(0.724, 0.012, "E", 0.75, 2.3))
+
+
+# ---------------------------------------------------------------- words
+
+
+def test_an_effect_is_told_with_its_values_and_how_sure(named: Explanation) -> None:
+    words = sentence(named)
+    assert named.verdict == "effect"
+    assert words.startswith("Explained by com_offset (")
+    told = {axis: float(value) for axis, value in re.findall(r"\b([xyz]) (-?[\d.]+) m\b", words)}
+    assert told == pytest.approx({"x": -0.004, "y": 0.007, "z": -0.005}, abs=2e-4)
+    assert f"{100 * named.probability(named.members[0]):.0f} % sure" in words
+    assert "cannot tell apart" not in words
+
+
+def test_of_many_parameters_the_ones_that_stand_out_are_told(named: Explanation) -> None:
+    """Twelve rotors, one of them weak and one a little."""
+    rotors = [("rotor_thrust", p) for p in find("rotor_thrust").parameters(named.model.vehicle)]
+    loss = np.full(12, 0.001)
+    loss[[3, 8]] = -0.2, -0.1
+    fitted = replace(named.fit, parameters=tuple(rotors), theta=loss, covariance=1e-6 * np.eye(12))
+    member = replace(named.members[0], name="rotor_thrust")
+    assert "rotor_thrust (rotor_3 -0.2, rotor_8 -0.1)," in sentence(replace(named, members=(member,), fit=fitted))
+
+
+def test_the_largest_remaining_error_is_counted_in_noise(named: Explanation) -> None:
+    """0.5 N is little beside 0.1 Nm where the gyroscope is a hundred times better."""
+    noise = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3])
+    one = replace(named, noise=noise, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 0.1, 1e-3]))
+    assert "torque_y, 0.1 Nm rms (sensor noise 0.001)" in sentence(one)
+    two = replace(one, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 1e-3, 1e-3]))
+    assert "force_x, 0.5 N rms (sensor noise 0.1)" in sentence(two)
+
+
+def test_a_group_is_told_as_one_or_the_other(grouped: Explanation) -> None:
+    assert grouped.verdict == "group"
+    assert set(grouped.groups[0]) == {"thrust_scale", "coaxial_loss"}
+    assert f"cannot tell apart: {' or '.join(grouped.groups[0])}." in sentence(grouped)
+
+
+def test_nothing_is_told_as_nothing(nothing: Explanation) -> None:
+    assert nothing.verdict == "nothing"
+    assert sentence(nothing).startswith("Nothing is missing that these logs can show.")
+    assert what_next(nothing, MODEL, "a.mcap") == []
+
+
+def test_what_is_unknown_is_told_with_every_clue(named: Explanation, nothing: Explanation) -> None:
+    found = replace(swinging(named), depends=heading(0.62), concentrated=0.81)
+    words = sentence(found)
+    assert words.startswith("Partly explained by com_offset")
+    assert "more is missing than the catalogue can explain." in words
+    assert " Something swings at 0.72 Hz (damping 0.012, 75 % of what is left)" in words
+    assert "What is left depends on heading (62 % of it" in words
+    assert "height" not in words  # looked at, and not chosen
+    assert "81 % of what is left sits in a tenth of the time" in words
+    without = sentence(replace(nothing, verdict="unknown"))
+    assert without.startswith("Something is missing, but no effect of the catalogue explains it.")
+    assert "swings" not in without
+    assert "depends" not in without
+
+
+# ---------------------------------------------------------------- what next
+
+
+def commands(lines: list[str]) -> list[list[str]]:
+    """The commands in these lines, as arguments."""
+    return [shlex.split(re.sub(r".*?\bwrenchgap ", "", line, count=1)) for line in lines]
+
+
+def test_the_command_that_is_told_adds_what_was_found(
+    named: Explanation, logs: Any, run: Callable[..., Any], result_of: Callable[..., dict[str, Any]]
+) -> None:
+    (command,) = commands(what_next(named, MODEL, str(logs.train)))
+    assert run(*command).exit_code == 0
+    (effect,) = model_file.load("fitted.toml").effects
+    assert effect.name == "com_offset"
+    np.testing.assert_allclose(effect.theta, [-0.004, 0.007, -0.005], atol=2e-4)
+    after = result_of("compare", logs.test, "-m", "fitted.toml")["models"][-1]
+    assert min(after["fall_of_rms"][3:]) > 0.9
+
+
+def test_a_group_is_told_the_flight_that_separates_it_first(grouped: Explanation) -> None:
+    design, add = commands(what_next(grouped, MODEL, "a.mcap b.mcap"))
+    assert design[0] == "design"
+    assert set(design[1:3]) == {"thrust_scale", "coaxial_loss"}
+    assert design[3:] == ["-m", MODEL, "--from", "a.mcap", "b.mcap", "-o", "separate.toml"]
+    assert add[:2] == ["add", grouped.effects[0]]
+
+
+def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named: Explanation, nothing: Explanation) -> None:
+    look, add = commands(what_next(swinging(named), MODEL, "a.mcap"))
+    assert look[:2] == ["where", "a.mcap"]
+    assert add[:2] == ["add", "com_offset"]
+    assert [c[0] for c in commands(what_next(replace(nothing, verdict="unknown"), MODEL, "a.mcap"))] == ["where"]
+
+
+def test_what_could_not_be_tried_is_listed_by_reason(named: Explanation) -> None:
+    ((reason, names),) = not_tried(named).items()
+    assert names == ["battery_sag"]
+    assert "--topic battery=" in reason
+    assert "effect battery_sag" not in reason
+
+
+# ---------------------------------------------------------------- table
+
+
+@pytest.mark.parametrize("which", ["named", "grouped"])
+def test_table_of_members_fits_a_terminal(which: str, request: pytest.FixtureRequest) -> None:
+    found = request.getfixturevalue(which)
+    out = io.StringIO()
+    Console(file=out, width=100, color_system=None).print(tables.members(found))
+    text = out.getvalue()
+    assert max(map(len, text.splitlines())) <= 100
+    for member in found.members:
+        (line,) = [line for line in text.splitlines() if line.split()[:1] == [member.name]]
+        assert f"{100 * found.probability(member):.0f} %" in line
+        assert f"{100 * member.share:.0f} %" in line
+        for other in member.alike:
+            assert f"{other.name} (cos {other.cosine:.2f})" in line
+
+
+# ---------------------------------------------------------------- JSON
+
+
+def documented() -> tuple[set[str], str]:
+    """Keys of the result of explain that docs/json.md lists, and the section's text."""
+    section = DOCS.read_text(encoding="utf-8").split("\n## explain\n")[1].split("\n## ")[0]
+    heads = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
+    whole = [head for head in heads if not re.match(r" `\w+(\[\])?\.", head)]
+    return {key for head in whole for key in re.findall(r"`(\w+)`", head)}, section
+
+
+def test_json_has_the_keys_that_are_documented_and_no_others(
+    logs: Any, result_of: Callable[..., dict[str, Any]]
+) -> None:
+    result = result_of("explain", logs.train, "-m", MODEL, "--effects-only", "com_offset,mass,constant_wrench")
+    assert result["schema"] == "wrenchgap.explain/2"
+    assert VERSIONS["explain"] == 2
+    keys, _ = documented()
+    assert set(result) - {"schema", "version", "inputs", "notes"} == keys
+    assert result["validation"] is None
+
+
+def test_json_tells_what_the_explanation_holds(grouped: Explanation) -> None:
+    body = json.loads(json.dumps(to_json(grouped, None), default=np.ndarray.tolist))
+    _, section = documented()
+    assert [m["effect"] for m in body["members"]] == body["effects"] == list(grouped.effects)
+    shares = [m["share"] for m in body["members"]]
+    assert shares == sorted(shares, reverse=True)
+    for member, listed in zip(grouped.members, body["members"], strict=True):
+        assert listed["group"] == [member.name, *(r["effect"] for r in listed["rivals"] if r["alike"])]
+        assert 0 < listed["probability"] < 1
+        assert set(listed) <= words(section)
+        for rival in listed["rivals"]:
+            assert set(rival) <= words(section)
+    assert body["groups"] == [m["group"] for m in body["members"] if len(m["group"]) > 1]
+    assert body["summary"] == sentence(grouped)
+    assert body["left"]["over_noise"] == grouped.left
+    assert set(body["left"]) <= words(section)
+
+
+def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named: Explanation) -> None:
+    found = replace(swinging(named), depends=heading(0.62))
+    left = json.loads(json.dumps(to_json(found, None), default=np.ndarray.tolist))["left"]
+    _, section = documented()
+    assert left["swing"]["frequency_hz"] == 0.724
+    assert left["swing"]["words"] == found.swing.words  # type: ignore[union-attr]
+    assert set(left["swing"]) <= words(section)
+    assert [g["name"] for g in left["depends_on"]["groups"] if g["chosen"]] == ["heading"]
+    assert to_json(named, None)["left"]["swing"] is None
+
+
+def words(text: str) -> set[str]:
+    return set(re.findall(r"\w+", text))

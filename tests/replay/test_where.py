@@ -1,0 +1,122 @@
+"""`wrenchgap where` as a user runs it, and the figures it draws."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flight.flight import AXES
+from plant import model_file
+from replay.flights import open_flights
+from replay.where import Where, examine, summary
+from replay.where_figures import budget_figure, correlation_figure, grid_figure, maps_figure
+
+MODEL = "tilt_hexarotor"
+
+
+@pytest.fixture(scope="module")
+def found(logs: Any) -> Where:
+    """The flight with a hidden offset of the centre of mass."""
+    model = model_file.load(MODEL)
+    return examine(open_flights([logs.train], model), model)
+
+
+def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found: Where) -> None:
+    """M = -r x F: a function of the commanded force alone, which a process of the command takes off entirely."""
+    shares = found.budget.shares()
+    assert (shares["process"][3:] > 0.9).all()
+    assert found.budget.source == "fitted"
+    assert found.relevance.chosen[0].name in {"attitude", "command"}
+    assert not any(a.white for a in found.whiteness.autocorrelation if a.axis.startswith("torque"))
+    assert len(summary(found)) == 4
+
+
+def test_what_is_left_of_the_right_model_is_noise(logs: Any, run: Any, tmp_path: Path) -> None:
+    """With the effect in the model, its part is the physics' part, and nothing is left to map."""
+    assert run("add", "-m", MODEL, "--value", "com_offset=-0.004,0.007,-0.005", "-o", "good.toml").exit_code == 0
+    model = model_file.load(tmp_path / "good.toml")
+    found = examine(open_flights([logs.test], model), model)
+    assert found.name == "good"
+    assert (found.budget.shares()["physics"][3:] > 0.9).all()
+    assert found.budget.whole()["unexplained"] < 0.05
+    assert [d.name for d in found.failure_map.significant if d.score > 0.2] == []
+    assert found.rms == pytest.approx(np.sqrt(found.budget.nominal - found.budget.physics))
+
+
+def test_command_prints_writes_and_draws(logs: Any, run: Any, result_of: Callable[..., Any], tmp_path: Path) -> None:
+    assert (
+        run("learn", logs.train, "-m", MODEL, "--points", 40, "--outputs", "torque_x,torque_z", "-o", "t.gp").exit_code
+        == 0
+    )
+    result = result_of("where", logs.test, logs.train, "-m", MODEL, "--gp", "t.gp", "--figure", "w.png")
+    assert result["schema"] == "wrenchgap.where/1"
+    assert [i["role"] for i in result["inputs"]] == ["log", "log", "model", "gp"]
+    assert result["axes"] == list(AXES)
+    assert result["flights"] == ["test", "train"]
+    assert result["model"] == "nominal+GP"
+    assert any("learnt on train" in note for note in result["notes"])
+    budget = result["budget"]["mean_square"]
+    assert result["budget"]["process_source"] == "given"
+    assert np.sum([budget[k] for k in ("noise", "physics", "process", "unexplained")], axis=0) == pytest.approx(
+        np.array(budget["nominal"])
+    )
+    assert budget["process"][4] == 0.0  # not among the outputs of the GP
+    assert budget["process"][3] > 0.0
+    quantities = result["failure_map"]["quantities"]
+    assert {q["quantity"] for q in quantities} >= {"tilt", "thrust", "rate", "speed", "height", "time", "arm_rate"}
+    for q in quantities:
+        assert sum(q["bins"]["time_share"]) == pytest.approx(1.0)
+    assert [row["quantity"] for row in result["failure_map"]["lacking"]] == ["voltage"]
+    assert all(0.5 < s["stop"] - s["start"] < 1.5 for s in result["worst"])
+    assert len(result["whiteness"]["autocorrelation"]) == 6
+    assert {g["name"] for g in result["relevance"]["groups"]} >= {"command", "heading", "height", "velocity"}
+    assert (tmp_path / "w.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_is_printed_says_what_was_found(logs: Any, run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
+    done = run("where", logs.train, "-m", MODEL, "--between", "1:11")
+    assert done.exit_code == 0, done.output
+    for words in ("error budget", "unexplained", "is worst", "is the residual white?", "not mapped: voltage"):
+        assert words in done.output
+    assert max(len(line.rstrip()) for line in done.output.splitlines()) <= 120
+    assert run("where", logs.train, "-m", MODEL, "--between", "1:7", "--quiet").output == ""
+
+
+def test_every_figure_can_be_drawn_alone(found: Where) -> None:
+    for draw in (budget_figure, maps_figure, grid_figure, correlation_figure):
+        figure = draw(found)
+        figure.canvas.draw()
+        assert figure.axes
+
+
+def test_plain_all_the_way(found: Where) -> None:
+    """What it hands out is JSON already, but for what is not a number."""
+    again = json.loads(json.dumps(found.to_json()))
+    assert again["model"] == "nominal"
+    assert again["summary"] == list(summary(found))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("gone.mcap", "-m", MODEL), "gone.mcap"),
+        (("LOG", "-m", "no_such_model"), "no_such_model"),
+        (("LOG", "-m", MODEL, "--cutoff", "0"), "positive number of Hz"),
+        (("LOG", "-m", MODEL, "--between", "5:2"), "T0 before T1"),
+        (("LOG", "-m", MODEL, "--gp", "LOG"), "mcap"),
+        (("LOG", "-m", MODEL, "--figure", "LOG"), "is one of the inputs"),
+        (("LOG", "-m", MODEL, "--figure", "no/where.png"), "does not exist"),
+        (("LOG", "LOG", "-m", MODEL), "is the same flight"),
+    ],
+)
+def test_bad_input_is_one_line(logs: Any, run: Any, arguments: tuple[str, ...], words: str) -> None:
+    done = run("where", *(logs.test if a == "LOG" else a for a in arguments))
+    assert done.exit_code == 2
+    assert words in done.output
+    assert "Traceback" not in done.output
