@@ -28,6 +28,23 @@ class Stretch:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """How a second vehicle moves, to be drawn as a ghost: on the clock of the flight that it is compared with.
+
+    time (K,) [s]                       strictly increasing
+    position_E (K, 3), quat_EB (K, 4)   its body
+    tilt (K, A) [rad]                   angles of its arms, None where unknown
+    words                               what it is, in a few words, e.g. "without compensation"
+    """
+
+    time: Array
+    position_E: Array
+    quat_EB: Array
+    tilt: Array | None = None
+    words: str = ""
+
+
+@dataclass(frozen=True)
 class Scene:
     """One flight, K instants at `time` (K,) [s], strictly increasing; gaps are jumps of it.
 

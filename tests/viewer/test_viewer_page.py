@@ -66,7 +66,7 @@ def page(vehicle):
 
 def test_body_and_reference_stand_where_the_log_says(page):
     for at in (0.0, 1.7, 3.98):
-        page.time = at
+        page.cursor.go(at)
         k = int(np.argmin(np.abs(TIME - at)))
         assert np.asarray(page.drawing.body.position) == pytest.approx(scene().position_E[k])
         assert np.asarray(page.drawing.body.wxyz) == pytest.approx(scene().quat_EB[k])
@@ -76,7 +76,7 @@ def test_body_and_reference_stand_where_the_log_says(page):
 
 
 def test_arms_point_their_thrust_as_the_plant_does(page, vehicle):
-    page.time = 3.0
+    page.cursor.go(3.0)
     k = int(np.argmin(np.abs(TIME - 3.0)))
     still = np.zeros((1, len(vehicle.rotors)))
     normals = Actuation(vehicle, scene().tilt[k : k + 1], still, still).arm_normal_B[0]
@@ -94,10 +94,10 @@ def test_arm_frames_are_right_handed_for_any_thrust_direction(vehicle):
 
 
 def test_arrows_follow_the_wrenches_and_hide_what_is_unknown(page):
-    page.time = 0.5
+    page.cursor.go(0.5)
     assert page.drawing.arrows["force", "commanded"].visible
     assert not page.drawing.arrows["force", "measured"].visible
-    page.time = 3.0
+    page.cursor.go(3.0)
     lengths = {
         name: np.linalg.norm(np.diff(page.drawing.arrows["force", name].points[0], axis=0))
         for name in ("commanded", "measured")
@@ -112,7 +112,7 @@ def test_arrows_follow_the_wrenches_and_hide_what_is_unknown(page):
 
 
 def test_plots_hold_the_torques_and_a_mark_at_the_instant_shown(page):
-    page.time = 2.5
+    page.cursor.go(2.5)
     time, commanded, measured, mark = page.plots[0].data
     assert time[0] == pytest.approx(1.0), "where the measurement is unknown there is nothing to compare"
     assert commanded == pytest.approx(0.1 * (1.0 + time))
@@ -122,18 +122,18 @@ def test_plots_hold_the_torques_and_a_mark_at_the_instant_shown(page):
 
 
 def test_another_flight_replaces_the_first(page):
-    page.time = 2.0
+    page.cursor.go(2.0)
     page.choice.value = "two"
-    assert page.time == 0.0
+    assert page.cursor.time == 0.0
     assert np.asarray(page.drawing.body.position) == pytest.approx([11.0, 10.0, 11.0])
 
 
 def test_playing_moves_on_and_starts_again_at_the_end(page):
-    page.time = 3.9
+    page.cursor.go(3.9)
     page.speed.value = "5"
     page.playing.value = True
-    seen = {page.time}
-    deadline = eventually(lambda: seen.add(page.time) or any(t < 1.0 for t in seen))
+    seen = {page.cursor.time}
+    deadline = eventually(lambda: seen.add(page.cursor.time) or any(t < 1.0 for t in seen))
     page.playing.value = False
     assert deadline, f"played {sorted(seen)}"
 
@@ -156,7 +156,7 @@ def test_page_is_served_on_this_machine_only_and_stops(vehicle):
         assert answer.status == 200
     made.stop()
     assert eventually(lambda: _refused(host, port)), "the port is still open"
-    assert not made._player.is_alive()
+    assert not made.cursor.alive
 
 
 def _refused(host, port) -> bool:
@@ -175,7 +175,7 @@ def test_vehicle_of_which_only_the_wrench_is_known_is_drawn():
     plain = Vehicle("plain", Body(0.04, np.diag([16e-6, 16e-6, 29e-6]), np.zeros(3)), None, None, np.zeros(3))
     made = Page(Two(plain), port=0)
     try:
-        made.time = 1.0
+        made.cursor.go(1.0)
         assert made.drawing.arms == []
         assert 0.03 < made.drawing.size < 0.2
         assert np.asarray(made.drawing.body.position)[2] == pytest.approx(1.1)

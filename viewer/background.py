@@ -1,0 +1,75 @@
+"""Long work beside the page: one thread a job, progress and result handed back under the page's lock."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from flight.errors import WrenchgapError
+
+T = TypeVar("T")
+Report = Callable[[float, str], None]
+"""Says how far a job is: its share done, 0 to 1, and what it does at present."""
+
+
+class Job(threading.Thread):
+    """Work that runs; `cancel` makes its next report raise `Cancelled`, so that it ends there."""
+
+    def __init__(self, name: str, run: Callable[[Job], None]) -> None:
+        super().__init__(name=name, daemon=True)
+        self.cancelled = False
+        self._run = run
+
+    def run(self) -> None:
+        """Do it."""
+        self._run(self)
+
+    def cancel(self) -> None:
+        """Ask it to end at its next report; its result is thrown away."""
+        self.cancelled = True
+
+
+class Cancelled(Exception):
+    """Raised inside a job that nobody waits for any more."""
+
+
+def start(
+    function: Callable[[Report], T],
+    on_progress: Report,
+    on_done: Callable[[T], None],
+    on_error: Callable[[Exception], None],
+    lock: Any,
+) -> Job:
+    """Run `function(report)` on a thread of its own; the other three are called from there, under `lock`."""
+
+    def run(job: Job) -> None:
+        def report(share: float, words: str = "") -> None:
+            with lock:
+                if job.cancelled:
+                    raise Cancelled
+                on_progress(share, words)
+
+        try:
+            result = function(report)
+        except Cancelled:
+            return
+        except Exception as error:  # whatever it is, the page must live on and say so
+            with lock:
+                if not job.cancelled:
+                    on_error(error)
+            return
+        with lock:
+            if not job.cancelled:
+                on_done(result)
+
+    job = Job(getattr(function, "__name__", "work"), run)
+    job.start()
+    return job
+
+
+def told(error: Exception) -> str:
+    """An error in one line for a user."""
+    if isinstance(error, WrenchgapError):
+        return str(error)
+    return f"internal error ({type(error).__name__}: {error}); the page goes on, please report it"
