@@ -4,22 +4,28 @@ compensator = Compensator(gp)
 while flying:
     wrench_des = controller(...)
     wrench_cmd = compensator.step(wrench_des).wrench_cmd
+
+Models that depend on more than the command (`plant.mismatch.Follows`) are also given the state:
+`compensator.step(wrench_des, state)`. With `physics`, the process corrects only what the named effects leave, and the
+uncertainty filter lets go of that part alone: far from the data the physics stays.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compensate.optimiser import Optimiser
+from compensate.optimiser import Optimiser, linearisation
+from compensate.physics import PhysicsMismatch
 from compensate.uncertainty import default_filter
 from flight.errors import UsageError
 from flight.flight import AXES
-from plant.mismatch import KnowsItsData, MismatchModel, output_indices
+from plant.mismatch import Follows, KnowsItsData, MismatchModel, output_indices
+from plant.state import State
 
 Array = NDArray[np.float64]
 
@@ -40,8 +46,8 @@ class Settings:
     """How to compensate. None asks for the default that the model suggests.
 
     dt                period at which `step` is called [s]
-    correction_max    (6,) largest absolute correction [N, Nm]; default three times the largest mismatch in the
-                      training data, unbounded for a model that does not know its data
+    correction_max    (6,) largest absolute correction [N, Nm] beyond that of the physics; default three times the
+                      largest mismatch in the training data, unbounded for a model that does not know its data
     accept            J below which an optimum counts as a solution; default the paper's 1e-4 (0.01 Nm), or less for
                       a small vehicle: the square of 2 % of the largest mismatch in the training data
     regulariser       weight of the squared torque correction in the search
@@ -118,18 +124,28 @@ class Compensator:
     correction. Equal sequences of desired wrenches give equal results.
     """
 
-    def __init__(self, model: MismatchModel, settings: Settings | None = None) -> None:
-        self.model = model
+    def __init__(
+        self,
+        model: MismatchModel | Follows,
+        settings: Settings | None = None,
+        *,
+        physics: PhysicsMismatch | None = None,
+    ) -> None:
+        self.model, self.physics = model, physics
         self.settings = settings or Settings()
+        outputs = model.outputs
+        if physics is not None and physics.outputs != outputs:
+            raise UsageError(f"compensate: physics on {physics.outputs}, the model on {outputs}; they must agree")
         bound = _bounds(model, self.settings)
         self._optimiser = Optimiser(
-            model=model,
             lower=-bound,
             upper=bound,
             accept=_accept(model, self.settings),
             regulariser=self.settings.regulariser,
             max_evaluations=self.settings.max_evaluations,
         )
+        everywhere = np.where(bound > 0, np.inf, 0.0)
+        self._unbounded = replace(self._optimiser, lower=-everywhere, upper=everywhere)
         self.uncertainty = default_filter(
             model,
             decay=math.exp(-self.settings.dt / self.settings.decay_time),
@@ -142,35 +158,90 @@ class Compensator:
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
         self._optimum = np.zeros(len(AXES))
-        self._correction = np.zeros(len(AXES))
+        self._correction = np.zeros(len(AXES))  # less that of the physics
+        self._known = np.zeros(len(AXES))  # correction of the physics alone
+        self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else _Fixed(m) for m in self._parts]
 
-    def step(self, wrench_des: ArrayLike) -> Result:
-        """Command for the desired wrench (6,) [N, Nm]. Raises UsageError on anything but six finite numbers.
+    @property
+    def _parts(self) -> list[MismatchModel | Follows]:
+        return [self.model] if self.physics is None else [self.physics, self.model]
 
-        Trouble of the solver or the model never raises: the optimum is then zero and `Result.trouble` says why.
+    def step(self, wrench_des: ArrayLike, state: State | None = None) -> Result:
+        """Command for the desired wrench (6,) [N, Nm], in this state (N = 1) where the model needs it.
+
+        Raises UsageError on anything but six finite numbers, or without a state that is needed. Trouble of the solver
+        or the model never raises: the optimum is then zero and `Result.trouble` says why.
         """
         started = perf_counter()
         wrench = _checked(wrench_des)
-        optimum = self._optimiser.solve(wrench, self._optimum)
+        here = [f.here(state) for f in self._following]
+        iterations = 0
+        if len(here) > 1:
+            known = self._unbounded.solve(here[0], wrench, self._known)
+            self._known, iterations = known.correction, known.iterations
+        model = _Sum(*here) if len(here) > 1 else here[0]
+        optimum = self._optimiser.solve(model, wrench, self._optimum, self._known)
         with np.errstate(all="ignore"):
-            sigma = self.uncertainty.sigma(self.model.std((wrench + optimum.correction)[None])[0])
+            sigma = self.uncertainty.sigma(here[-1].std((wrench + optimum.correction)[None])[0])
         trouble, beta = optimum.trouble, self.uncertainty.beta(sigma)
         if not math.isfinite(sigma):
             beta, trouble = 1.0, trouble or "the model's standard deviation is not finite: correction distrusted"
         self._optimum = optimum.correction
-        self._correction = self.uncertainty.filtered(optimum.correction, self._correction, beta)
+        self._correction = self.uncertainty.filtered(optimum.correction - self._known, self._correction, beta)
+        correction = self._known + self._correction
+        command = wrench + correction
+        for follower in self._following:
+            follower.sent(command)
         return Result(
-            wrench_cmd=wrench + self._correction,
-            correction=self._correction.copy(),
+            wrench_cmd=command,
+            correction=correction,
             optimum=optimum.correction.copy(),
             sigma=sigma,
             beta=beta,
             cost=optimum.cost,
-            iterations=optimum.iterations,
+            iterations=iterations + optimum.iterations,
             accepted=optimum.accepted,
             trouble=trouble,
             solve_time=perf_counter() - started,
         )
+
+
+@dataclass(frozen=True)
+class _Fixed:
+    """A model that depends on the command alone, as a `Follower`."""
+
+    model: MismatchModel
+
+    def here(self, state: State | None, /) -> MismatchModel:
+        return self.model
+
+    def sent(self, wrench_cmd: Array, /) -> None:
+        pass
+
+
+@dataclass(frozen=True)
+class _Sum:
+    """Two mismatch models on top of each other; only the second is uncertain."""
+
+    physics: MismatchModel
+    process: MismatchModel
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return self.process.outputs
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        return self.physics.mean(wrench_cmd) + self.process.mean(wrench_cmd)
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        return self.process.std(wrench_cmd)
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        return self.physics.jacobian(wrench_cmd) + self.process.jacobian(wrench_cmd)
+
+    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
+        (mean, slope), (more, steeper) = (linearisation(m)(wrench_cmd) for m in (self.physics, self.process))
+        return mean + more, slope + steeper
 
 
 def _checked(wrench_des: ArrayLike) -> Array:
@@ -185,7 +256,7 @@ def _checked(wrench_des: ArrayLike) -> Array:
     return wrench
 
 
-def _accept(model: MismatchModel, settings: Settings) -> float:
+def _accept(model: MismatchModel | Follows, settings: Settings) -> float:
     """J below which an optimum is accepted."""
     if settings.accept is not None:
         return settings.accept
@@ -195,7 +266,7 @@ def _accept(model: MismatchModel, settings: Settings) -> float:
     return min(ACCEPT, share) if share > 0 else ACCEPT
 
 
-def _bounds(model: MismatchModel, settings: Settings) -> Array:
+def _bounds(model: MismatchModel | Follows, settings: Settings) -> Array:
     """Largest absolute correction (6,), zero where the model has no output."""
     rows = output_indices(model.outputs)
     bound = np.zeros(len(AXES))

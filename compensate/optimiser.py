@@ -60,7 +60,7 @@ class _Search:
     """
 
     def __init__(self, model: MismatchModel, wrench_des: Array, rows: NDArray[np.intp], regulariser: float) -> None:
-        self.linearise = _linearisation(model)
+        self.linearise = linearisation(model)
         self.wrench_des = wrench_des
         self.rows = rows
         self.weight = regulariser * TORQUES[rows]
@@ -108,7 +108,7 @@ class _Search:
         return value
 
 
-def _linearisation(model: MismatchModel) -> Callable[[Array], tuple[Array, Array]]:
+def linearisation(model: MismatchModel) -> Callable[[Array], tuple[Array, Array]]:
     """Mean and Jacobian of the model in one call."""
     if isinstance(model, Linearises):
         return model.mean_and_jacobian
@@ -125,25 +125,28 @@ class Optimiser:
     max_evaluations  of the model in one search
     """
 
-    model: MismatchModel
     lower: Array
     upper: Array
     accept: float = 1e-4
     regulariser: float = 0.0
     max_evaluations: int = 100
 
-    def solve(self, wrench_des: Array, start: Array) -> Optimum:
-        """Optimum for `wrench_des` (6,), searched from the correction `start` (6,), and from zero where that fails.
+    def solve(self, model: MismatchModel, wrench_des: Array, start: Array, centre: Array | None = None) -> Optimum:
+        """Optimum of `model` for `wrench_des` (6,): searched from the correction `start` (6,), else from zero.
+
+        The bounds are around `centre` (6,), by default zero.
 
         Never raises for numerical trouble: the correction is then zero and `trouble` says why.
         """
-        rows = output_indices(self.model.outputs)
+        rows = output_indices(model.outputs)
         zero = np.zeros(len(AXES))
         try:
-            search = _Search(self.model, wrench_des, rows, self.regulariser)
-            trouble = self._descend(search, start[rows])
+            search = _Search(model, wrench_des, rows, self.regulariser)
+            box = (self.lower, self.upper) if centre is None else (self.lower + centre, self.upper + centre)
+            lower, upper = box[0][rows], box[1][rows]
+            trouble = self._descend(search, start[rows], lower, upper)
             if search.best_cost >= self.accept and start[rows].any():
-                trouble = self._descend(search, zero[rows])
+                trouble = self._descend(search, zero[rows], lower, upper)
             cost = search.best_cost
             cost_of_zero = np.inf if cost < self.accept else search.cost(zero[rows])
         except (FloatingPointError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -156,9 +159,8 @@ class Optimiser:
             return Optimum(correction, cost, False, search.evaluations, trouble)
         return Optimum(zero, cost_of_zero, False, search.evaluations, trouble)
 
-    def _descend(self, search: _Search, start: Array) -> str:
+    def _descend(self, search: _Search, start: Array, lower: Array, upper: Array) -> str:
         """One L-BFGS search, whose best point `search` remembers; says what nlopt complained about."""
-        lower, upper = self.lower[search.rows], self.upper[search.rows]
         descent = nlopt.opt(nlopt.LD_LBFGS, len(start))
         descent.set_min_objective(search.objective)
         descent.set_lower_bounds(lower)

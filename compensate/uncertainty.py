@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from plant.mismatch import KnowsItsData, MismatchModel
+from plant.mismatch import Follows, KnowsItsData, MismatchModel
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class UncertaintyFilter:
 
 
 def default_filter(
-    model: MismatchModel, decay: float, threshold: float | None, kappa: float | None, normalise: bool | None
+    model: MismatchModel | Follows, decay: float, threshold: float | None, kappa: float | None, normalise: bool | None
 ) -> UncertaintyFilter:
     """Filter with the defaults of this module where `threshold` and `kappa` are None.
 

@@ -10,7 +10,11 @@ X (N, D) the training inputs, and for each output
     var       = k(x, x) + s_n^2 - |C^-1 k(X, x)|^2                  C C^T = K + s_n^2 I
     dmean/dx_d = b_d + sum_n alpha_n k(x, X_n) (X_nd - x_d) / l_d^2
 
-GPy estimates the hyperparameters (`learn.train`); nothing here needs it.
+A sparse posterior (Titsias 2009, `learn.sparse`) brings its own `weights` in place of alpha and its own `whitener` in
+place of C^-1; its X are the inducing inputs.
+
+Inputs are the six components of the command, and where `settings.inputs` says so the groups of
+`plant.mismatch_inputs` behind them. GPy estimates the hyperparameters (`learn.train`); nothing here needs it.
 """
 
 from __future__ import annotations
@@ -23,12 +27,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from flight.errors import FitError
+from flight.errors import FitError, UsageError
+from flight.flight import AXES
 from learn.subsample import Method, Scale
-from plant.mismatch import output_indices
+from plant import mismatch_inputs
+from plant.effects.lag import LagMemory
+from plant.mismatch import MismatchModel, output_indices
+from plant.state import State
 
 Array = NDArray[np.float64]
-MeanKind = Literal["zero", "constant", "linear"]
+MeanKind = Literal["zero", "constant", "linear", "physics"]
+Inference = Literal["exact", "sparse"]
 
 JITTER = 1e-8
 """Added to the noise variance of the standardised output wherever K is factored, as GPy does."""
@@ -47,7 +56,9 @@ class LogSource:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a fitted model comes from. `physics` names the model whose remaining mismatch was learnt."""
+    """Where a fitted model comes from. `physics` names the effects whose remainder was learnt, and `warnings` are what
+    `learn` found wrong with it.
+    """  # noqa: D205
 
     vehicle: str = ""
     model_hash: str = ""
@@ -56,6 +67,7 @@ class Provenance:
     logs: tuple[LogSource, ...] = ()
     version: str = ""
     date: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -66,7 +78,11 @@ class FitSettings:
     method    k-medoids library; `pyclustering` is the paper's
     scale     inputs standardised for the distance between samples, or raw as in the paper
     mean      "zero" is the paper's and returns to zero off the data; "constant" and "linear" are fitted to all
-              samples by least squares, and do not
+              samples by least squares, and do not; "physics" is the model with its effects, on whose remainder the
+              process has mean zero
+    inputs    groups of `plant.mismatch_inputs` besides the commanded wrench
+    inference "exact" on the points kept, or "sparse": all samples, seen through as many inducing points
+    calibrate scale sigma by what it turns out to be on blocks of time that were left out
     restarts  searches from random hyperparameters besides two fixed ones, deterministic in `seed`
     """
 
@@ -74,9 +90,15 @@ class FitSettings:
     method: Method = "fasterpam"
     scale: Scale = "standardised"
     mean: MeanKind = "zero"
+    inputs: tuple[str, ...] = ()
+    inference: Inference = "exact"
+    calibrate: bool = True
     restarts: int = 1
     seed: int = 0
     pre_thin: int = 5000
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inputs", mismatch_inputs.checked(self.inputs))
 
 
 @dataclass(frozen=True)
@@ -91,7 +113,9 @@ class _Factors:
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """L independent GPs over commands xi (D,), immutable; a `plant.mismatch.MismatchModel` for D = 6.
+    """L independent GPs over inputs xi (D,), immutable; a `plant.mismatch.MismatchModel` for D = 6.
+
+    With more inputs `follow` makes it one, instant by instant.
 
     outputs             names out of `flight.flight.AXES`, L of them
     input_mean          (D,), input_scale (D,): x = (xi - input_mean) / input_scale
@@ -102,6 +126,8 @@ class GaussianProcess:
     lengthscales        (L, D), signal_variance (L,), noise_variance (L,), of standardised quantities
     sigma_training      (L,) 99th percentile of `std` over all samples that were given to the fit [N or Nm]
     mismatch_max        (L,) largest absolute output among them [N or Nm]
+    sigma_scale         (L,) factor of calibration in `std` (`learn.calibration`)
+    weights             (L, N) and `whitener` (L, N, N) of a sparse posterior; empty for an exact one
     """
 
     outputs: tuple[str, ...]
@@ -116,12 +142,17 @@ class GaussianProcess:
     noise_variance: Array
     sigma_training: Array
     mismatch_max: Array
+    sigma_scale: Array = field(default_factory=lambda: np.empty(0))
+    weights: Array = field(default_factory=lambda: np.empty((0, 0)))
+    whitener: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
     settings: FitSettings = field(default_factory=FitSettings)
     provenance: Provenance = field(default_factory=Provenance)
     _factors: _Factors = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         output_indices(self.outputs)
+        if np.size(self.sigma_scale) == 0:
+            object.__setattr__(self, "sigma_scale", np.ones(len(self.outputs)))
         for name, shape in self.array_shapes().items():
             array = np.array(getattr(self, name), dtype=float)
             if array.shape != shape:
@@ -130,7 +161,11 @@ class GaussianProcess:
                 raise FitError(f"GP: {name} holds values that are not finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        for name in ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance"):
+        expected = len(AXES) + len(mismatch_inputs.columns(self.settings.inputs))
+        if self.settings.inputs and self.inputs.shape[1] != expected:
+            raise FitError(f"GP: {self.inputs.shape[1]} inputs, expected {expected} of the command and its settings")
+        positive = ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance", "sigma_scale")
+        for name in positive:
             if (getattr(self, name) <= 0).any():
                 raise FitError(f"GP: {name} must be positive, got {getattr(self, name).min():g}")
         object.__setattr__(self, "_factors", self._factor())
@@ -138,6 +173,7 @@ class GaussianProcess:
     def array_shapes(self) -> dict[str, tuple[int, ...]]:
         """Expected shape of every array, by field name."""
         (count, dims), outputs = np.shape(self.inputs), len(self.outputs)
+        sparse = (outputs, count) if np.size(self.weights) else (0, 0)
         return {
             "input_mean": (dims,),
             "input_scale": (dims,),
@@ -150,12 +186,24 @@ class GaussianProcess:
             "noise_variance": (outputs,),
             "sigma_training": (outputs,),
             "mismatch_max": (outputs,),
+            "sigma_scale": (outputs,),
+            "weights": sparse,
+            "whitener": (*sparse, sparse[-1]),
         }
 
     @property
     def sigma_prior(self) -> Array:
         """`std` infinitely far from the training inputs (L,) [N or Nm]."""
-        return np.asarray(self.output_scale * np.sqrt(self.signal_variance + self.noise_variance))
+        spread = np.sqrt(self.signal_variance + self.noise_variance)
+        return np.asarray(self.output_scale * self.sigma_scale * spread)
+
+    def follow(self, dt: float) -> Following:
+        """See `plant.mismatch.Follows`."""
+        return Following(self, dt)
+
+    def given(self, extra: Array) -> MismatchModel:
+        """The process as a function of the command alone, its further inputs being `extra` (D - 6,)."""
+        return self if len(self.input_mean) == len(AXES) else _Given(self, extra)
 
     def mean(self, xi: Array, /) -> Array:
         """Expected mismatch (M, L) [N or Nm] at commands xi (M, D)."""
@@ -205,7 +253,7 @@ class GaussianProcess:
         whitened = self._factors.whitener @ k.transpose(0, 2, 1)  # (L, N, M)
         explained = np.einsum("lnm,lnm->ml", whitened, whitened)
         variance = np.maximum(self.signal_variance - explained, 0.0) + (self.noise_variance if noise else 0.0)
-        return np.asarray(np.sqrt(variance) * self.output_scale)
+        return np.asarray(np.sqrt(variance) * (self.output_scale * self.sigma_scale))
 
     def _kernel(self, xi: Array) -> tuple[Array, Array, Array]:
         """Standardised x (M, D), x over lengthscales (L, M, D), k(x, X) (L, M, N)."""
@@ -219,6 +267,9 @@ class GaussianProcess:
 
     def _factor(self) -> _Factors:
         points = self.inputs / self.lengthscales[:, None, :]
+        squares = (points * points).sum(axis=2)[:, None, :]
+        if self.weights.size:
+            return _Factors(points, squares, self.weights, self.whitener)
         eye = np.eye(len(self.inputs))
         alphas, whiteners = [], []
         for index, scaled in enumerate(points):
@@ -233,12 +284,77 @@ class GaussianProcess:
             whitener = solve_triangular(factor, eye, lower=True)
             whiteners.append(whitener)
             alphas.append(whitener.T @ (whitener @ self.residuals[:, index]))
-        return _Factors(
-            points=points,
-            squares=(points * points).sum(axis=2)[:, None, :],
-            alpha=np.array(alphas),
-            whitener=np.array(whiteners),
-        )
+        return _Factors(points, squares, alpha=np.array(alphas), whitener=np.array(whiteners))
+
+
+class Following:
+    """A process on its way through a flight: knows the inputs that are not the next command."""
+
+    def __init__(self, gp: GaussianProcess, dt: float) -> None:
+        self._gp, self._dt = gp, dt
+        self._names = gp.settings.inputs
+        self._sent: Array | None = None
+        self._memory: LagMemory | None = None
+
+    def here(self, state: State | None, /) -> MismatchModel:
+        """See `plant.mismatch.Follower`."""
+        if not self._names:
+            return self._gp
+        if state is None:
+            raise UsageError(
+                f"this GP has inputs besides the commanded wrench ({', '.join(self._names)}): give the state to "
+                "Compensator.step(wrench_des, state)"
+            )
+        sent = np.zeros(len(AXES)) if self._sent is None else self._sent
+        memory = self._memory if self._sent is not None else None
+        extra, self._memory = mismatch_inputs.extra_inputs(self._names, sent[None], state, self._dt, memory)
+        return self._gp.given(extra[0])
+
+    def sent(self, wrench_cmd: Array, /) -> None:
+        """See `plant.mismatch.Follower`."""
+        if self._sent is None:
+            self._memory = None
+        self._sent = wrench_cmd
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A process whose inputs beyond the command are fixed."""
+
+    gp: GaussianProcess
+    extra: Array
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return self.gp.outputs
+
+    @property
+    def sigma_training(self) -> Array:
+        return self.gp.sigma_training
+
+    @property
+    def sigma_prior(self) -> Array:
+        return self.gp.sigma_prior
+
+    @property
+    def mismatch_max(self) -> Array:
+        return self.gp.mismatch_max
+
+    def _full(self, wrench_cmd: Array) -> Array:
+        return np.hstack((wrench_cmd, np.broadcast_to(self.extra, (len(wrench_cmd), len(self.extra)))))
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        return self.gp.mean(self._full(wrench_cmd))
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        return self.gp.std(self._full(wrench_cmd))
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        return self.mean_and_jacobian(wrench_cmd)[1]
+
+    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
+        mean, jacobian = self.gp.mean_and_jacobian(self._full(wrench_cmd))
+        return mean, jacobian[:, :, : len(AXES)]
 
 
 def _blockwise(function: Callable[[Array], Array], xi: Array) -> Array:

@@ -26,7 +26,8 @@ from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
 Array = NDArray[np.float64]
 
 FORMAT = "wrenchgap Gaussian process"
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 
@@ -67,7 +68,7 @@ def load(path: Path | str) -> GaussianProcess:
     try:
         return GaussianProcess(
             outputs=tuple(metadata["outputs"]),
-            settings=FitSettings(**metadata["settings"]),
+            settings=_settings(metadata["settings"]),
             provenance=_provenance(metadata["provenance"]),
             **arrays,
         )
@@ -103,10 +104,10 @@ def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     metadata = json.loads(archive.read(METADATA))
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise FitError(f"{path}: not a stored GP; give a file made by `wrenchgap learn`")
-    if metadata.get("format_version") != VERSION:
+    if metadata.get("format_version") not in READABLE:
         raise FitError(
-            f"{path}: stored GP of format version {metadata.get('format_version')}, this program reads {VERSION}; "
-            "learn it again"
+            f"{path}: stored GP of format version {metadata.get('format_version')}, this program reads "
+            f"{' and '.join(map(str, READABLE))}; learn it again"
         )
     return metadata
 
@@ -117,7 +118,11 @@ def _array(archive: zipfile.ZipFile, name: str) -> Array:
 
 def _provenance(entries: dict[str, Any]) -> Provenance:
     logs = tuple(LogSource(**log) for log in entries["logs"])
-    return Provenance(**{**entries, "logs": logs})
+    return Provenance(**{**entries, "logs": logs, "warnings": tuple(entries.get("warnings", ()))})
+
+
+def _settings(entries: dict[str, Any]) -> FitSettings:
+    return FitSettings(**{**entries, "inputs": tuple(entries.get("inputs", ()))})
 
 
 def _line(error: Exception) -> str:

@@ -11,7 +11,8 @@ import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -19,8 +20,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flight.errors import FitError, UsageError
-from learn.gp import FitSettings, GaussianProcess, MeanKind, Provenance
-from learn.subsample import subsample, thin
+from learn import calibration, sparse
+from learn.calibration import Mask
+from learn.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance
+from learn.sparse import Kernel
+from learn.subsample import Indices, subsample, thin
 from plant.mismatch import LinearMismatch, output_indices
 
 Array = NDArray[np.float64]
@@ -39,12 +43,7 @@ is explained as well by a function with lengthscales shorter than the distance b
 """
 
 
-@dataclass(frozen=True)
-class _Hyperparameters:
-    lengthscales: Array
-    signal_variance: float
-    noise_variance: float
-    log_likelihood: float
+BOUNDS = {"lengthscale": LENGTHSCALE, "signal": SIGNAL_VARIANCE, "noise": NOISE_VARIANCE}
 
 
 def fit(
@@ -56,10 +55,11 @@ def fit(
     provenance: Provenance | None = None,
     progress: Progress | None = None,
 ) -> GaussianProcess:
-    """GP of `outputs` (M, L) [N or Nm] named `names` over commands `inputs` (M, D).
+    """GP of `outputs` (M, L) [N or Nm] named `names` over commands `inputs` (M, D), consecutive samples.
 
-    All M samples set the scales, the mean function and `sigma_training`; `settings.points` of them are kept as
-    training inputs. Raises FitError where the data cannot carry a fit.
+    D is six, and the columns of `settings.inputs` behind. All M samples set the scales, the mean function,
+    `sigma_training` and the calibration; `settings.points` of them are kept as training or inducing inputs. Raises
+    FitError where the data cannot carry a fit.
     """
     settings = settings or FitSettings()
     _check(inputs, outputs, names, settings)
@@ -78,29 +78,70 @@ def fit(
         pre_thin=settings.pre_thin,
         scale=settings.scale,
     )
-    found = []
+    seen = thin(len(inputs), settings.pre_thin, settings.seed)
+    posterior = _Posterior(x, residuals, kept, seen, settings)
     for index, name in enumerate(names):
         report((1 + index) / (1 + len(names)), f"fitting {name}")
-        found.append(_maximum_likelihood(x[kept], residuals[kept, index], settings, index))
+        posterior.fit(index)
     gp = GaussianProcess(
         outputs=tuple(names),
         input_mean=input_mean,
         input_scale=input_scale,
         output_scale=output_scale,
         mean_coefficients=coefficients,
-        inputs=x[kept],
-        residuals=residuals[kept],
-        lengthscales=np.array([one.lengthscales for one in found]),
-        signal_variance=np.array([one.signal_variance for one in found]),
-        noise_variance=np.array([one.noise_variance for one in found]),
+        lengthscales=np.array([one.lengthscales for one in posterior.kernels]),
+        signal_variance=np.array([one.signal_variance for one in posterior.kernels]),
+        noise_variance=np.array([one.noise_variance for one in posterior.kernels]),
         sigma_training=np.zeros(len(names)),
         mismatch_max=np.abs(outputs).max(axis=0),
         settings=settings,
         provenance=provenance or Provenance(),
+        **posterior.content(np.ones(len(inputs), dtype=bool)),
     )
-    seen = inputs[thin(len(inputs), settings.pre_thin, settings.seed)]
+    if settings.calibrate and len(seen) >= calibration.FEWEST:
+        report(1.0, "calibrating sigma")
+        mean, std = calibration.left_out(len(inputs), seen, partial(posterior.predict, gp, inputs))
+        gp = replace(gp, sigma_scale=calibration.sigma_scale(outputs[seen] - mean, std))
     report(1.0, "done")
-    return replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
+    return replace(gp, sigma_training=np.percentile(gp.std(inputs[seen]), 99, axis=0))
+
+
+class _Posterior:
+    """Kernels of all outputs, and what they say given all samples or some of them.
+
+    x (M, D) and residuals (M, L) standardised; `kept` and `seen` are indices: points, and the samples that a sparse
+    process and the calibration look at.
+    """
+
+    def __init__(self, x: Array, residuals: Array, kept: Indices, seen: Indices, settings: FitSettings) -> None:
+        self.x, self.residuals, self.kept, self.seen, self.settings = x, residuals, kept, seen, settings
+        self.kernels: list[Kernel] = []
+
+    def fit(self, index: int) -> None:
+        """The kernel of one output after the other."""
+        x, z = self.x, self.residuals[:, index]
+        kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
+        if self.settings.inference == "sparse":
+            with _quiet_gpy() as gpy:
+                kernel = sparse.maximise(gpy, x[self.seen], z[self.seen], x[self.kept], kernel, BOUNDS)
+        self.kernels.append(kernel)
+
+    def content(self, usable: Mask) -> dict[str, Any]:
+        """Fields of the process, given the samples that are `usable` (M,)."""
+        points = self.kept if self.settings.inference == "sparse" else self.kept[usable[self.kept]]
+        found: dict[str, Any] = {"inputs": self.x[points], "residuals": self.residuals[points]}
+        if self.settings.inference == "sparse":
+            rows = self.seen[usable[self.seen]]
+            parts = [
+                sparse.posterior(kernel, self.x[rows], self.residuals[rows, index], self.x[points])
+                for index, kernel in enumerate(self.kernels)
+            ]
+            found["weights"], found["whitener"] = (np.array(part) for part in zip(*parts, strict=True))
+        return found
+
+    def predict(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array, Array]:
+        """See `calibration.Predict`."""
+        return replace(gp, **self.content(usable)).predict(inputs[asked])
 
 
 def fit_linear(inputs: Array, outputs: Array, names: tuple[str, ...], *, slope: bool = True) -> LinearMismatch:
@@ -123,8 +164,12 @@ def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitS
     output_indices(tuple(names))
     if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
         raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
-    if settings.mean not in get_args(MeanKind):
-        raise UsageError(f"fit: unknown mean {settings.mean!r}; available: {', '.join(get_args(MeanKind))}")
+    for what, value, known in (
+        ("mean", settings.mean, get_args(MeanKind)),
+        ("inference", settings.inference, get_args(Inference)),
+    ):
+        if value not in known:
+            raise UsageError(f"fit: unknown {what} {value!r}; available: {', '.join(known)}")
     if settings.points < 2 or settings.restarts < 0:
         raise UsageError(f"fit: got {settings.points} points, {settings.restarts} restarts; expected >= 2 and >= 0")
     if len(inputs) < 2 * inputs.shape[1]:
@@ -160,7 +205,7 @@ def _affine(x: Array, coefficients: Array) -> Array:
     return np.asarray(coefficients[:, 0] + x @ coefficients[:, 1:].T)
 
 
-def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -> _Hyperparameters:
+def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -> Kernel:
     """Best of the searches from two fixed and `restarts` random starts, for standardised data x (N, D), z (N,).
 
     The fixed starts believe in a smooth function with little noise, and in noise with little function.
@@ -172,15 +217,16 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
         starts.append((lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
     with _quiet_gpy() as gpy:
         found = [_search(gpy, x, z, *start) for start in starts]
-    usable = [one for one in found if np.isfinite(one.log_likelihood)]
+    usable = [one for one in found if np.isfinite(one[0])]
     if not usable:
         raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
-    best = max(one.log_likelihood for one in usable)
-    return max((one for one in usable if one.log_likelihood > best - TIE), key=lambda one: one.noise_variance)
+    best = max(likelihood for likelihood, _ in usable)
+    equal = [kernel for likelihood, kernel in usable if likelihood > best - TIE]
+    return max(equal, key=lambda kernel: kernel.noise_variance)
 
 
-def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, noise: float) -> _Hyperparameters:
-    """One L-BFGS search of GPy."""
+def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, noise: float) -> tuple[float, Kernel]:
+    """One L-BFGS search of GPy: log likelihood, -inf where it failed, and kernel."""
     kernel = gpy.kern.RBF(x.shape[1], variance=signal, lengthscale=lengthscales, ARD=True)
     model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=noise)
     kernel.lengthscale.constrain_bounded(*LENGTHSCALE, warning=False)
@@ -191,12 +237,8 @@ def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, no
         likelihood = float(model.log_likelihood())
     except (np.linalg.LinAlgError, FloatingPointError):
         likelihood = -np.inf
-    return _Hyperparameters(
-        lengthscales=np.array(kernel.lengthscale, dtype=float),
-        signal_variance=float(kernel.variance[0]),
-        noise_variance=float(model.Gaussian_noise.variance[0]),
-        log_likelihood=likelihood,
-    )
+    noise = float(model.Gaussian_noise.variance[0])
+    return likelihood, Kernel(np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), noise)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flight.errors import ModelError
 from flight.flight import AXES
+from plant.state import State
 
 Array = NDArray[np.float64]
 
@@ -64,6 +65,31 @@ class KnowsItsData(Protocol):
     @property
     def mismatch_max(self) -> Array:
         """Largest absolute mismatch in the training data (L,)."""
+
+
+class Follower(Protocol):
+    """Keeps what a mismatch depends on besides the next command: the motion and the commands that were sent."""
+
+    def here(self, state: State | None, /) -> MismatchModel:
+        """The mismatch as a function of the next command alone, in this state (N = 1), called once per period.
+
+        Raises UsageError where the state is needed and None.
+        """
+
+    def sent(self, wrench_cmd: Array, /) -> None:
+        """The command (6,) that went out in this period."""
+
+
+@runtime_checkable
+class Follows(Protocol):
+    """A mismatch model that may depend on more than the command."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the L components that the model estimates."""
+
+    def follow(self, dt: float) -> Follower:
+        """Start with nothing known of the past; `here` will be called every `dt` [s]."""
 
 
 def output_indices(outputs: tuple[str, ...]) -> NDArray[np.intp]:

@@ -70,8 +70,11 @@ class Correction(Protocol):
 class Compensating(Protocol):
     """Anything that turns the desired wrench into the one to command, once per control period."""
 
-    def step(self, wrench_des: Array) -> Correction:
-        """From W_des (6,) to a result with `wrench_cmd` (6,), both in B about the believed centre of mass."""
+    def step(self, wrench_des: Array, state: State, /) -> Correction:
+        """From W_des (6,) to a result with `wrench_cmd` (6,), both in B about the believed centre of mass.
+
+        `state` (N = 1) is what the controller knows.
+        """
         ...
 
 
@@ -105,7 +108,7 @@ class _Pilot:
     def step(self, state: State, reference: Reference, dt: float, record: _Record) -> Commands:
         """Commands to hold for the next `dt` [s]."""
         desired = self.controller.step(state, reference, dt)
-        commanded = desired if self.compensator is None else self.compensator.step(desired).wrench_cmd
+        commanded = desired if self.compensator is None else self.compensator.step(desired, state).wrench_cmd
         record.desired.append(desired)
         record.commanded.append(commanded)
         if self.allocation is None:

@@ -5,7 +5,7 @@ Every array has the sample axis first. O is the body origin; wrenches in this mo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+Index = slice | NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,24 @@ class Commands:
     wrench_B: Array
     tilt: Array | None = None
     rotor_speed: Array | None = None
+
+    def take(self, index: Index) -> Commands:
+        """Some of the samples, in the order of `index`."""
+        tilt, speed = self.tilt, self.rotor_speed
+        return Commands(
+            self.wrench_B[index], None if tilt is None else tilt[index], None if speed is None else speed[index]
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Commands]) -> Commands:
+        """One after the other; all have actuators, or none."""
+        tilts = [c.tilt for c in parts if c.tilt is not None]
+        speeds = [c.rotor_speed for c in parts if c.rotor_speed is not None]
+        return Commands(
+            np.concatenate([c.wrench_B for c in parts]),
+            np.concatenate(tilts) if tilts else None,
+            np.concatenate(speeds) if speeds else None,
+        )
 
 
 @dataclass(frozen=True)
@@ -40,6 +59,17 @@ class State:
     velocity_E: Array
     omega_B: Array
     voltage: Array | None = None
+
+    def take(self, index: Index) -> State:
+        """Some of the samples, in the order of `index`."""
+        return State(
+            self.time[index],
+            self.position_E[index],
+            self.quat_EB[index],
+            self.velocity_E[index],
+            self.omega_B[index],
+            None if self.voltage is None else self.voltage[index],
+        )
 
 
 @dataclass(frozen=True)

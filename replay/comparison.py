@@ -18,8 +18,9 @@ from flight.errors import FitError, ModelError
 from flight.flight import AXES
 from learn.fit import dataset, inapplicable
 from learn.gp import GaussianProcess
+from learn.inputs import process_inputs
 from learn.measurement import Record, low_pass
-from plant.mismatch import output_indices
+from plant.mismatch import LinearMismatch, output_indices
 from plant.model import Model
 from plant.model_file import content_hash
 from plant.vehicle import Body
@@ -56,11 +57,11 @@ class Errors:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A model, with a Gaussian process on top where there is one, under the name that tables give it."""
+    """A model, with a Gaussian process or a straight line on top where there is one, under its name in tables."""
 
     name: str
     model: WrenchModel
-    gp: GaussianProcess | None = None
+    gp: GaussianProcess | LinearMismatch | None = None
 
     def predict(self, record: Record, body: Body) -> Array:
         """Measured wrench (K, 6) that the model expects, as processed with the mass and inertia of `body`."""
@@ -69,7 +70,7 @@ class Predictor:
         motion = self.model.read_imu(self.model.motion(wrench, record.state_kept.omega_B), record.state_kept)
         predicted = measured_wrench(body, motion)
         if self.gp is not None:
-            predicted[:, output_indices(self.gp.outputs)] += self.gp.mean(record.commanded)
+            predicted[:, output_indices(self.gp.outputs)] += self.gp.mean(self._inputs(record))
         return predicted
 
     def sigma(self, record: Record) -> Array | None:
@@ -77,8 +78,11 @@ class Predictor:
         if self.gp is None:
             return None
         sigma = np.full((len(record), 6), np.nan)
-        sigma[:, output_indices(self.gp.outputs)] = self.gp.std(record.commanded)
+        sigma[:, output_indices(self.gp.outputs)] = self.gp.std(self._inputs(record))
         return sigma
+
+    def _inputs(self, record: Record) -> Array:
+        return process_inputs(self.gp.settings.inputs if isinstance(self.gp, GaussianProcess) else (), record)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def line(gain: np.ndarray, offset: np.ndarray, outputs: tuple[str, ...] = TORQUE
 
 
 def solve(model, wrench=HOVER, bound=FREE, start=None, **options):
-    return Optimiser(model, -bound, bound, **options).solve(wrench, np.zeros(6) if start is None else start)
+    return Optimiser(-bound, bound, **options).solve(model, wrench, np.zeros(6) if start is None else start)
 
 
 @settings(max_examples=30)
@@ -236,6 +236,6 @@ def test_an_interrupt_is_not_taken_for_a_failed_search():
 
         std = jacobian = mean
 
-    optimiser = Optimiser(model=Interrupting(), lower=np.full(6, -1.0), upper=np.full(6, 1.0))
+    optimiser = Optimiser(lower=np.full(6, -1.0), upper=np.full(6, 1.0))
     with pytest.raises(KeyboardInterrupt):
-        optimiser.solve(np.zeros(6), np.zeros(6))
+        optimiser.solve(Interrupting(), np.zeros(6), np.zeros(6))

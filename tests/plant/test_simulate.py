@@ -163,7 +163,7 @@ def test_a_disturbance_pushes_and_the_controller_leans_against_it():
 
 def test_a_compensator_that_knows_the_offset_removes_the_error():
     class Knows:
-        def step(self, wrench_des):
+        def step(self, wrench_des, state):
             self.wrench_cmd = wrench_des + np.array([0.0, 0.0, 0.0, 0.0, -0.04, 0.0])
             return self
 

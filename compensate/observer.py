@@ -1,0 +1,75 @@
+"""A disturbance observer: the alternative that needs no model of the mismatch, because it looks at what happens.
+
+With angular momentum L = J omega and Euler's equation L' + omega x L = M_cmd + d, the estimate
+
+    d_hat = k [L - integral (M_cmd - omega x L + d_hat) dt],        d_hat' = k (d - d_hat)
+
+follows the disturbance d as a first-order low-pass of bandwidth k, without differentiating the gyro (momentum
+observer: De Luca and Mattone, ICRA 2003; on multirotors Tomic, Ott and Haddadin, RA-L 2017). The command is the
+desired torque less d_hat. It lags behind whatever changes faster than k, and raising k feeds back noise and the delay
+of the actuators.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flight.errors import UsageError
+from plant.state import State
+from plant.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One step: what to send (6,) [N, Nm] and the correction in it; the rest is there because compensators have it."""
+
+    wrench_cmd: Array
+    correction: Array
+    sigma: float = 0.0
+    beta: float = 0.0
+    cost: float = 0.0
+    iterations: int = 0
+    solve_time: float = 0.0
+
+
+class DisturbanceObserver:
+    """Steps like `Compensator`, and corrects the torques by what it has seen.
+
+    dt            period at which `step` is called [s]
+    bandwidth_hz  k / (2 pi)
+    """
+
+    def __init__(self, vehicle: Vehicle, dt: float, bandwidth_hz: float = 1.0) -> None:
+        if not (math.isfinite(dt) and dt > 0 and math.isfinite(bandwidth_hz) and bandwidth_hz > 0):
+            raise UsageError(f"observer: dt {dt} s and bandwidth {bandwidth_hz} Hz must be positive")
+        self.inertia = vehicle.body.inertia
+        self.dt, self.gain = dt, 2.0 * math.pi * bandwidth_hz
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._integral: Array | None = None
+        self._estimate = np.zeros(3)
+        self._torque = np.zeros(3)
+
+    def step(self, wrench_des: ArrayLike, state: State | None = None) -> Observed:
+        """Command for the desired wrench (6,) in this state (N = 1). Raises UsageError without a state."""
+        if state is None:
+            raise UsageError("a disturbance observer needs the state: step(wrench_des, state)")
+        wrench, omega = np.array(wrench_des, dtype=float), state.omega_B[0]
+        momentum = self.inertia @ omega
+        if self._integral is None:
+            self._integral = momentum.copy()
+        else:
+            self._integral += self.dt * (self._torque - np.cross(omega, momentum) + self._estimate)
+        self._estimate = self.gain * (momentum - self._integral)
+        correction = np.concatenate((np.zeros(3), -self._estimate))
+        command = wrench + correction
+        self._torque = command[3:]
+        return Observed(command, correction)

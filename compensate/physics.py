@@ -1,0 +1,150 @@
+"""Named effects as a mismatch model: what the model of the vehicle says that a command will make, less the command.
+
+    mu(W) = W_model(n(W), state, actuators as they are now) - W
+
+with the allocation n. The wrench is the one that the nominal processing of an IMU reports (`plant.wrench_model`), since
+it is accelerations that the controller asks for; effects on the sensors themselves are left out, for what a skewed IMU
+reads is not what the vehicle does.
+
+Lags. A command that is held reaches its wrench only after a while. Without `lead` the mismatch is the one in the end,
+and lags are not compensated. With a `lead` h [s] it is the one at t + h, with servos and motors starting from where the
+commands that were sent have brought them: the solution W then pushes ahead, the more the shorter h. Deadbeat over a
+horizon; e.g. Astrom and Wittenmark, "Computer-Controlled Systems", 3rd ed., 4.3. A first-order lag tau is led by
+1 / (1 - exp(-h / tau)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.errors import UsageError
+from flight.flight import AXES
+from plant.allocation import Allocation
+from plant.effects.effect import CommandEffect, SensorEffect
+from plant.mismatch import output_indices
+from plant.state import Commands, State
+from plant.vehicle import GRAVITY
+from plant.wrench_model import WrenchModel, about_origin, measured_wrench
+
+Array = NDArray[np.float64]
+
+STEPS = np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4])
+"""Steps of numerical derivatives, relative to the weight [N] and the weight times a metre [Nm]."""
+
+
+class PhysicsMismatch:
+    """The effects of a wrench model on some components of the wrench; a `plant.mismatch.Follows`.
+
+    outputs  names out of `flight.flight.AXES`
+    lead     horizon over which lags are led [s]; None: they are not
+    """
+
+    def __init__(self, model: WrenchModel, outputs: tuple[str, ...], lead: float | None = None) -> None:
+        if lead is not None and not (np.isfinite(lead) and lead > 0):
+            raise UsageError(f"compensate: lead is {lead} s, expected a positive number")
+        kept = tuple(e for e in model.effects if not isinstance(e.effect, SensorEffect))
+        self.model = WrenchModel(model.vehicle, kept)
+        self.outputs, self.lead = outputs, lead
+        output_indices(outputs)
+
+    def follow(self, dt: float) -> PhysicsFollower:
+        """See `plant.mismatch.Follows`."""
+        return PhysicsFollower(self, dt)
+
+
+class PhysicsFollower:
+    """Knows where the actuators are after the commands that were sent."""
+
+    def __init__(self, physics: PhysicsMismatch, dt: float) -> None:
+        vehicle = physics.model.vehicle
+        self._physics, self._dt = physics, dt
+        self._allocation = Allocation(vehicle) if vehicle.has_rotors else None
+        self._tilt: Array | None = None
+        self._memory: dict[str, Any] | None = None
+        self._here: PhysicsHere | None = None
+
+    def here(self, state: State | None, /) -> PhysicsHere:
+        """See `plant.mismatch.Follower`."""
+        if state is None:
+            raise UsageError("physics in the compensation needs the state: call Compensator.step(wrench_des, state)")
+        self._here = PhysicsHere(self._physics, self._allocation, self._dt, state, self._tilt, self._memory)
+        return self._here
+
+    def sent(self, wrench_cmd: Array, /) -> None:
+        """See `plant.mismatch.Follower`."""
+        assert self._here is not None
+        commands = self._here.allocated(wrench_cmd[None])
+        self._tilt = None if commands.tilt is None else commands.tilt[0]
+        if self._physics.lead is not None:
+            _, self._memory = self._physics.model.command(commands, self._here.state, self._dt, self._memory)
+
+
+@dataclass(frozen=True)
+class PhysicsHere:
+    """The mismatch at one instant; a `plant.mismatch.MismatchModel`.
+
+    `tilt` (A,) and `memory` are where the commands sent so far have brought the arms and what follows late.
+    """
+
+    physics: PhysicsMismatch
+    allocation: Allocation | None
+    dt: float
+    state: State
+    tilt: Array | None
+    memory: dict[str, Any] | None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the components."""
+        return self.physics.outputs
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        """Expected mismatch (N, L)."""
+        model = self.physics.model
+        commands = self._effective(self.allocated(wrench_cmd))
+        state = self.state.take(np.zeros(len(wrench_cmd), dtype=np.intp))
+        made = measured_wrench(model.vehicle.body, model.motion(model.wrench(commands, state), state.omega_B))
+        return np.asarray((made - wrench_cmd)[:, output_indices(self.outputs)])
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        """Zero (N, L): what is uncertain about the effects is left to the process that learns their remainder."""
+        return np.zeros((len(wrench_cmd), len(self.outputs)))
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        """Derivative of `mean` (N, L, 6), by forward differences; zero with respect to components not corrected."""
+        return np.concatenate([self.mean_and_jacobian(row[None])[1] for row in wrench_cmd])
+
+    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
+        """Both, for one command (1, 6), in one evaluation of the model."""
+        rows = output_indices(self.outputs)
+        steps = STEPS[rows] * self.physics.model.vehicle.body.mass * GRAVITY
+        candidates = np.repeat(wrench_cmd, 1 + len(rows), axis=0)
+        candidates[1 + np.arange(len(rows)), rows] += steps
+        values = self.mean(candidates)
+        jacobian = np.zeros((1, len(rows), len(AXES)))
+        jacobian[0][:, rows] = (values[1:] - values[0]).T / steps
+        return values[:1], jacobian
+
+    def allocated(self, wrench_cmd: Array) -> Commands:
+        """Commands of the actuators for candidates (N, 6), each next after what was sent last."""
+        if self.allocation is None:
+            return Commands(wrench_cmd)
+        about_O = about_origin(self.physics.model.vehicle.body, wrench_cmd)
+        return self.allocation.allocate(about_O, previous_tilt=self.tilt)[0]
+
+    def _effective(self, commands: Commands) -> Commands:
+        """Candidates as they will have taken effect when held through the lead, or in the end."""
+        model, lead = self.physics.model, self.physics.lead
+        if not any(isinstance(e.effect, CommandEffect) for e in model.effects):
+            return commands
+        ahead = 1 if lead is None else max(1, round(lead / self.dt))
+        state = self.state.take(np.zeros(ahead, dtype=np.intp))
+        found = []
+        for k in range(len(commands.wrench_B)):
+            held, _ = model.command(commands.take(np.full(ahead, k)), state, self.dt, self.memory)
+            found.append(held.take(slice(-1, None)))
+        return Commands.joined(found)

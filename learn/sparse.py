@@ -1,0 +1,74 @@
+"""All samples of a log behind a prediction that costs as much as one on a hundred of them.
+
+Variational sparse Gaussian process (Titsias, "Variational learning of inducing variables in sparse Gaussian
+processes", AISTATS 2009), by GPy. With inducing inputs Z (M, D), all inputs X (N, D) and
+
+    A = K_zz + s_n^-2 K_zx K_xz,        mean(x) = k(x, Z) s_n^-2 A^-1 K_zx z
+                                        var(x)  = k(x, x) - k(x, Z) (K_zz^-1 - A^-1) k(Z, x)
+
+the bound on the likelihood of all N samples is maximised over the hyperparameters; Z stays where it is. The time to
+predict depends on M alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 120
+"""Of L-BFGS, from hyperparameters that an exact process on a few samples has found."""
+JITTER = 1e-6
+"""Added to the diagonal of K_zz, relative to the signal's variance."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Squared exponential with one lengthscale per input (D,), and the variances of signal and noise."""
+
+    lengthscales: Array
+    signal_variance: float
+    noise_variance: float
+
+    def __call__(self, a: Array, b: Array) -> Array:
+        """k(a, b) (N, M)."""
+        p, q = a / self.lengthscales, b / self.lengthscales
+        square = (p * p).sum(axis=1)[:, None] + (q * q).sum(axis=1) - 2.0 * p @ q.T
+        return np.asarray(self.signal_variance * np.exp(-0.5 * np.maximum(square, 0.0)))
+
+
+def maximise(gpy: Any, x: Array, z: Array, inducing: Array, start: Kernel, bounds: dict[str, Any]) -> Kernel:
+    """Hyperparameters that maximise the bound for samples x (N, D), z (N,), from `start`, within `bounds`."""
+    kernel = gpy.kern.RBF(x.shape[1], variance=start.signal_variance, lengthscale=start.lengthscales, ARD=True)
+    model = gpy.models.SparseGPRegression(x, z[:, None], kernel, Z=inducing)
+    model.likelihood.variance[:] = start.noise_variance
+    model.inducing_inputs.fix(warning=False)
+    kernel.lengthscale.constrain_bounded(*bounds["lengthscale"], warning=False)
+    kernel.variance.constrain_bounded(*bounds["signal"], warning=False)
+    model.likelihood.variance.constrain_bounded(*bounds["noise"], warning=False)
+    try:
+        model.optimize("lbfgsb", max_iters=ITERATIONS)
+    except (np.linalg.LinAlgError, FloatingPointError):
+        return start
+    found = Kernel(
+        np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), float(model.likelihood.variance[0])
+    )
+    return found if np.isfinite(float(model.log_likelihood())) else start
+
+
+def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:
+    """`weights` (M,) and `whitener` (M, M): mean = k w, var = k(x, x) - |V k|^2, for k = k(Z, x)."""
+    size = len(inducing)
+    Kzz = kernel(inducing, inducing) + JITTER * kernel.signal_variance * np.eye(size)
+    Kzx = kernel(inducing, x)
+    A = Kzz + Kzx @ Kzx.T / kernel.noise_variance
+    factor = cho_factor(A, lower=True)
+    weights = cho_solve(factor, Kzx @ z) / kernel.noise_variance
+    inverse = np.linalg.inv(Kzz) - cho_solve(factor, np.eye(size))
+    values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
+    return weights, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
