@@ -1,8 +1,13 @@
-"""A working session for the viewer: logs opened for a model, on the clock of their gap-free stretches."""
+"""A working session for the viewer: logs opened for a model, on the clock of their gap-free stretches.
+
+What is recorded stays; the model changes on the session's bench, and every scene is made anew from it. The desks beside
+it do the analysis: where the model fails, effects, compensation.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from flight.channels import Channel, channels
@@ -10,14 +15,24 @@ from learn.gp import GaussianProcess
 from learn.measurement import CUTOFF_HZ
 from plant.model import Model
 from plant.vehicle import Vehicle
+from replay.bench import Bench
 from replay.comparison import compare, predictors
 from replay.flights import open_flights
 from replay.scene import Prediction, predicted, recorded
+from replay.session_compensation import CompensationDesk
+from replay.session_effects import EffectsDesk
+from replay.session_failure import FailureDesk
 from viewer.session import Scene, Stretch
+
+PREDICTED = "predicted"
+"""The wrench of the model as it stands, in a scene."""
 
 
 class LogSession:
-    """Implements `viewer.session.Session` for logs, a model and, where given, a GP."""
+    """Implements `viewer.session.Session` and `viewer.analysis.Analysis` for logs, a model and, where given, a GP.
+
+    `against` are other models whose predictions are shown beside; `gp_name` is what the GP is called on the page.
+    """
 
     def __init__(
         self,
@@ -26,14 +41,24 @@ class LogSession:
         gp: GaussianProcess | None = None,
         *,
         topics: Mapping[str, str] | None = None,
+        against: Sequence[Model] = (),
+        gp_name: str = "GP",
     ) -> None:
-        self.model = model
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
-        candidates, self.notes = predictors(model, (), gp, cutoff)
-        self._predictor = candidates[-1]
         opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff)
-        self._opened = {one.records[0].flight: one for one in opened}
-        self._scenes: dict[str, Scene] = {}
+        self.bench = Bench({one.records[0].flight: one for one in opened}, model, gp, cutoff)
+        found, notes = predictors(model, against)
+        self._against = found[len(found) - len(against) :]
+        self._notes = (*self.bench.notes, *notes)
+        self.failures = FailureDesk(self.bench)
+        self.effects = EffectsDesk(self.bench)
+        self.compensations = CompensationDesk(self.bench, gp_name)
+        self._recorded: dict[str, Scene] = {}
+
+    @property
+    def model(self) -> Model:
+        """The model as it stands."""
+        return self.bench.model
 
     @property
     def vehicle(self) -> Vehicle:
@@ -43,30 +68,34 @@ class LogSession:
     @property
     def flights(self) -> tuple[str, ...]:
         """Names of the flights."""
-        return tuple(self._opened)
+        return tuple(self.bench.opened)
 
     def scene(self, flight: str) -> Scene:
-        """The flight of this name."""
-        if flight not in self._scenes:
-            self._scenes[flight] = self._made(flight)
-        return self._scenes[flight]
+        """The flight of this name, with what the model as it stands says of it, and the last replay on it."""
+        with self.bench.lock:
+            made = self.bench.kept(("scene", flight), lambda: self._made(flight))
+            return replace(made, series=(*made.series, *self.compensations.series(flight)))
 
     def channels(self, flight: str) -> Mapping[str, Channel]:
         """Everything in the log of a flight, by name."""
-        found = self._opened[flight].flight
+        found = self.bench.flight(flight).flight
         return channels(found.path, found)
 
     def _made(self, name: str) -> Scene:
-        one = self._opened[name]
-        result = compare([one], self.model, [self._predictor])
-        evaluation = result.evaluations[0]
-        scene = recorded(one, self.vehicle)
-        trivial = not self.model.effects and self._predictor.gp is None  # the nominal model predicts the command
+        one, predictor = self.bench.flight(name), self.bench.predictor
+        if name not in self._recorded:
+            self._recorded[name] = recorded(one, self.vehicle)
+        result = compare([one], self.model, [predictor, *self._against])
+        evaluation, *others = result.evaluations
+        predictions = {other.name: Prediction.of(other) for other in others}
+        trivial = not predictor.model.effects and predictor.gp is None  # the nominal model predicts the command
+        if not trivial:
+            predictions = {PREDICTED: Prediction.of(evaluation), **predictions}
         return predicted(
-            scene,
+            self._recorded[name],
             one,
-            {} if trivial else {"predicted": Prediction.of(evaluation)},
-            residual_of="commanded" if trivial else "predicted",
+            predictions,
+            residual_of="commanded" if trivial else PREDICTED,
             worst=[Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst],
-            notes=(*self.notes, *result.notes),
+            notes=(*self._notes, *result.notes),
         )

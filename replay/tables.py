@@ -155,7 +155,7 @@ def ranking(title: str, step: Step, most: int | None = None) -> Table:
             f"{candidate.score:.3f}",
             *fall(candidate.falls),
             f"{candidate.significance:.1f}",
-            escape(_values(candidate)) + limit,
+            escape(values_of(candidate)) + limit,
             style="bold" if mark == "*" else "",
         )
     return out
@@ -191,7 +191,7 @@ def ranking_legend() -> str:
     )
 
 
-def _values(candidate: Candidate) -> str:
+def values_of(candidate: Candidate) -> str:
     """The values in a few words: all of up to three, else the clearest two."""
     values = candidate.values()
     if len(values) == 1:

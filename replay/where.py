@@ -145,7 +145,7 @@ def summary(where: Where) -> tuple[str, ...]:
         parts.append(f"{process} {_percent(shares['process'])}")
     parts.append(f"{_percent(shares['unexplained'])} stays unexplained")
     out = [f"Of the nominal model's error energy {', '.join(parts)}."]
-    out.append(_goes_with(where.failure_map))
+    out.append(goes_with(where.failure_map))
     out.append(_depends_on(where.relevance))
     colours = [a.axis for a in where.whiteness.autocorrelation if not a.white]
     if not colours:
@@ -156,7 +156,8 @@ def summary(where: Where) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _goes_with(mapped: FailureMap) -> str:
+def goes_with(mapped: FailureMap) -> str:
+    """With what the error goes most beyond chance, in a sentence."""
     sure = [d for d in mapped.significant if d.score >= 0.05][:3]
     if not sure:
         return "The error goes with none of the quantities beyond chance."
