@@ -74,7 +74,7 @@ class CompensationDesk:
         ]
         threshold = np.full(len(done.time), self._setting.gating.sigma_threshold)
         sigma = {"sigma": done.sigma} | ({"threshold": threshold} if self._setting.gating.gated else {})
-        out.append(Series("sigma", self._setting.unit, done.time, sigma))
+        out.append(Series("sigma of the correction", self._setting.unit, done.time, sigma))
         out.append(Series("beta (1: correction withheld)", "", done.time, {"beta": done.beta}))
         return tuple(out)
 

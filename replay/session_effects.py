@@ -43,6 +43,8 @@ from viewer.analysis import (
 Array = NDArray[np.float64]
 
 BY_HAND = "set by hand in the viewer"
+NEXT_SECONDS = 30.0
+"""Length of a flight that is to tell effects apart [s]."""
 PATH_POINTS = 600
 """Points of a designed trajectory that are drawn."""
 
@@ -279,7 +281,7 @@ class EffectsDesk:
             model, opened = self.bench.model, self.bench.flight(flight)
 
         def work(tell: Report) -> NextFlight:
-            found = design(names, model, records=opened.records, progress=tell)
+            found = design(names, model, records=opened.records, duration=NEXT_SECONDS, progress=tell)
             file = designing.finished(found, model, [opened], "_or_".join(names))
             time = np.linspace(0.0, found.trajectory.duration, PATH_POINTS)
             r = found.trajectory.at(time)

@@ -1,0 +1,81 @@
+"""Work in a process of its own: result, progress and errors come back, and whoever cancels ends all of it."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flight.errors import FitError
+from learn.parallel import each
+from replay.apart import apart
+
+
+def silent(share, words):
+    """Nobody listens."""
+
+
+def test_result_and_progress_come_back_from_another_process():
+    told = []
+
+    def work(report):
+        report(0.5, "half")
+        return os.getpid(), np.arange(3.0)
+
+    pid, values = apart(work, lambda share, words: told.append((share, words)))
+    assert pid != os.getpid()
+    assert np.array_equal(values, [0.0, 1.0, 2.0])
+    assert (0.5, "half") in told
+
+
+def test_errors_of_the_work_are_raised_here():
+    def work(report):
+        raise FitError("too short")
+
+    with pytest.raises(FitError, match="too short"):
+        apart(work, silent)
+
+    def broken(report):
+        return {}["missing"]
+
+    with pytest.raises(RuntimeError, match="KeyError"):
+        apart(broken, silent)
+
+
+def test_a_child_that_dies_is_told_not_waited_for():
+    with pytest.raises(FitError, match="without a result"):
+        apart(lambda report: os._exit(1), silent)
+
+
+def test_cancelling_ends_the_child_and_its_workers(tmp_path):
+    def sleep(name):
+        (tmp_path / name).write_text(str(os.getpid()))
+        time.sleep(60.0)
+
+    def work(report):
+        (tmp_path / "leader").write_text(str(os.getpid()))
+        return list(each(sleep, ["a", "b"], jobs=2))
+
+    def report(share, words):
+        if all((tmp_path / name).exists() and (tmp_path / name).read_text() for name in ("leader", "a")):
+            raise KeyboardInterrupt
+
+    started = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        apart(work, report)
+    assert time.monotonic() - started < 20.0
+    for name in ("leader", "a"):
+        pid = int((tmp_path / name).read_text())
+        deadline = time.monotonic() + 5.0
+        while _runs(pid) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not _runs(pid)
+
+
+def _runs(pid):
+    """Whether a process is there and no zombie."""
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False

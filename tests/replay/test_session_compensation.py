@@ -1,0 +1,111 @@
+"""The compensation of the viewer: the replay of the engine, gates that do what they say, a ghost that flies better."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compensate import Settings
+from flight.errors import UsageError
+from learn.gp import FitSettings
+from plant import model_file
+from replay.engine import replay
+from replay.flights import open_flights
+from replay.learning import TORQUE, learn
+from replay.session import LogSession
+
+MODEL = model_file.load("tilt_hexarotor")
+
+
+def silent(share, words):
+    """Nobody listens."""
+
+
+@pytest.fixture(scope="module")
+def gp(logs):
+    settings = FitSettings(points=80, restarts=0, seed=0, pre_thin=300)
+    return learn(open_flights([logs.train], MODEL), MODEL, TORQUE, settings).gp
+
+
+@pytest.fixture
+def session(logs, gp):
+    return LogSession([logs.test], MODEL, gp, gp_name="torque.gp")
+
+
+def series(session, title):
+    return next((s for s in session.scene("test").series if s.title.startswith(title)), None)
+
+
+def test_without_a_process_there_is_nothing_to_set(logs):
+    session = LogSession([logs.test], MODEL)
+    assert session.compensations.setting is None
+    with pytest.raises(UsageError, match="--gp"):
+        session.compensations.replay("test", silent)
+
+
+def test_replay_is_that_of_the_engine_and_joins_the_scene(session, gp):
+    assert series(session, "correction") is None
+    found = session.compensations.replay("test", silent)
+    direct = replay(session.bench.flight("test").flight, MODEL, gp)
+    drawn = series(session, "correction, torque")
+    assert drawn.unit == "Nm"
+    for k, axis in enumerate(TORQUE):
+        assert np.array_equal(drawn.values[axis], direct.steps.correction[:, 3 + k])
+    assert np.array_equal(series(session, "sigma of the").values["sigma"], direct.steps.sigma)
+    assert np.array_equal(series(session, "beta").values["beta"], direct.steps.beta)
+    before, after = (np.array([float(row[i]) for row in found.rows]) for i in (1, 2))
+    assert np.all(after < before)
+
+
+def test_gates_withhold_what_they_should(session):
+    desk = session.compensations
+    usual = desk.setting.gating
+    desk.set(replace(usual, gated=False))
+    desk.replay("test", silent)
+    free = series(session, "correction, torque")
+    assert np.all(series(session, "beta").values["beta"] == 0.0)
+    assert "threshold" not in series(session, "sigma of the").values
+    desk.set(replace(usual, gated=True, sigma_threshold=1e-6, kappa=1e7))
+    assert series(session, "correction") is None  # what was replayed with other settings is forgotten
+    desk.replay("test", silent)
+    assert np.all(series(session, "beta").values["beta"] > 0.99)
+    assert series(session, "correction") is None or np.max(
+        np.abs(list(series(session, "correction").values.values()))
+    ) < 0.02 * np.max(np.abs(list(free.values.values())))
+    desk.set(replace(usual, on=False))
+    assert series(session, "beta") is None
+
+
+def test_impossible_settings_are_refused_and_change_nothing(session):
+    usual = session.compensations.setting.gating
+    for wrong in ({"kappa": -1.0}, {"decay_time": 0.0}, {"sigma_threshold": float("nan")}):
+        with pytest.raises(UsageError, match="compensate"):
+            session.compensations.set(replace(usual, **wrong))
+    assert session.compensations.setting.gating == usual
+    assert usual.decay_time == Settings().decay_time
+
+
+def test_compensated_ghost_tracks_better_than_the_recorded_flight(session):
+    flown = session.compensations.refly("test", 1.0, 4.0, silent)
+    labels = [row[0] for row in flown.rows]
+    recorded, null, ghost = (np.array([float(row[i]) for row in flown.rows]) for i in (1, 2, 3))
+    attitude = [k for k, label in enumerate(labels) if label.startswith("attitude")]
+    assert len(attitude) == 3
+    assert np.linalg.norm(ghost[attitude]) < 0.6 * np.linalg.norm(recorded[attitude])
+    assert null[attitude] == pytest.approx(recorded[attitude], abs=0.05)
+    assert flown.motion.time[0] == pytest.approx(1.0, abs=0.02)
+    assert np.diff(flown.motion.time).min() > 0.0
+    assert flown.motion.tilt.shape == (len(flown.motion.time), 6)
+    assert "torque.gp" in flown.motion.words
+    session.compensations.set(replace(session.compensations.setting.gating, on=False))
+    same = session.compensations.refly("test", 1.0, 4.0, silent)
+    assert [row[3] for row in same.rows] == [row[2] for row in same.rows]
+
+
+def test_a_process_counts_only_on_the_model_that_it_was_learnt_on(session):
+    with_gp = session.scene("test")
+    assert with_gp.sigma
+    session.effects.add(("com_offset",), "test")
+    assert not session.scene("test").sigma
+    session.effects.undo()
+    assert np.array_equal(session.scene("test").wrenches["predicted"], with_gp.wrenches["predicted"], equal_nan=True)

@@ -1,0 +1,206 @@
+"""Effects on the bench of the viewer: the error falls where it should, and every change can be undone."""
+
+import numpy as np
+import pytest
+
+from flight.errors import FitError, ModelError, UsageError
+from learn.fit import dataset, fit, with_fit
+from plant import model_file
+from replay import session_effects
+from replay.flights import open_flight
+from replay.session import LogSession
+from viewer.analysis import Analysis
+
+MODEL = model_file.load("tilt_hexarotor")
+TRUTH = (-0.004, 0.007, -0.005)
+
+
+@pytest.fixture
+def session(logs):
+    return LogSession([logs.train, logs.test], MODEL)
+
+
+def rms(staircase):
+    return np.array([s.rms for s in staircase.stairs])
+
+
+def test_session_can_do_all_that_the_panels_ask(session):
+    assert isinstance(session, Analysis)
+
+
+def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session):
+    session.effects.add(("com_offset",), "train")
+    state = session.effects.state("train")
+    fitted, held_out = state.staircases
+    assert [s.name for s in held_out.stairs] == ["nominal", "+ com_offset"]
+    assert held_out.held_out
+    assert not fitted.held_out
+    assert held_out.stairs[0].in_all > 5.0 * held_out.noise.in_all
+    assert held_out.stairs[1].in_all < 1.2 * held_out.noise.in_all
+    (installed,) = state.installed
+    for value, truth in zip(installed.values, TRUTH, strict=True):
+        assert abs(value.value - truth) < 3.0 * value.std + 1e-4
+    assert "train.mcap" in installed.source
+
+
+def test_numbers_are_those_of_the_library(session, logs):
+    session.effects.add(("com_offset",), "train")
+    train, test = (dataset(open_flight(p, MODEL).records, MODEL) for p in (logs.train, logs.test))
+    fitted = with_fit(MODEL, fit(train, MODEL, ["com_offset"]))
+    for data, stairs in zip((train, test), session.effects.state("train").staircases, strict=True):
+        for k, model in enumerate((MODEL, fitted)):
+            left = data.measured - data.predict(model.wrench_model)
+            assert stairs.stairs[k].rms == pytest.approx(np.sqrt(np.mean(left**2, axis=0)))
+        assert stairs.stairs[1].in_all == pytest.approx(np.linalg.norm(data.weights * stairs.stairs[1].rms))
+        assert stairs.noise.rms == pytest.approx(data.noise)
+
+
+def test_undo_restores_the_very_same_numbers_and_redo_too(session):
+    before = session.effects.state("train")
+    scene = session.scene("train")
+    session.effects.add(("com_offset",), "train")
+    added = session.effects.state("train")
+    assert (added.undo, added.redo) == ("add com_offset", "")
+    assert not np.array_equal(session.scene("train").wrenches["predicted"], scene.wrenches["commanded"])
+    session.effects.undo()
+    again = session.effects.state("train")
+    assert again.redo == "add com_offset"
+    assert again.installed == ()
+    for old, new in zip(before.staircases, again.staircases, strict=True):
+        assert np.array_equal(rms(old), rms(new))
+    back = session.scene("train")
+    assert set(back.wrenches) == set(scene.wrenches)
+    assert all(np.array_equal(back.wrenches[n], w, equal_nan=True) for n, w in scene.wrenches.items())
+    session.effects.redo()
+    for old, new in zip(added.staircases, session.effects.state("train").staircases, strict=True):
+        assert np.array_equal(rms(old), rms(new))
+
+
+def test_a_slider_moves_the_error_and_counts_as_one_change(session):
+    session.effects.add(("com_offset",), "train")
+    best = session.effects.state("train").staircases[1].stairs[-1].in_all
+    errors = []
+    for y in (0.006, 0.004, 0.002, 0.0):  # away from the 7 mm that are there
+        session.effects.set_value("com_offset", "y", y)
+        errors.append(session.effects.state("train").staircases[1].stairs[-1].in_all)
+    assert best < errors[0] < errors[1] < errors[2] < errors[3]
+    state = session.effects.state("train")
+    assert state.installed[0].values[1].value == 0.0
+    assert state.installed[0].values[1].std is None
+    assert "by hand" in state.installed[0].source
+    session.effects.undo()
+    assert session.effects.state("train").staircases[1].stairs[-1].in_all == best
+
+
+def test_two_effects_make_two_stairs_and_removing_takes_one_away(session):
+    session.effects.add(("com_offset",), "train")
+    one = session.effects.state("train").staircases[1]
+    session.effects.add(("inertia",), "train")
+    two = session.effects.state("train").staircases[1]
+    assert [s.name for s in two.stairs] == ["nominal", "+ com_offset", "+ inertia"]
+    assert np.array_equal(rms(two)[:2], rms(one))
+    session.effects.remove("com_offset")
+    left = session.effects.state("train")
+    assert [i.name for i in left.installed] == ["inertia"]
+    assert left.staircases[1].stairs[-1].in_all > 3.0 * two.stairs[-1].in_all
+    session.effects.refit("train")
+    assert session.effects.state("train").undo == "fit on train"
+
+
+def test_one_flight_is_judged_on_time_that_was_not_fitted(logs):
+    session = LogSession([logs.train], MODEL)
+    session.effects.add(("com_offset",), "train")
+    here, blocks = session.effects.state("train").staircases
+    assert blocks.held_out
+    assert blocks.stairs[-1].in_all < 1.3 * blocks.noise.in_all
+    assert here.stairs[-1].in_all <= 1.2 * blocks.stairs[-1].in_all
+    session.effects.set_value("com_offset", "y", 0.0)  # nothing was fitted that a block could be left out of
+    assert len(session.effects.state("train").staircases) == 1
+
+
+def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(session):
+    told = []
+    ranking = session.effects.explain("train", lambda share, words: told.append(words))
+    assert ranking.verdict == "effect"
+    assert ranking.named[0].name == "com_offset"
+    assert ranking.named[0].sure > 0.9
+    assert ranking.candidates[0].mark == "chosen"
+    assert "com_offset" in ranking.sentence
+    assert any("step 1" in words for words in told)
+    assert session.effects.state("train").installed == ()  # a search changes nothing
+
+
+def test_cancelling_a_search_ends_it_at_once(session):
+    class Enough(Exception):
+        pass
+
+    def report(share, words):
+        if "step" in words:
+            raise Enough
+
+    with pytest.raises(Enough):
+        session.effects.explain("train", report)
+
+
+def test_saved_model_says_what_was_done_and_is_never_overwritten_unasked(session, tmp_path):
+    path = tmp_path / "fitted.toml"
+    session.effects.add(("com_offset",), "train")
+    session.effects.add(("inertia",), "train")
+    session.effects.remove("inertia")
+    assert not session.effects.state("train").saved
+    assert "version 4" in session.effects.save(path)
+    assert session.effects.state("train").saved
+    read = model_file.load(path)
+    assert [v.command for v in read.history[1:]] == [
+        "wrenchgap view: add com_offset",
+        "wrenchgap view: add inertia",
+        "wrenchgap view: remove inertia",
+    ]
+    assert read.history[1].trial is not None
+    assert [e.name for e in read.effects] == ["com_offset"]
+    assert not model_file.changed_since(read)
+    text = path.read_text()
+    session.effects.undo()
+    with pytest.raises(UsageError, match="exists already"):
+        session.effects.save(path)
+    assert path.read_text() == text
+    session.effects.save(path, overwrite=True)
+    assert [e.name for e in model_file.load(path).effects] == ["com_offset", "inertia"]
+    with pytest.raises(UsageError, match="TOML"):
+        session.effects.save(tmp_path / "model.txt")
+    with pytest.raises(UsageError, match="does not exist"):
+        session.effects.save(tmp_path / "nowhere" / "model.toml")
+
+
+def test_what_cannot_be_is_refused_in_one_line(session):
+    with pytest.raises(ModelError, match="catalogue"):
+        session.effects.add(("gremlins",), "train")
+    with pytest.raises(FitError, match="voltage"):
+        session.effects.add(("battery_sag",), "train")
+    with pytest.raises(ModelError, match="has no effect"):
+        session.effects.remove("com_offset")
+    with pytest.raises(UsageError, match="nothing to undo"):
+        session.effects.undo()
+    with pytest.raises(UsageError, match="nothing to do again"):
+        session.effects.redo()
+    with pytest.raises(UsageError, match="add one first"):
+        session.effects.refit("train")
+    session.effects.add(("com_offset",), "train")
+    with pytest.raises(ModelError, match="not plausible"):
+        session.effects.set_value("com_offset", "x", 2.0)
+    with pytest.raises(ModelError, match="not plausible"):
+        session.effects.set_value("com_offset", "x", float("nan"))
+    with pytest.raises(ModelError, match="no parameter"):
+        session.effects.set_value("com_offset", "w", 0.0)
+    assert session.effects.state("train").undo == "add com_offset"  # none of this changed anything
+
+
+def test_next_flight_is_drawn_within_the_room_and_says_what_it_tells_apart(session, monkeypatch):
+    monkeypatch.setattr(session_effects, "NEXT_SECONDS", 10.0)  # a short one is found sooner
+    found = session.effects.next_flight(("com_offset", "constant_wrench"), "train", lambda share, words: None)
+    assert found.separable
+    assert "tells" in found.sentence
+    assert found.position_E.shape == (len(found.time), 3)
+    assert np.all(np.abs(found.position_E[:, :2]) < 4.0)
+    assert np.ptp(found.position_E, axis=0).max() < 5.0
+    assert "[[moves]]" in found.text

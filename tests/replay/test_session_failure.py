@@ -1,0 +1,119 @@
+"""The failure map of the viewer: its numbers are those of the library, its instants lie where the error is."""
+
+import numpy as np
+import pytest
+
+from learn.budget import budget
+from learn.failure_map import failure_map
+from learn.fit import dataset
+from learn.quantities import quantities
+from plant import model_file
+from replay.flights import open_flight
+from replay.session import LogSession
+from replay.session_failure import PERMUTATIONS, SMOOTH
+from viewer.analysis import UNITS, VIEWS
+
+MODEL = model_file.load("tilt_hexarotor")
+
+
+@pytest.fixture(scope="module")
+def session(logs):
+    return LogSession([logs.train, logs.test], MODEL)
+
+
+@pytest.fixture(scope="module")
+def failure(session):
+    return session.failures.of("train")
+
+
+@pytest.fixture(scope="module")
+def direct(logs):
+    """Data and residual of the nominal model, without any session."""
+    data = dataset(open_flight(logs.train, MODEL).records, MODEL)
+    return data, data.measured - data.predict(MODEL.wrench_model)
+
+
+def test_cells_hold_the_errors_that_the_library_finds(failure, direct):
+    data, residual = direct
+    mapped = failure_map(data, residual, permutations=PERMUTATIONS)
+    assert [q.label for q in failure.quantities] == [d.label for d in mapped.dependences]
+    for quantity, found in zip(failure.quantities, mapped.dependences, strict=True):
+        assert len(quantity.cells) == len(found.binned)
+        rms = np.array([c.rms for c in quantity.cells])
+        assert rms[:, 0] == pytest.approx(found.binned.whole_rms)
+        assert rms[:, 3:] == pytest.approx(found.binned.rms)
+        step = np.diff(data.records[0].time).mean()
+        assert [c.seconds for c in quantity.cells] == pytest.approx(found.binned.samples * step)
+        assert quantity.sure == found.significant
+
+
+def test_views_are_norms_of_their_axes(failure):
+    assert len(VIEWS) == len(UNITS) == 9
+    for cell in failure.quantities[0].cells:
+        assert cell.rms[1] == pytest.approx(np.linalg.norm(cell.rms[3:6]))
+        assert cell.rms[2] == pytest.approx(np.linalg.norm(cell.rms[6:]))
+
+
+def test_the_instant_of_a_cell_lies_in_it_and_nowhere_in_it_is_the_error_larger(failure, direct):
+    data, residual = direct
+    time = data.records[0].time
+    values = {q.label: q for q in quantities(data)[0]}
+    energy = np.sum((residual * data.weights) ** 2, axis=1)
+    width = round(SMOOTH / np.diff(time).mean())
+    smooth = np.convolve(energy, np.ones(width) / width, mode="same")
+    tilt = next(q for q in failure.quantities if q.label == "tilt")
+    for cell in tilt.cells:
+        low, high = (float(part) for part in cell.words.removesuffix(" deg").split(" to "))
+        k = int(np.argmin(np.abs(time - cell.time[0])))
+        at = values["tilt"].values
+        assert low - 0.06 <= at[k] <= high + 0.06  # words are rounded
+        inside = (at > low + 0.06) & (at < high - 0.06) & (time > time[width]) & (time < time[-width])
+        assert smooth[k] >= 0.999 * smooth[inside].max()
+
+
+def test_grid_cells_add_up_to_the_time_with_a_direction(failure, direct):
+    data, residual = direct
+    grid = failure.grid
+    assert grid is not None
+    found = failure_map(data, residual, permutations=2).grid
+    cells = {(i, j): c for j, row in enumerate(grid.rows) for i, c in enumerate(row) if c is not None}
+    assert len(cells) == np.isfinite(found.force).sum()
+    for (i, j), cell in cells.items():
+        assert cell.rms[1] == pytest.approx(found.force[i, j])
+        assert cell.rms[2] == pytest.approx(found.torque[i, j])
+
+
+def test_budget_adds_up_and_is_that_of_the_library(failure, direct):
+    data, residual = direct
+    made = budget(data, residual, residual, None, "none")
+    assert [b.view for b in failure.budget] == [VIEWS[0], *VIEWS[3:]]
+    for row in failure.budget:
+        assert row.process is None
+        assert row.noise + row.physics + row.unexplained == pytest.approx(1.0)
+    assert [b.rms for b in failure.budget[1:]] == pytest.approx(np.sqrt(made.nominal))
+    assert failure.budget[0].unexplained > 0.9
+
+
+def test_full_budget_says_what_a_process_would_explain(session, failure):
+    told = []
+    rows = session.failures.full_budget("train", lambda share, words: told.append((share, words)))
+    assert all(r.process is not None for r in rows)
+    for row, quick in zip(rows, failure.budget, strict=True):
+        assert row.noise + row.physics + row.process + row.unexplained == pytest.approx(1.0)
+        assert row.unexplained <= quick.unexplained + 1e-9
+    assert any("fold" in words for _, words in told)
+
+
+def test_with_the_effect_in_the_map_falls_to_the_noise(logs):
+    session = LogSession([logs.train], MODEL)
+    before = session.failures.of("train")
+    session.effects.add(("com_offset",), "train")
+    after = session.failures.of("train")
+    for cell in after.quantities[0].cells:
+        assert cell.rms[0] < 2.0 * cell.noise[0]
+    assert max(c.rms[0] for c in before.quantities[0].cells) > 5.0 * before.quantities[0].cells[0].noise[0]
+    assert after.budget[0].physics > 0.9
+    session.effects.undo()
+    again = session.failures.of("train")
+    for old, new in zip(before.quantities, again.quantities, strict=True):
+        assert all(np.array_equal(a.rms, b.rms) for a, b in zip(old.cells, new.cells, strict=True))
