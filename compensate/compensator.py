@@ -24,7 +24,7 @@ from compensate.physics import PhysicsMismatch
 from compensate.uncertainty import default_filter
 from flight.errors import UsageError
 from flight.flight import AXES
-from plant.mismatch import Follows, KnowsItsData, MismatchModel, output_indices
+from plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
 from plant.state import State
 
 Array = NDArray[np.float64]
@@ -160,6 +160,7 @@ class Compensator:
         self._optimum = np.zeros(len(AXES))
         self._correction = np.zeros(len(AXES))  # less that of the physics
         self._known = np.zeros(len(AXES))  # correction of the physics alone
+        self._model: MismatchModel | None = None
         self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else _Fixed(m) for m in self._parts]
 
     @property
@@ -175,11 +176,11 @@ class Compensator:
         started = perf_counter()
         wrench = _checked(wrench_des)
         here = [f.here(state) for f in self._following]
+        model = self._model = _Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
         if len(here) > 1:
             known = self._unbounded.solve(here[0], wrench, self._known)
             self._known, iterations = known.correction, known.iterations
-        model = _Sum(*here) if len(here) > 1 else here[0]
         optimum = self._optimiser.solve(model, wrench, self._optimum, self._known)
         with np.errstate(all="ignore"):
             sigma = self.uncertainty.sigma(here[-1].std((wrench + optimum.correction)[None])[0])
@@ -204,6 +205,17 @@ class Compensator:
             trouble=trouble,
             solve_time=perf_counter() - started,
         )
+
+    @property
+    def needs_state(self) -> bool:
+        """Whether `step` must be told the state."""
+        return any(needs_state(part) for part in self._parts)
+
+    def expected(self, wrench_cmd: Array) -> Array:
+        """Mismatch (L,) of a command (6,) at the last step, as the models then had it."""
+        if self._model is None:
+            raise UsageError("compensate: nothing is expected before the first step")
+        return np.asarray(self._model.mean(wrench_cmd[None])[0])
 
 
 @dataclass(frozen=True)

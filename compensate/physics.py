@@ -51,6 +51,11 @@ class PhysicsMismatch:
         self.outputs, self.lead = outputs, lead
         output_indices(outputs)
 
+    @property
+    def needs_state(self) -> bool:
+        """See `plant.mismatch.Follows`."""
+        return True
+
     def follow(self, dt: float) -> PhysicsFollower:
         """See `plant.mismatch.Follows`."""
         return PhysicsFollower(self, dt)

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 
 from flight.errors import FitError
 from learn.fit import Dataset, Fit, dataset, fit, held_out, inapplicable, spread_out, unexcited
-from learn.gp import GaussianProcess
-from learn.inputs import pooled_inputs
+from learn.inputs import groups, pooled_inputs
 from learn.search import INDISTINCT, MATERIAL, PLAIN, SIGNIFICANT
 from plant.effects import catalogue
-from plant.mismatch import output_indices
+from plant.mismatch import MismatchModel, output_indices
 from plant.model import Model
 
 Array = NDArray[np.float64]
@@ -79,7 +78,7 @@ class Absorption:
 def absorbed(
     data: Dataset,
     model: Model,
-    gp: GaussianProcess,
+    gp: MismatchModel,
     *,
     names: Sequence[str] | None = None,
     progress: Progress | None = None,
@@ -88,7 +87,7 @@ def absorbed(
     some = spread_out(data.records, SECONDS)
     data = data if some is data.records else dataset(some, model)
     rows = output_indices(gp.outputs)
-    correction = gp.mean(pooled_inputs(gp.settings.inputs, data.records))
+    correction = gp.mean(pooled_inputs(groups(gp), data.records))
     size = np.full(6, np.nan)
     size[rows] = np.sqrt(np.mean(correction**2, axis=0))
     try:

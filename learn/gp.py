@@ -197,6 +197,11 @@ class GaussianProcess:
         spread = np.sqrt(self.signal_variance + self.noise_variance)
         return np.asarray(self.output_scale * self.sigma_scale * spread)
 
+    @property
+    def needs_state(self) -> bool:
+        """See `plant.mismatch.Follows`."""
+        return bool(self.settings.inputs)
+
     def follow(self, dt: float) -> Following:
         """See `plant.mismatch.Follows`."""
         return Following(self, dt)

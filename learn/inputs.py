@@ -8,10 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import FitError
+from learn.gp import GaussianProcess
 from learn.measurement import Record, low_pass
+from plant.mismatch import MismatchModel
 from plant.mismatch_inputs import POSED, extra_inputs
 
 Array = NDArray[np.float64]
+
+
+def groups(model: MismatchModel) -> tuple[str, ...]:
+    """Groups of inputs besides the command that a mismatch model wants."""
+    return model.settings.inputs if isinstance(model, GaussianProcess) else ()
 
 
 def process_inputs(names: Sequence[str], record: Record) -> Array:

@@ -88,8 +88,17 @@ class Follows(Protocol):
     def outputs(self) -> tuple[str, ...]:
         """Names of the L components that the model estimates."""
 
+    @property
+    def needs_state(self) -> bool:
+        """Whether its followers must be told the state."""
+
     def follow(self, dt: float) -> Follower:
         """Start with nothing known of the past; `here` will be called every `dt` [s]."""
+
+
+def needs_state(model: MismatchModel | Follows) -> bool:
+    """Whether a model depends on the state besides the command."""
+    return isinstance(model, Follows) and model.needs_state
 
 
 def output_indices(outputs: tuple[str, ...]) -> NDArray[np.intp]:

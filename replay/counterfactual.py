@@ -105,8 +105,8 @@ class StepResult(Protocol):
 class Compensates(Protocol):
     """`compensate.Compensator`, or anything that steps like it."""
 
-    def step(self, wrench_des: Array, /) -> StepResult:
-        """Command for a desired wrench (6,)."""
+    def step(self, wrench_des: Array, state: State, /) -> StepResult:
+        """Command for a desired wrench (6,) in a state (N = 1)."""
         ...
 
 
@@ -566,7 +566,7 @@ class _Pilot:
         if self.compensator is None:
             commanded = desired + i.correction[k]
         else:
-            self.steps.append(self.compensator.step(desired))
+            self.steps.append(self.compensator.step(desired, now))
             commanded = self.steps[-1].wrench_cmd
         if self.allocation is None:
             return Commands(commanded[None])

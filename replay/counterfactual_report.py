@@ -13,14 +13,14 @@ from rich.markup import escape
 from rich.table import Table
 
 import flight
-from compensate import Compensator, Settings
+from compensate import Settings
 from flight.errors import ModelError, UsageError
 from learn.gp import GaussianProcess
 from plant.controller import ControllerGains
 from plant.model import Model
 from plant.model_file import tool_version
 from plant.vehicle import Vehicle
-from replay import tables
+from replay import compensating, tables
 from replay.counterfactual import Change, Counterfactual
 from replay.editing import set_by_hand
 
@@ -67,6 +67,7 @@ def change(
     *,
     period: float,
     gp: tuple[str, GaussianProcess] | None = None,
+    lead: float | None = None,
     without: Sequence[str] = (),
     with_: Sequence[str] = (),
     gains: Sequence[str] = (),
@@ -81,9 +82,8 @@ def change(
     compensator = None
     if gp is not None:
         name, process = gp
-        process.check_vehicle(model.vehicle.name)
-        words.append(f"compensated by {name}")
-        compensator = Compensator(process, Settings(dt=period))
+        words.append(f"compensated by {name}" + ("" if lead is None else f", lags led by {lead:g} s"))
+        compensator = compensating.compensator(process, model, Settings(dt=period), lead=lead)
     return Change(
         plant=plant,
         gains=changed_gains(model.controller, gains) if gains else None,
@@ -94,9 +94,9 @@ def change(
 
 
 def warnings(result: Counterfactual, process: GaussianProcess | None) -> list[str]:
-    """What makes a GP's counterfactual look better than it is."""
+    """What makes a GP's counterfactual look better than it is, and what was wrong with the GP from the start."""
     log = result.inference.recording.flight
-    found: list[str] = []
+    found = [] if process is None else list(compensating.notes(process, result.inference.model))
     if process is not None and log.content_hash in [source.sha256 for source in process.provenance.logs]:
         found.append(f"{log.name}: the GP was learnt from this very flight, so it flatters itself; use an unseen one")
     if result.uncompensated is not None:

@@ -21,14 +21,17 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from compensate import Compensator, Settings
-from flight.errors import FitError, LogError, UsageError
+from flight.errors import LogError, UsageError
 from flight.flight import AXES, ActuatorSeries, Flight, WrenchSeries
 from learn.gp import GaussianProcess
 from learn.measurement import CUTOFF_HZ, from_actuators
 from plant.allocation import Allocation, Saturation
 from plant.mismatch import Conditioning, conditioning, output_indices
+from plant.mismatch_inputs import extra_inputs
 from plant.model import Model
+from plant.state import State
 from plant.wrench_model import about_origin
+from replay import compensating
 from replay.comparison import Predictor, predictors
 from replay.flights import opened
 
@@ -36,6 +39,7 @@ Array = NDArray[np.float64]
 Source = Literal["desired", "commanded"]
 Progress = Callable[[float, str], None]
 
+MOTION = ("time", "position_E", "quat_EB", "velocity_E", "omega_B")
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""
 
@@ -71,7 +75,8 @@ class Replay:
     measured             (K, 6) from the IMU, filtered
     predicted            (K, 6) model and GP at the logged command, filtered
     predicted_new        (K, 6) model and GP at the new command in the state that was flown, filtered
-    mismatch_before      (K, L) mu(W): the wrench error without correction, on the outputs of the GP
+    mismatch_before      (K, L) mu(W): the wrench error without correction, on the outputs of the GP, physics included
+                         where that is its mean
     mismatch_after       (K, L) mu(W + dW) + dW: what is left of it
     sigma_threshold      sigma at which half of the optimum is taken; inf where the filter is off
     dt                   [s], the period that the filter was told
@@ -118,20 +123,19 @@ def replay(
     settings: Settings | None = None,
     *,
     source: Source | None = None,
+    lead: float | None = None,
     progress: Progress | None = None,
 ) -> Replay:
     """Re-run the compensation on a flight; deterministic but for `Steps.solve_time`.
 
     `source` is by default the desired wrench where the log has it, else the commanded one, which is computed from the
-    actuators where only they are logged. `settings.dt` is replaced by the log's period.
+    actuators where only they are logged. `settings.dt` is replaced by the log's period. `lead` [s] leads the lags of
+    the physics, where that is the process's mean (`compensate.physics`).
 
-    Raises FitError for a GP of another vehicle, LogError where the log lacks the wrench.
+    Raises FitError for a GP of another vehicle or physics, LogError where the log lacks the wrench, or the motion that
+    the process wants to know.
     """
     gp.check_vehicle(model.vehicle.name)
-    if len(gp.input_mean) != len(AXES):
-        raise FitError(
-            f"GP: has {len(gp.input_mean)} inputs, expected the {len(AXES)} components of a commanded wrench"
-        )
     logged, notes = logged_command(flight, model)
     series, chosen = _input(flight, logged, source)
     cutoff = gp.provenance.cutoff_hz or CUTOFF_HZ
@@ -140,14 +144,12 @@ def replay(
     settings = replace(settings or Settings(), dt=series.period)
     starts = np.unique([0, *(int(np.searchsorted(series.time, gap.stop)) for gap in series.gaps)])
     starts = starts[starts < len(series.time)]
+    compensated = compensating.compensator(gp, model, settings, lead=lead)
+    motion = _motion(flight, model, series, logged) if compensated.needs_state else None
     with threadpool_limits(1):
-        compensator = Compensator(gp, settings)
-        steps = _run(compensator, series.wrench_B, starts, progress)
-        rows = output_indices(gp.outputs)
-        before = gp.mean(series.wrench_B)
-        after = gp.mean(steps.commanded) + steps.correction[:, rows]
+        steps, before, after = _run(compensated, series.wrench_B, motion, starts, progress)
         stride = max(1, len(series.time) // CONDITIONED)
-        condition = conditioning(gp, series.wrench_B[::stride])
+        condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, series.period)[::stride])
         measured, predicted, predicted_new, words = _predictions(
             flight, model, predictor, cutoff, series, logged, steps.commanded
         )
@@ -170,10 +172,10 @@ def replay(
         conditioning=condition,
         saturation=_saturation(model, steps.commanded, starts, series.period),
         saturation_logged=_saturation(model, series.wrench_B, starts, series.period),
-        sigma_threshold=float(compensator.uncertainty.threshold),
+        sigma_threshold=float(compensated.uncertainty.threshold),
         dt=series.period,
         restarts=len(starts) - 1,
-        notes=tuple(dict.fromkeys((*flight.notes, *notes, *words, *said, *_remainder_note(predictor)))),
+        notes=tuple(dict.fromkeys((*flight.notes, *notes, *words, *said, *compensating.notes(gp, model)))),
     )
 
 
@@ -222,21 +224,53 @@ def _input(flight: Flight, logged: WrenchSeries | None, source: Source | None) -
     )
 
 
-def _run(compensator: Compensator, wrench: Array, starts: NDArray[np.int64], progress: Progress | None) -> Steps:
-    """Step through the series; forget the past at every index in `starts`."""
+def _motion(flight: Flight, model: Model, series: WrenchSeries, logged: WrenchSeries | None) -> State:
+    """The state last known at every stamp of `series`, for what depends on it."""
+    known = replace(flight, commanded=series if logged is None else logged, notes=())
+    if flight.imu is None and flight.odometry is None:
+        raise LogError(f"{flight.path.name}: this GP depends on the motion, and the log has neither IMU nor odometry")
+    records = opened(known, model).records
+    states = [r.state for r in records]
+    every = State(*(np.concatenate([getattr(s, name) for s in states]) for name in MOTION))
+    return every.take(np.maximum(np.searchsorted(every.time, series.time, side="right") - 1, 0))
+
+
+def _inputs(gp: GaussianProcess, wrench: Array, motion: State | None, dt: float) -> Array:
+    """What the process looks at along the series (K, D)."""
+    if motion is None:
+        return wrench
+    extra, _ = extra_inputs(gp.settings.inputs, np.concatenate((wrench[:1], wrench[:-1])), motion, dt)
+    return np.hstack((wrench, extra))
+
+
+def _run(
+    compensator: Compensator,
+    wrench: Array,
+    motion: State | None,
+    starts: NDArray[np.int64],
+    progress: Progress | None,
+) -> tuple[Steps, Array, Array]:
+    """Step through the series; forget the past at every index in `starts`.
+
+    Also the mismatch (K, L) that is expected of the wrench as it is, and what is left of it after the correction.
+    """
     fresh, results = set(starts.tolist()), []
+    rows = output_indices(compensator.model.outputs)
+    before, after = [], []
     every = max(1, len(wrench) // 100)
     for k, row in enumerate(wrench):
         if k in fresh:
             compensator.reset()
-        results.append(compensator.step(row))
+        results.append(compensator.step(row, None if motion is None else motion.take(slice(k, k + 1))))
+        before.append(compensator.expected(row))
+        after.append(compensator.expected(results[-1].wrench_cmd) + results[-1].correction[rows])
         if progress is not None and k % every == 0:
             progress(k / len(wrench), f"step {k} of {len(wrench)}")
     trouble: dict[str, int] = {}
     for one in results:
         if one.trouble:
             trouble[one.trouble] = trouble.get(one.trouble, 0) + 1
-    return Steps(
+    steps = Steps(
         commanded=np.array([r.wrench_cmd for r in results]),
         correction=np.array([r.correction for r in results]),
         optimum=np.array([r.optimum for r in results]),
@@ -248,6 +282,7 @@ def _run(compensator: Compensator, wrench: Array, starts: NDArray[np.int64], pro
         solve_time=np.array([r.solve_time for r in results]),
         trouble=trouble,
     )
+    return steps, np.array(before), np.array(after)
 
 
 def _predictions(
@@ -288,15 +323,6 @@ def _predictions(
         _at(series.time, [(r.time, predictor.predict(r, model.vehicle.body)) for r in before.records]),
         _at(series.time, [(r.time, predictor.predict(r, model.vehicle.body)) for r in after.records]),
         (*notes, *before.notes),
-    )
-
-
-def _remainder_note(predictor: Predictor) -> tuple[str, ...]:
-    if not predictor.model.effects:
-        return ()
-    return (
-        f"{predictor.name}: the GP was learnt on what the effects of the model leave; only that remainder is "
-        "compensated.",
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from flight.errors import UsageError
 from flight.flight import AXES
 from learn.absorbed import Absorbed, Absorption, absorbed
+from learn.calibration import Coverage
 from learn.fit import dataset
-from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
+from learn.gp import FitSettings, GaussianProcess, LogSource, MeanKind, Provenance
+from learn.inputs import process_inputs
 from learn.measurement import Record
-from learn.train import fit
+from learn.train import fit, fit_linear
 from plant.mismatch import conditioning, output_indices
 from plant.model import Model
 from plant.model_file import content_hash, tool_version
@@ -39,9 +41,14 @@ WORSE = 1.2
 """Ratio of rms on unseen flights above which a GP does harm."""
 
 
+WORTH_IT = 0.95
+"""Ratio of rms on unseen flights, to the best of the simpler alternatives, above which a GP is not worth it."""
+NOMINAL, CONSTANT, LINEAR = "nominal", "constant offset", "linear in the command"
+
+
 @dataclass(frozen=True)
 class Samples:
-    """What is learnt from: commands `inputs` (M, 6), mismatch `outputs` (M, 6), `spacing` [s] between samples."""
+    """What is learnt from: `inputs` (M, D), the command first, and mismatch `outputs` (M, 6), `spacing` [s] apart."""
 
     inputs: Array
     outputs: Array
@@ -70,12 +77,36 @@ class Learnt:
                 "on a flight with excitation on all axes, or add effects first."
             )
         if self.validation is not None:
-            before, after = (self.validation.evaluations[i].pooled.rms for i in (-2, -1))
-            worse = [k for k in output_indices(self.gp.outputs) if after[k] > WORSE * before[k]]
-            listed = ", ".join(f"{AXES[k]} (rms {before[k]:.2g} to {after[k]:.2g})" for k in worse)
+            axes = [str(AXES[k]) for k in output_indices(self.gp.outputs)]
+            given, simple, learnt = self._rms(-2), np.min([self._rms(1), self._rms(2)], axis=0), self._rms(-1)
+            given = given if self.gp.settings.mean == "physics" else self._rms(0)
+            worse = learnt > WORSE * given
+            idle = ~worse & (learnt > WORTH_IT * np.minimum(given, simple))
+            listed = [
+                f"{a} (rms {b:.2g} to {c:.2g})" for a, b, c, w in zip(axes, given, learnt, worse, strict=True) if w
+            ]
             if listed:
-                found.append(f"on unseen flights the GP makes it worse: {listed}; leave these out with --outputs.")
+                found.append(
+                    f"on unseen flights the GP makes it worse: {', '.join(listed)}; leave these out with --outputs."
+                )
+            if idle.any():
+                names = ", ".join(a for a, i in zip(axes, idle, strict=True) if i)
+                found.append(
+                    f"on unseen flights the GP is not worth it for {names}: the model without it, a constant or a "
+                    "straight line does as well."
+                )
         return found
+
+    def _rms(self, place: int) -> Array:
+        """On the validation flights, of the predictor at this place (L,)."""
+        assert self.validation is not None
+        return np.asarray(self.validation.evaluations[place].pooled.rms[output_indices(self.gp.outputs)])
+
+    @property
+    def coverage(self) -> dict[str, tuple[Coverage, Coverage]]:
+        """How often sigma is right, before and after calibration, on the training flights and unseen ones."""
+        flights = {"training": self.training, "unseen": self.validation}
+        return {name: _coverage(self.gp, one) for name, one in flights.items() if one is not None}
 
     def to_json(self) -> dict[str, Any]:
         """The body of the `learn` schema."""
@@ -92,11 +123,25 @@ class Learnt:
             "physics": gp.provenance.physics,
             "sigma_prior": gp.sigma_prior,
             "sigma_training": gp.sigma_training,
+            "sigma_scale": gp.sigma_scale,
+            "coverage": {
+                name: {"before": before.to_json(), "after": after.to_json()}
+                for name, (before, after) in self.coverage.items()
+            },
             "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
             "training": self.training.to_json(),
             "validation": None if self.validation is None else self.validation.to_json(),
             "warnings": self.warnings,
         }
+
+
+def _coverage(gp: GaussianProcess, flights: Comparison) -> tuple[Coverage, Coverage]:
+    """Without and with the factor of calibration."""
+    rows, last = output_indices(gp.outputs), flights.evaluations[-1]
+    error = np.concatenate([r.measured - p for r, p in zip(flights.records, last.predictions, strict=True)])[:, rows]
+    assert last.sigma is not None
+    sigma = np.concatenate(last.sigma)[:, rows]
+    return Coverage.of(error, sigma / gp.sigma_scale), Coverage.of(error, sigma)
 
 
 def guard(
@@ -168,16 +213,16 @@ def parse_outputs(text: str) -> tuple[str, ...]:
     return names
 
 
-def samples(records: Sequence[Record], model: Model) -> Samples:
-    """Commands and mismatches of all records, thinned to at least 1 / (2 f_c)."""
-    nominal = Predictor("physics", model.wrench_model)
+def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = ()) -> Samples:
+    """Inputs and mismatches of all records, thinned to at least 1 / (2 f_c)."""
+    physics = Predictor("physics", model.wrench_model)
     inputs, outputs = [], []
     spacing = 0.0
     for record in records:
         kept = record.dt * (record.keep.step or 1)
         step = max(1, math.ceil(1.0 / (2.0 * record.cutoff_hz * kept) - 1e-9))
-        residual = record.measured - nominal.predict(record, model.vehicle.body)
-        inputs.append(record.commanded[::step])
+        residual = record.measured - physics.predict(record, model.vehicle.body)
+        inputs.append(process_inputs(groups, record)[::step])
         outputs.append(residual[::step])
         spacing = kept * step
     return Samples(np.concatenate(inputs), np.concatenate(outputs), spacing)
@@ -192,18 +237,23 @@ def learn(
     validation: Sequence[OpenFlight] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Learnt:
-    """Learn what `model` leaves on `flights`, and see what the GP does there and on `validation`."""
+    """Learn what `model` leaves on `flights`, and see what the GP does there and on `validation`.
+
+    With a mean other than physics, the nominal vehicle is what leaves it. Raises UsageError for physics without any.
+    """
     records = [r for f in flights for r in f.records]
-    data = samples(records, model)
+    base = physics_of(model, settings)
+    data = samples(records, base, settings.inputs)
+    targets = data.outputs[:, output_indices(outputs)]
     gp = fit(
         data.inputs,
-        data.outputs[:, output_indices(outputs)],
+        targets,
         outputs,
         settings,
         provenance=Provenance(
             vehicle=model.vehicle.name,
-            model_hash=content_hash(model),
-            physics=", ".join(e.name for e in model.effects) or "nominal",
+            model_hash=content_hash(base),
+            physics=", ".join(e.name for e in base.effects) or "nominal",
             cutoff_hz=records[0].cutoff_hz,
             logs=tuple(LogSource(f.flight.path.name, f.flight.content_hash) for f in flights),
             version=tool_version(),
@@ -211,12 +261,11 @@ def learn(
         ),
         progress=progress,
     )
-    name = model.name if model.effects else "nominal"
-    found = [Predictor("nominal", model.nominal.wrench_model)]
-    found += [Predictor(name, model.wrench_model)] if model.effects else []
-    found.append(Predictor(f"{name}+GP", model.wrench_model, gp))
+    found = [Predictor(NOMINAL, model.nominal.wrench_model), *_lines(records, model, outputs)]
+    found += [Predictor(model.name, base.wrench_model)] if base.effects else []
+    found.append(Predictor(f"{model.name if base.effects else NOMINAL}+GP", base.wrench_model, gp))
     real = conditioning(gp, data.inputs).real_min
-    return Learnt(
+    learnt = Learnt(
         gp,
         len(data.inputs),
         data.spacing,
@@ -224,3 +273,33 @@ def learn(
         compare(validation, model, found) if validation else None,
         np.array([np.percentile(real, 1), np.median(real), real.max()]),
     )
+    provenance = replace(gp.provenance, warnings=tuple(learnt.warnings))
+    return replace(learnt, gp=replace(gp, provenance=provenance))
+
+
+def default_mean(model: Model) -> MeanKind:
+    """Physics where the model has effects, else the paper's zero."""
+    return "physics" if model.effects else "zero"
+
+
+def physics_of(model: Model, settings: FitSettings) -> Model:
+    """On top of what a process with these settings is learnt."""
+    if settings.mean != "physics":
+        return model.nominal
+    if not model.effects:
+        raise UsageError(
+            f"--mean physics: {model.name} has no effects; name some with `wrenchgap explain` and put them into it "
+            "with `wrenchgap add`, or say --mean zero"
+        )
+    return model
+
+
+def _lines(records: Sequence[Record], model: Model, outputs: tuple[str, ...]) -> list[Predictor]:
+    """The simplest alternatives: a constant offset, and a straight line in the command, on the nominal vehicle."""
+    nominal = model.nominal
+    every = samples(records, nominal)
+    rows = output_indices(outputs)
+    return [
+        Predictor(name, nominal.wrench_model, fit_linear(every.inputs, every.outputs[:, rows], outputs, slope=slope))
+        for name, slope in ((CONSTANT, False), (LINEAR, True))
+    ]

@@ -116,6 +116,14 @@ Shift = Annotated[
         help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for more.",
     ),
 ]
+Lead = Annotated[
+    float | None,
+    typer.Option(
+        "--lead",
+        metavar="S",
+        help="With physics as the GP's mean: lead lags, so that a command is reached in S seconds.",
+    ),
+]
 JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON as well (docs/json.md).", dir_okay=False),

@@ -10,6 +10,7 @@ import typer
 from replay.options import (
     Force,
     JsonFile,
+    Lead,
     ModelOption,
     OwnEffects,
     Quiet,
@@ -39,6 +40,7 @@ def counterfactual(
     gp: Annotated[
         Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
     ] = None,
+    lead: Lead = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -106,6 +108,7 @@ def counterfactual(
             base,
             period=recording.dt,
             gp=None if gp is None or process is None else (gp.name, process),
+            lead=lead,
             without=without or (),
             with_=with_ or (),
             gains=gains or (),

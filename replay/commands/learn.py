@@ -21,11 +21,14 @@ from replay.options import (
     Topics,
     many,
     parse_between,
+    parse_names,
     parse_shifts,
     parse_topics,
 )
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from replay.console import Printer
     from replay.learning import Learnt
 
@@ -40,9 +43,17 @@ class Subsample(StrEnum):
 class Mean(StrEnum):
     """Mean functions of the process."""
 
+    physics = "physics"
     zero = "zero"
     linear = "linear"
     constant = "constant"
+
+
+class Inference(StrEnum):
+    """Which samples count."""
+
+    exact = "exact"
+    sparse = "sparse"
 
 
 class Scale(StrEnum):
@@ -71,7 +82,21 @@ def learn(
     subsample: Annotated[
         Subsample, typer.Option("--subsample", help="k-medoids library; pyclustering is the paper's.")
     ] = Subsample.fasterpam,
-    mean: Annotated[Mean, typer.Option("--mean", help="Mean function; zero is the paper's.")] = Mean.zero,
+    inputs: Annotated[
+        str | None,
+        typer.Option("--inputs", metavar="WHAT", help="Inputs besides the command: past, velocity, rates, position."),
+    ] = None,
+    mean: Annotated[
+        Mean | None,
+        typer.Option(
+            "--mean",
+            help="Mean function; zero is the paper's, physics the effects of MODEL.",
+            show_default="physics if MODEL has effects, else zero",
+        ),
+    ] = None,
+    inference: Annotated[
+        Inference, typer.Option("--inference", help="exact: on N samples, as in the paper; sparse: on all, through N.")
+    ] = Inference.exact,
     scale: Annotated[
         Scale, typer.Option("--scale", help="Inputs of k-medoids; raw is the paper's.")
     ] = Scale.standardised,
@@ -91,8 +116,8 @@ def learn(
 ) -> None:
     """Learn what the model leaves of the measured wrench, as a function of the commanded one.
 
-    The process is added to MODEL with its effects, so name effects first and learn the rest. If it reproduces an effect
-    of the catalogue, that is said.
+    With a mean of physics the process learns what the effects of MODEL leave, and the compensation is that of both; so
+    name effects first and learn the rest. If the process reproduces an effect of the catalogue, that is said.
 
     Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
     """
@@ -110,10 +135,18 @@ def learn(
     if points < 2 or restarts < 0 or seed < 0:
         raise UsageError(f"learn: got {points} points, {restarts} restarts, seed {seed}; expected >= 2, >= 0, >= 0")
     wanted = learning.parse_outputs(outputs)
-    settings = FitSettings(
-        points=points, method=subsample.value, scale=scale.value, mean=mean.value, restarts=restarts, seed=seed
-    )
     base = model_file.load(model)
+    settings = FitSettings(
+        points=points,
+        method=subsample.value,
+        scale=scale.value,
+        mean=learning.default_mean(base) if mean is None else mean.value,
+        inputs=parse_names(inputs),
+        inference=inference.value,
+        restarts=restarts,
+        seed=seed,
+    )
+    on = learning.physics_of(base, settings)
     hz = comparison.cutoff_checked(cutoff)
     with progress("learning", quiet) as report:
         report(0.0, "reading logs")
@@ -123,7 +156,7 @@ def learn(
         )
         flights, tests = every[: len(logs)], every[len(logs) :]
         learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
-        absorbs = None if no_guard else learning.guard(flights, base, learnt.gp, progress=report)
+        absorbs = None if no_guard else learning.guard(flights, on, learnt.gp, progress=report)
     store.save(learnt.gp, output, force=force)
     printer = Printer(quiet)
     _print(printer, learnt)
@@ -161,8 +194,22 @@ def _print(printer: Printer, learnt: Learnt) -> None:
     ]
     heads = ("output", "far from the data", "99 % of the training samples below")
     printer.show(tables.plain("standard deviation of a prediction", heads, sigmas))
+    printer.show(_calibration(learnt))
     low, middle, high = learnt.real_min
     printer.line(
         f"conditioning: smallest eigenvalue of I + dmu/dW {low:.2f} (1st percentile), {middle:.2f} (median), "
         f"{high:.2f} (largest); 1 is no mismatch, 0 cannot be inverted"
     )
+
+
+def _calibration(learnt: Learnt) -> Table:
+    from replay import tables
+
+    rows = []
+    for flights, (before, after) in learnt.coverage.items():
+        for k, name in enumerate(learnt.gp.outputs):
+            shares = (before.within_95[k], after.within_95[k], before.within_3_sigma[k], after.within_3_sigma[k])
+            scale = f"{learnt.gp.sigma_scale[k]:.2f}"
+            rows.append((flights, name, scale, *(f"{100 * s:.1f} %" for s in shares)))
+    heads = ("flights", "output", "sigma times", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
+    return tables.plain("calibration: expected 95 % and 99.7 %", heads, rows, left=2)

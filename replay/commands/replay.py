@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from replay.options import Force, JsonFile, ModelOption, OwnEffects, Quiet, Topics, parse_topics
+from replay.options import Force, JsonFile, Lead, ModelOption, OwnEffects, Quiet, Topics, parse_topics
 
 
 def register(app: typer.Typer) -> None:
@@ -43,6 +43,7 @@ def replay(
     decay_time: Annotated[
         float, typer.Option(help="Time constant with which a distrusted correction dies out, in seconds.")
     ] = 0.15,
+    lead: Lead = None,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every step as a table.")] = None,
     parquet: Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help="The same as Parquet.")] = None,
     figure: Annotated[
@@ -80,7 +81,8 @@ def replay(
     with progress("replaying", quiet) as report:
         report(0.0, "reading the log")
         flight = load(log, parse_topics(topic), preferred=base.topics)
-        result = engine.replay(flight, base, process, settings, source=engine.checked(source), progress=report)
+        chosen = engine.checked(source)
+        result = engine.replay(flight, base, process, settings, source=chosen, lead=lead, progress=report)
         summary = replay_report.summarise(result)
     if output is not None:
         replay_report.write_log(result, output, force=force)

@@ -252,7 +252,8 @@ def _process(
     outputs = tuple(axis for axis, gained in zip(AXES, parts.process, strict=True) if gained > 0)
     if not outputs:
         return None, None, "A Gaussian process finds nothing more in what is left, on held-out time."
-    learnt = learning.learn(flights, fitted, outputs, FitSettings(points=REST_POINTS, restarts=0))
+    settings = FitSettings(points=REST_POINTS, restarts=0, mean=learning.default_mean(fitted))
+    learnt = learning.learn(flights, fitted, outputs, settings)
     rows = [AXES.index(axis) for axis in outputs]
     rest = left.copy()
     rest[:, rows] -= predicted[:, rows]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from learn.fit import Dataset, Fit, dataset, fit, held_out, with_fit
 from learn.gp import GaussianProcess
-from learn.inputs import pooled_inputs
+from learn.inputs import groups, pooled_inputs
 from plant.mismatch import output_indices
 from plant.model import Model
 from replay.comparison import Comparison, Predictor, compare
@@ -111,7 +111,7 @@ def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Proces
         stairs.append(_stair(PROCESS, _rms(process.left), data.weights))
     elif process is not None:
         rows = output_indices(process.gp.outputs)
-        as_given[:, rows] -= process.gp.mean(pooled_inputs(process.gp.settings.inputs, data.records))
+        as_given[:, rows] -= process.gp.mean(pooled_inputs(groups(process.gp), data.records))
         note = "learnt on these logs: not held out" if process.known else ""
         stairs.append(_stair(_given_name(model), _rms(as_given), data.weights, _beside(model, made), note))
     return Staircase("held-out time of the given logs", tuple(stairs), _stair("sensor noise", data.noise, data.weights))
