@@ -18,7 +18,7 @@ from flight.errors import FitError, ModelError
 from flight.flight import AXES
 from learn.fit import dataset, inapplicable
 from learn.gp import GaussianProcess
-from learn.inputs import process_inputs
+from learn.inputs import groups, process_inputs
 from learn.measurement import Record, low_pass
 from plant.mismatch import LinearMismatch, output_indices
 from plant.model import Model
@@ -82,7 +82,8 @@ class Predictor:
         return sigma
 
     def _inputs(self, record: Record) -> Array:
-        return process_inputs(self.gp.settings.inputs if isinstance(self.gp, GaussianProcess) else (), record)
+        assert self.gp is not None
+        return process_inputs(groups(self.gp), record)
 
 
 @dataclass(frozen=True)
