@@ -176,11 +176,11 @@ def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
     found = []
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T
-        found.append(Series("tilt", "deg", scene.time, {f"arm {i}": values for i, values in enumerate(tilt)}))
+        found.append(Series("tilt", "deg", scene.time, {f"arm {i}": values for i, values in enumerate(tilt)}, "Actuators"))
     known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
     if known:
         speed = _pieces(scene.time, [t for t, _ in known], [v for _, v in known]).T
-        found.append(Series("rotor speed", "rad/s", scene.time, {f"rotor {i}": v for i, v in enumerate(speed)}))
+        found.append(Series("rotor speed", "rad/s", scene.time, {f"rotor {i}": v for i, v in enumerate(speed)}, "Actuators"))
     return tuple(found)
 
 
@@ -195,5 +195,5 @@ def _sigmas(time: Array, sigma: Mapping[str, Array]) -> tuple[Series, ...]:
         for kind, unit, part in (("force", "N", values[:, :3]), ("torque", "Nm", values[:, 3:])):
             known = {axis: part[:, i] for i, axis in enumerate(XYZ) if np.isfinite(part[:, i]).any()}
             if known:
-                found.append(Series(f"sigma of {name} {kind}", unit, time, known))
+                found.append(Series(f"sigma of {name} {kind}", unit, time, known, "Compensation"))
     return tuple(found)

@@ -1,96 +1,151 @@
-"""A vehicle, its reference and its wrenches as viser scene nodes. Lengths in metres, z up.
+"""Everything in the scene. Lengths in metres, z up.
 
-/body            pose of B            /body/arm0 ... poses of the arms, tilted    /body/arm0/rotor0 ...
-/reference       pose of D            /body/force/NAME, /body/torque/NAME         arrows
+/world                      where the flight is; with the following camera it moves and the body stays
+/world/body                 pose of B, see `viewer.craft`; its arrows, see `viewer.arrows`
+/world/reference            pose of D
+/world/path, /world/trail   where the flight leads, where it just was
+/world/along                frames or arrows at many instants, batched
+/world/ghost                a second vehicle
+/world/curve/NAME           curves that panels add
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flight import so3
-from plant.vehicle import GRAVITY, Arms, Vehicle
-from viewer.session import Scene
+from plant.vehicle import Vehicle
+from viewer.arrows import KINDS, Arrows, Scale, scale_for, thickness
+from viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
+from viewer.craft import Craft
+from viewer.session import Motion, Scene
 
 Array = NDArray[np.float64]
-Colour = tuple[int, int, int]
 
-BODY: Colour = (40, 160, 60)
-REFERENCE: Colour = (210, 40, 40)
-HULL: Colour = (70, 75, 85)
-ROTORS: tuple[Colour, Colour] = ((90, 130, 200), (200, 150, 80))
-"""Discs of rotors that turn counter-clockwise, clockwise about their thrust."""
-WRENCHES: dict[str, Colour] = {"commanded": (245, 140, 20), "measured": (30, 30, 30), "predicted": (30, 110, 220)}
-OTHER: Colour = (150, 60, 170)
-
-
-def colour_of(name: str) -> Colour:
-    """Colour of a wrench, the same in arrows and plots."""
-    return WRENCHES.get(name, OTHER)
+PATH_POINTS = 3000
+"""Points of a drawn path, at most."""
+ALONG = 3000
+"""Frames or arrows along the path, at most: batched, they cost one node."""
+TRAIL_SECONDS = 2.0
+TRAIL_POINTS = 40
+NOTHING = "nothing"
 
 
-def arm_pose(arms: Arms, arm: int, tilt: float) -> Array:
-    """Attitude (4,) of the frame of an arm in B: z the thrust direction, x the tilt axis as far as at right angles.
+@dataclass(frozen=True)
+class Shown:
+    """What of the scene is to be seen: the switches of the page. `hidden` are names of wrenches.
 
-    A tilt turns it right-handed about x, so that z becomes n(alpha) = cos(alpha) n_0 + sin(alpha) (a x n_0).
+    `along` is what stands along the path: "nothing", "frames", or "force NAME", "torque NAME"; every `spacing` [s].
+    `factors` multiply the lengths of forces, torques and thrusts.
     """
-    z = arms.normal_B[arm]
-    x = arms.axis_B[arm] - (arms.axis_B[arm] @ z) * z
-    if np.linalg.norm(x) < 1e-6:
-        x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-    x = x / np.linalg.norm(x)
-    level = so3.from_matrix(np.stack((x, np.cross(z, x), z), axis=1))
-    return so3.multiply(level, so3.exp(np.array([tilt, 0.0, 0.0])))
 
+    force: bool = True
+    torque: bool = True
+    hidden: frozenset[str] = frozenset()
+    frames: bool = False
+    thrust: bool = True
+    uncertainty: bool = True
+    reference: bool = True
+    path: bool = True
+    along: str = NOTHING
+    spacing: float = 0.5
+    follow: bool = True
+    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
-def size_of(vehicle: Vehicle) -> float:
-    """Distance [m] from the origin to the farthest hub, or three radii of gyration where the arms are unknown."""
-    if vehicle.arms is not None:
-        return float(np.linalg.norm(vehicle.arms.position_B, axis=1).max())
-    return float(3.0 * np.sqrt(np.trace(vehicle.body.inertia) / 3.0 / vehicle.body.mass))
+    def arrows(self, wrenches: tuple[str, ...]) -> frozenset[tuple[str, str]]:
+        """Kinds and names of the arrows to be seen, for `Arrows.show`."""
+        kinds = [kind for kind, on in zip(KINDS, (self.force, self.torque), strict=True) if on]
+        seen = {(kind, name) for kind in kinds for name in wrenches if name not in self.hidden}
+        extra = {("thrust", "")} if self.thrust else set()
+        return frozenset(seen | extra | ({("sigma", "")} if self.uncertainty else set()))
 
 
 class Drawing:
-    """The scene nodes of one vehicle; `show` moves them to an instant of a flight."""
+    """The scene of the page; `show` moves it to an instant of the flight that was opened last."""
 
     def __init__(self, scene: Any, vehicle: Vehicle) -> None:
-        self._scene, self.vehicle, self.size = scene, vehicle, size_of(vehicle)
+        self._scene, self.vehicle = scene, vehicle
         scene.set_up_direction("+z")
-        self.body = scene.add_frame("/body", show_axes=False)
-        self.reference = scene.add_frame("/reference", show_axes=False, visible=False)
-        self._axes("/body/axes", BODY)
-        self._axes("/reference/axes", REFERENCE)
-        self.arms: list[Any] = []
-        self._vehicle()
-        self.arrows: dict[tuple[str, str], Any] = {}
-        self._newton = self.size / (0.5 * vehicle.body.mass * GRAVITY)  # m per N: the weight is twice the size
-        self._newton_metre = self.size
-        self.ground: Any = None
+        self.world = scene.add_frame("/world", show_axes=False)
+        self.craft = Craft(scene, "/world/body", vehicle)
+        self.ghost = Craft(scene, "/world/ghost", vehicle, GHOST)
+        self.size = self.craft.size
+        self.reference = scene.add_frame("/world/reference", show_axes=False, visible=False)
+        self._axes("/world/body/axes", BODY, 0.011)
+        self._axes("/world/reference/axes", REFERENCE, 0.008)
+        self.arrows = Arrows(scene, "/world/body", vehicle, self.size)
+        self.scale = Scale(1.0, 1.0, 1.0)
+        self.flight: Scene | None = None
+        self.motion: Motion | None = None
+        self._along: list[Any] = []
+        self._along_key: object = None
+        self._paths: list[Any] = []
+        self._trail: Any = None
+        self._curves: dict[str, Any] = {}
+
+    @property
+    def body(self) -> Any:
+        """The frame of the body."""
+        return self.craft.frame
 
     def open(self, flight: Scene) -> None:
-        """Prepare for a flight: its ground, its arrows, its scale of torques."""
-        lowest = float(flight.position_E[:, 2].min()) - self.size
-        self.ground = self._scene.add_grid(
-            "/ground", 10.0, 10.0, cell_size=0.25, infinite_grid=True, position=(0.0, 0.0, min(0.0, lowest))
-        )
-        for handle in self.arrows.values():
+        """Prepare for a flight: its ground, its path, its arrows."""
+        self.flight, self._along_key = flight, None
+        self._ground(flight)
+        self.arrows.open(flight)
+        for handle in self._paths:
             handle.remove()
-        self.arrows = {
-            (kind, name): self._arrow(f"/body/{kind}/{name}", colour_of(name), thick)
-            for name in flight.wrenches
-            for kind, thick in (("force", 0.018), ("torque", 0.030))
-        }
-        torques = [np.abs(w[:, 3:][np.isfinite(w[:, 3:])]) for w in flight.wrenches.values()]
-        largest = max((float(t.max()) for t in torques if t.size), default=0.0)
-        self._newton_metre = 1.5 * self.size / largest if largest > 0 else self.size
+        self._paths = [self._path("/world/path", flight.time, flight.position_E, PATH, 1.5)]
+        if flight.reference_position_E is not None:
+            pink: Colour = (226, 140, 140)
+            self._paths.append(self._path("/world/reference_path", flight.time, flight.reference_position_E, pink, 1.0))
+        self._trail = self._line("/world/trail", np.zeros((TRAIL_POINTS - 1, 2, 3)), BODY, 4.0)
+        self._paths.append(self._trail)
 
-    def show(self, flight: Scene, index: int, kinds: frozenset[str] = frozenset({"force", "torque"})) -> None:
-        """Move everything to instant `index`; arrows of `kinds` only."""
-        self.body.position, self.body.wxyz = flight.position_E[index], flight.quat_EB[index]
-        known = flight.reference_position_E is not None and flight.quat_ED is not None
+    def show(self, index: int, shown: Shown) -> None:
+        """Move everything to instant `index`."""
+        flight = self.flight
+        assert flight is not None
+        position = flight.position_E[index]
+        self.craft.move(position, flight.quat_EB[index], None if flight.tilt is None else flight.tilt[index])
+        self.world.position = -position if shown.follow else np.zeros(3)
+        self._reference(flight, index, shown.reference)
+        self.scale = scale_for(flight, self.vehicle, self.size, shown.factors)
+        self.arrows.show(flight, index, self.scale, shown.arrows(tuple(flight.wrenches)), shown.frames)
+        self._show_path(flight, index, shown.path)
+        self._show_along(flight, shown)
+        self._show_ghost(float(flight.time[index]))
+
+    def curve(self, name: str, points: Array | None, colour: Colour = (20, 160, 150)) -> None:
+        """Draw a curve (N, 3) [m] in E under a name, in place of what had that name; None takes it away."""
+        old = self._curves.pop(name, None)
+        if old is not None:
+            old.remove()
+        if points is not None and len(points) > 1:
+            kept = points[:: max(1, -(-len(points) // PATH_POINTS))]
+            self._curves[name] = self._line(f"/world/curve/{name}", _segments(kept), colour, 3.0)
+
+    def _ground(self, flight: Scene) -> None:
+        lowest = float(np.nanmin(flight.position_E[:, 2])) - 1.2 * self.size
+        cell = nice(self.size)
+        self._scene.add_grid(
+            "/world/ground",
+            infinite_grid=True,
+            cell_size=cell,
+            section_size=5.0 * cell,
+            cell_color=(214, 217, 222),
+            section_color=(178, 183, 192),
+            fade_distance=60.0 * self.size,
+            fade_strength=1.5,
+            position=(0.0, 0.0, min(0.0, lowest)),
+        )
+
+    def _reference(self, flight: Scene, index: int, wanted: bool) -> None:
+        known = wanted and flight.reference_position_E is not None and flight.quat_ED is not None
         if known:
             assert flight.reference_position_E is not None
             assert flight.quat_ED is not None
@@ -98,57 +153,86 @@ class Drawing:
             known = bool(np.isfinite(pose).all())
             if known:
                 self.reference.position, self.reference.wxyz = pose[:3], pose[3:]
-        self.reference.visible = known
-        arms = self.vehicle.arms
-        if arms is not None and flight.tilt is not None and np.isfinite(flight.tilt[index]).all():
-            for arm, handle in enumerate(self.arms):
-                handle.wxyz = arm_pose(arms, arm, float(flight.tilt[index, arm]))
-        for (kind, name), handle in self.arrows.items():
-            wrench = flight.wrenches[name][index]
-            part = wrench[:3] * self._newton if kind == "force" else wrench[3:] * self._newton_metre
-            shown = kind in kinds and bool(np.isfinite(part).all()) and float(np.linalg.norm(part)) > 1e-3 * self.size
-            if shown:
-                centre = self.vehicle.body.com_B
-                handle.points = np.stack((centre, centre + part))[None].astype(np.float32)
-            handle.visible = shown
+        if self.reference.visible != known:
+            self.reference.visible = known
 
-    def _vehicle(self) -> None:
-        """Hull, arms and rotor discs."""
-        vehicle, size = self.vehicle, self.size
-        hull = 0.35 * size
-        self._scene.add_box("/body/hull", dimensions=(hull, hull, 0.4 * hull), color=HULL)
-        self._scene.add_icosphere("/body/nose", radius=0.06 * size, color=BODY, position=(0.5 * hull, 0.0, 0.0))
-        if vehicle.arms is None or vehicle.rotors is None:
+    def _show_path(self, flight: Scene, index: int, wanted: bool) -> None:
+        for handle in self._paths:
+            if handle.visible != wanted:
+                handle.visible = wanted
+        if wanted:
+            now = float(flight.time[index])
+            first = flight.index(now - TRAIL_SECONDS)
+            rows = np.linspace(first, index, TRAIL_POINTS).round().astype(int)
+            self._trail.points = _segments(flight.position_E[rows]).astype(np.float32)
+
+    def _show_along(self, flight: Scene, shown: Shown) -> None:
+        """Frames or arrows along the path; made anew only when what is asked for changes."""
+        key = (shown.along, shown.spacing, self.scale)
+        if key == self._along_key:
             return
-        tubes = np.stack((np.zeros_like(vehicle.arms.position_B), vehicle.arms.position_B), axis=1)
-        self._scene.add_line_segments("/body/tubes", tubes, HULL, thickness=0.05 * size)
-        for arm, place in enumerate(vehicle.arms.position_B):
-            pose = arm_pose(vehicle.arms, arm, 0.0)
-            handle = self._scene.add_frame(f"/body/arm{arm}", show_axes=False, position=place, wxyz=pose)
-            self.arms.append(handle)
-        for rotor, arm in enumerate(vehicle.rotors.arm):
-            self._scene.add_cylinder(
-                f"/body/arm{arm}/rotor{rotor}",
-                radius=float(vehicle.rotors.radius[rotor]),
-                height=0.02 * size,
-                color=ROTORS[0 if vehicle.rotors.spin[rotor] > 0 else 1],
-                opacity=0.6,
-                position=(0.0, 0.0, float(vehicle.rotors.offset[rotor])),
-            )
+        self._along_key = key
+        for handle in self._along:
+            handle.remove()
+        self._along = []
+        if shown.along == NOTHING:
+            return
+        grid = np.arange(flight.time[0], flight.time[-1], max(shown.spacing, 1e-3))
+        rows = np.unique(np.searchsorted(flight.time, grid[:: max(1, -(-len(grid) // ALONG))]))
+        position, quat = flight.position_E[rows], flight.quat_EB[rows]
+        if shown.along == "frames":
+            self._along = [
+                self._scene.add_batched_axes(
+                    "/world/along", quat, position, axes_length=0.5 * self.size, axes_radius=0.012 * self.size
+                )
+            ]
+            return
+        kind, _, name = shown.along.partition(" ")
+        if name not in flight.wrenches:
+            return
+        vector = flight.wrenches[name][rows, :3] * self.scale.force
+        if kind == "torque":
+            vector = flight.wrenches[name][rows, 3:] * self.scale.torque
+        known = np.isfinite(vector).all(axis=1)
+        start = position[known]
+        points = np.stack((start, start + so3.rotate(quat[known], vector[known])), axis=1)
+        self._along = [self._scene.add_arrows("/world/along", points, colour_of(name), **thickness(self.size, 0.008))]
 
-    def _axes(self, name: str, colour: Colour) -> None:
+    def _show_ghost(self, time: float) -> None:
+        motion = self.motion
+        seen = motion is not None and motion.time[0] - 1e-6 <= time <= motion.time[-1] + 1e-6
+        if seen:
+            assert motion is not None
+            k = max(int(np.searchsorted(motion.time, time + 1e-9, side="right")) - 1, 0)
+            tilt = None if motion.tilt is None else motion.tilt[k]
+            self.ghost.move(motion.position_E[k], motion.quat_EB[k], tilt)
+        if self.ghost.frame.visible != seen:
+            self.ghost.frame.visible = seen
+
+    def _path(self, name: str, time: Array, position: Array, colour: Colour, width: float) -> Any:
+        """A path, broken where the log has a gap."""
+        step = max(1, -(-len(time) // PATH_POINTS))
+        segments = _segments(position[::step])
+        whole = np.diff(time[::step]) < 5.0 * step * float(np.median(np.diff(time)))
+        known = whole & np.isfinite(segments).all(axis=(1, 2))
+        return self._line(name, segments[known], colour, width)
+
+    def _line(self, name: str, segments: Array, colour: Colour, width: float) -> Any:
+        return self._scene.add_line_segments(name, segments, colour, thickness=width, thickness_units="screen")
+
+    def _axes(self, name: str, colour: Colour, share: float) -> None:
         """Three arrows of one colour, the x axis longest."""
         lengths = self.size * np.diag([1.6, 1.1, 1.1])
         points = np.stack((np.zeros((3, 3)), lengths), axis=1)
-        self._scene.add_arrows(name, points, colour, **self._thickness(0.012))
+        self._scene.add_arrows(name, points, colour, **thickness(self.size, share))
 
-    def _arrow(self, name: str, colour: Colour, thick: float) -> Any:
-        points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, self.size]]])
-        return self._scene.add_arrows(name, points, colour, visible=False, **self._thickness(thick))
 
-    def _thickness(self, share: float) -> dict[str, float]:
-        return {
-            "shaft_radius": share * self.size,
-            "head_radius": 2.5 * share * self.size,
-            "head_length": 6.0 * share * self.size,
-        }
+def _segments(points: Array) -> Array:
+    """Points (N, 3) as N - 1 segments (N - 1, 2, 3)."""
+    return np.stack((points[:-1], points[1:]), axis=1)
+
+
+def nice(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `value`."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= value * (1.0 + 1e-9)))

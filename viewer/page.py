@@ -1,67 +1,48 @@
-"""A page in the browser: the vehicle as it flew, its wrenches as arrows and plots, a slider for time.
+"""A page in the browser: a flight in 3D, plots over one time, and panels that ask what the model lacks.
 
 page = Page(session)           # serves http://127.0.0.1:8080
 page.cursor.go(12.5)
 page.stop()
+
+All clients see one state: controls, cursor and scene are the server's, only the camera is each client's own.
 """
 
 from __future__ import annotations
 
-import io
-import socket
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
-from functools import partial
+from dataclasses import replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-import viser
 from numpy.typing import NDArray
 
-from flight.errors import UsageError
 from viewer import background
+from viewer.board import Board
+from viewer.camera import Cameras
+from viewer.channels import ChannelPicker
 from viewer.cursor import Cursor
-from viewer.drawing import Colour, Drawing, colour_of
+from viewer.drawing import Drawing
+from viewer.lines import GROUPS, plots_of
 from viewer.panel import Panel
 from viewer.panels import PANELS
-from viewer.session import Scene, Session
+from viewer.panels.notes import NotesPanel
+from viewer.panels.out import OutPanel
+from viewer.panels.scene import ScenePanel
+from viewer.saved_view import SavedView
+from viewer.serving import exposed, serve
+from viewer.session import Motion, Scene, Session
+from viewer.transport import Transport
+
+__all__ = ["Page", "exposed"]
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
 Kind = Literal["info", "warning", "error"]
 
 KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-PLOT_POINTS = 900
-"""Points of a plotted line, at most."""
-PORTS = 20
-"""Ports that are tried, one after the other."""
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5")
-AXES = ("torque x [Nm]", "torque y [Nm]", "torque z [Nm]")
-
-
-def exposed(host: str) -> bool:
-    """Whether other machines could reach a page that is bound to this address."""
-    return host not in LOOPBACK
-
-
-def free_port(host: str, port: int) -> int:
-    """`port`, or the next one of a few that nobody listens on; any free one for 0. Raises UsageError without one.
-
-    Asked beforehand, because viser waits for ever on an address that cannot be had.
-    """
-    reason = ""
-    for candidate in [port] if port == 0 else range(port, min(port + PORTS, 65536)):
-        try:
-            family, *_, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
-            with socket.socket(family, socket.SOCK_STREAM) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind(address)
-                return int(probe.getsockname()[1])
-        except OSError as error:
-            reason = error.strerror or str(error)
-    raise UsageError(f"--host {host} --port {port}: cannot listen there: {reason}; choose others")
+CONTROLS, PLOTS = 350, 450
+"""Widths of the panels on the right and on the left [px]."""
 
 
 class Page:
@@ -70,18 +51,20 @@ class Page:
     def __init__(
         self, session: Session, host: str = "127.0.0.1", port: int = 8080, panels: Sequence[type[Panel]] = PANELS
     ) -> None:
-        self.session = session
-        port = free_port(host, port)
-        with redirect_stdout(io.StringIO()):  # viser announces itself
-            self.server: Any = viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)
+        self.session: Any = session  # at least a Session; panels ask for more
+        self.server: Any = serve(host, port)
         self.lock = threading.RLock()
         self.cursor = Cursor(self.lock)
         self.drawing = Drawing(self.server.scene, session.vehicle)
+        self.cameras = Cameras(self.server, self.drawing.size)
+        self.ghosts: dict[str, dict[str, Motion]] = {}
         self._jobs: list[background.Job] = []
-        self._build()
-        self.panels = [panel(self) for panel in panels if panel.suits(session)]
-        self.cursor.listeners.append(lambda _: self._show())
-        self._open(session.flights[0])
+        with self.server.atomic():
+            self._build([panel for panel in panels if panel.suits(session)])
+            self.cursor.listeners.append(lambda _: self._show())
+            self.open(session.flights[0])
+            self.scene_panel.look("oblique")
+        self.server.on_client_disconnect(self._left)
         self.cursor.run()
 
     @property
@@ -93,15 +76,66 @@ class Page:
         """A new tab of the control panel, as a context to put controls into."""
         return self._tabs.add_tab(label, icon)
 
+    def command(self, label: str, act: Callable[[], Any], hotkey: Any = None, modifier: Any = None) -> None:
+        """A command of the palette (ctrl-K), with a key where one is given."""
+        handle = self.server.gui.add_command(label, hotkey=hotkey, modifier=modifier)
+        handle.on_trigger(self.guarded(lambda _: act()))
+
+    def open(self, name: str) -> None:
+        """Show another flight from its start; switches, plots, range and speed stay."""
+        with self.lock, self.server.atomic():
+            scene = self.session.scene(name)
+            self.transport.playing(False)
+            self.cursor.open(scene.time)
+            if self.choice.value != name:
+                self.choice.value = name
+            self._fill(scene)
+
     def refresh(self) -> None:
         """Ask the session for the flight again after the model changed; the cursor stays where it is."""
+        with self.lock, self.server.atomic():
+            self._fill(self.session.scene(self.scene.name), keep=True)
+
+    def redraw(self) -> None:
+        """Draw the scene anew after switches changed."""
+        with self.lock, self.server.atomic():
+            self._draw()
+
+    def replot(self) -> None:
+        """Make the plots anew after it changed which there are."""
+        with self.lock, self.server.atomic():
+            self.board.fill([*plots_of(self.scene), *self.channels.plots()], self.transport.view)
+            self.board.move(self.cursor.time)
+
+    def ghost_names(self) -> tuple[str, ...]:
+        """What can be shown as a second vehicle beside the flight: what panels made, and the other flights."""
+        others = [name for name in self.session.flights if name != self.scene.name]
+        return (*self.ghosts.get(self.scene.name, {}), *others)
+
+    def ghost(self, name: str) -> Motion | None:
+        """One of them; another flight begins when this one does."""
+        made = self.ghosts.get(self.scene.name, {}).get(name)
+        if made is not None or name not in self.session.flights:
+            return made
+        motion: Motion = self.session.scene(name).motion
+        return replace(motion, time=motion.time - motion.time[0] + self.scene.time[0])
+
+    def show_ghost(self, name: str, motion: Motion) -> None:
+        """Offer a second vehicle for the flight shown, under a name, and show it."""
         with self.lock:
-            self._fill(self.session.scene(self.scene.name))
+            self.ghosts.setdefault(self.scene.name, {})[name] = motion
+            self.scene_panel.offer_ghosts()
+            self.scene_panel.choose_ghost(name)
+            self.redraw()
 
     def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:
         """Tell all clients something, in a corner of the page."""
         for client in self.server.get_clients().values():
             client.add_notification("wrenchgap", text, color=KINDS[kind], auto_close_seconds=seconds)
+
+    def fail(self, error: Exception) -> None:
+        """Tell all clients what went wrong."""
+        self.notify(background.told(error), "error", 15.0)
 
     def background(
         self,
@@ -115,8 +149,7 @@ class Page:
         `function` may call `report(share, words)`; `on_done` gets its result, `on_error` what it raised (default: the
         user is told). `cancel()` of the job ends it at its next report.
         """
-        failed = on_error or (lambda error: self.notify(background.told(error), "error"))
-        job = background.start(function, on_progress, on_done, failed, self.lock)
+        job = background.start(function, on_progress, on_done, on_error or self.fail, self.lock)
         self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
         return job
 
@@ -125,12 +158,51 @@ class Page:
 
         def run(event: Any) -> None:
             try:
-                with self.lock:
+                with self.lock, self.server.atomic():
                     callback(event)
             except Exception as error:  # the boundary between the page and whatever a user may do
-                self.notify(background.told(error), "error")
+                self.fail(error)
 
         return run
+
+    def saved_view(self, client: Any = None) -> SavedView:
+        """What is seen at this moment, with the camera of a client where one is given."""
+        camera = None
+        if client is not None:
+            position, look_at = (tuple(float(v) for v in p) for p in (client.camera.position, client.camera.look_at))
+            camera = (position, look_at)
+        return SavedView(
+            flight=self.scene.name,
+            time=self.cursor.time,
+            marks=dict(self.transport.marks),
+            loop=self.cursor.loop is not None,
+            zoom=self.transport.zoom.value,
+            speed=self.transport.speed.value,
+            shown=self.scene_panel.shown,
+            channels=tuple(self.channels.names),
+            ghost=self.scene_panel.ghost.value,
+            ghost_shift=float(self.scene_panel.shift.value),
+            camera=camera,  # type: ignore[arg-type]
+        )
+
+    def restore(self, view: SavedView, client: Any = None) -> None:
+        """Show a saved view; its flight may be one that is not open here, the layout then goes to the flight shown."""
+        with self.lock, self.server.atomic():
+            if view.flight in self.session.flights and view.flight != self.scene.name:
+                self.open(str(view.flight))
+            elif view.flight is not None and view.flight != self.scene.name:
+                self.notify(f"The view is of {view.flight}, which is not open here; its layout is used.", "warning")
+            self.transport.choose(view.zoom, view.speed)
+            if view.time is not None:
+                self.cursor.go(view.time)
+            self.transport.set_marks(dict(view.marks), view.loop)
+            self.channels.plot(list(view.channels))
+            self.scene_panel.shown = view.shown
+            self.scene_panel.choose_ghost(view.ghost, view.ghost_shift)
+            if view.camera is not None:
+                position, look_at = (np.array(point) for point in view.camera)
+                self.cameras.place(position, look_at, None if client is None else [client])
+            self._show()
 
     def stop(self) -> None:
         """Stop playing and serving."""
@@ -141,118 +213,61 @@ class Page:
             panel.closed()
         self.server.stop()
 
-    def _build(self) -> None:
-        """Controls that do not depend on the flight."""
+    def _build(self, panels: Sequence[type[Panel]]) -> None:
+        """Controls that do not depend on the flight: time above, tabs below, plots on the left, legend in the scene."""
         gui, names = self.server.gui, self.session.flights
-        gui.configure_theme(control_width="large", show_share_button=False)
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 105, 220))
+        gui.set_panel_label("wrenchgap")
+        self.choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
+        self.choice.on_update(self.guarded(self._chosen))
+        self.transport = Transport(self)
+        self.board = Board(gui)
+        for group in GROUPS:
+            self.board.tab(group)
+        self.channels = ChannelPicker(self)
         self._tabs = gui.add_tab_group()
-        with self.tab("Flight", viser.Icon.DRONE) as self._flight_tab:
-            self.choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
-            self.choice.on_update(self.guarded(lambda _: self._open(self.choice.value)))
-            self.playing = gui.add_checkbox("play", False)
-            self.playing.on_update(self.guarded(lambda _: setattr(self.cursor, "playing", self.playing.value)))
-            self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
-            self.speed.on_update(self.guarded(lambda _: setattr(self.cursor, "speed", float(self.speed.value))))
-            self.forces = gui.add_checkbox("forces", True)
-            self.forces.on_update(self.guarded(lambda _: self._show()))
-            self.torques = gui.add_checkbox("torques", True)
-            self.torques.on_update(self.guarded(lambda _: self._show()))
-        self.content: list[Any] = []
+        self.scene_panel = ScenePanel(self)
+        self.panels: list[Panel] = [self.scene_panel, *(panel(self) for panel in panels), OutPanel(self)]
+        self.panels.append(NotesPanel(self))
+        self.legend = gui.add_panel()
+        with self.legend.add_tab("Legend"):
+            self._legend = gui.add_html("")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(CONTROLS)
+        self.board.panel.dock_left()
+        self.board.panel.set_width(PLOTS)
+        self.legend.float(x=14, y=14, width=190)
 
-    def _open(self, name: str) -> None:
-        """Show another flight from its start."""
-        with self.lock:
-            scene = self.session.scene(name)
-            self.cursor.open(scene.time)
-            self.playing.value = False
-            self._fill(scene)
-            self._view()
+    def _chosen(self, event: Any) -> None:
+        if self.choice.value != self.scene.name:
+            self.open(self.choice.value)
 
-    def _fill(self, scene: Scene) -> None:
-        """Show a flight at the cursor."""
+    def _fill(self, scene: Scene, *, keep: bool = False) -> None:
+        """Show a flight at the cursor; with `keep`, it is the one that was shown before."""
         self.scene = scene
-        for handle in self.content:
-            handle.remove()
+        self.transport.open(scene, keep=keep)
         self.drawing.open(scene)
-        with self._flight_tab:
-            self._controls(scene)
         for panel in self.panels:
             panel.opened(scene)
+        self.channels.opened()
+        self.replot()
         self._show()
-
-    def _controls(self, flight: Scene) -> None:
-        """Slider, legend, plots, worst stretches and notes of a flight."""
-        gui, start, stop = self.server.gui, float(flight.time[0]), float(flight.time[-1])
-        step = max(round((stop - start) / 5000, 3), 0.001)
-        self.slider = gui.add_slider("time [s]", start, max(stop, start + step), step, self.cursor.time)
-        self.slider.on_update(self.guarded(self._dragged))
-        names = " ".join(f'<b style="color:{_css(colour_of(n))}">{n}</b>' for n in flight.wrenches)
-        legend = gui.add_html(f'<div style="padding:2px 10px">{names}</div>')
-        self.plots = [self._plot(flight, k) for k in range(3)] if flight.wrenches else []
-        self.content = [self.slider, legend, *self.plots]
-        for stretch in flight.worst:
-            button = gui.add_button(f"{stretch.start:.1f} s: {stretch.words}")
-            button.on_click(self.guarded(partial(self._go, stretch.start)))
-            self.content.append(button)
-        if flight.notes:
-            self.content.append(gui.add_markdown("\n".join(f"- {note}" for note in flight.notes)))
-
-    def _dragged(self, event: Any) -> None:
-        """A client moved the slider; when the page did, everything has moved already."""
-        if event.client_id is not None:
-            self.cursor.go(self.slider.value)
-
-    def _go(self, time: float, _: Any) -> None:
-        self.cursor.go(time)
-
-    def _plot(self, flight: Scene, axis: int) -> Any:
-        """One torque over time, all wrenches, with a mark at the instant shown."""
-        lines = tuple(
-            viser.uplot.Series(label=name, stroke=_css(colour_of(name)), width=1.0) for name in flight.wrenches
-        )
-        mark = viser.uplot.Series(label="now", stroke="rgb(210,40,40)", width=1.0)
-        return self.server.gui.add_uplot(
-            self._data(flight, axis, 0),
-            (viser.uplot.Series(label="t [s]"), *lines, mark),
-            title=AXES[axis],
-            scales={"x": viser.uplot.Scale(time=False)},
-            cursor=viser.uplot.Cursor(sync={"key": "torques"}),
-            legend=viser.uplot.Legend(show=False),
-            height=150,
-        )
-
-    def _data(self, flight: Scene, axis: int, index: int) -> tuple[Array, ...]:
-        """Time, the wrenches' torques where all are known, and the mark: a spike at the instant shown.
-
-        uPlot scales nothing that holds a nan, so unknown instants are left out.
-        """
-        torques = np.stack([w[:, 3 + axis] for w in flight.wrenches.values()])
-        known = np.flatnonzero(np.isfinite(torques).all(axis=0))
-        kept = known[:: max(1, -(-len(known) // PLOT_POINTS))]
-        lines = torques[:, kept]
-        mark = np.full(len(kept), lines.min(initial=0.0))
-        if len(kept):
-            mark[np.abs(flight.time[kept] - flight.time[index]).argmin()] = lines.max(initial=0.0)
-        return (flight.time[kept], *lines, mark)
-
-    def _view(self) -> None:
-        """Put the camera behind and above the vehicle, looking at it."""
-        where, size = self.scene.position_E[0], self.drawing.size
-        camera = self.server.initial_camera
-        camera.position = where + size * np.array([-2.8, -2.8, 2.0])
-        camera.look_at = where
 
     def _show(self) -> None:
         """Move everything to the cursor."""
-        kinds = frozenset(kind for kind, box in (("force", self.forces), ("torque", self.torques)) if box.value)
         with self.lock, self.server.atomic():
-            self.slider.value = self.cursor.time
-            self.drawing.show(self.scene, self.cursor.index, kinds)
-            for axis, plot in enumerate(self.plots):
-                plot.data = self._data(self.scene, axis, self.cursor.index)
+            self._draw()
+            self.board.move(self.cursor.time, quick=self.cursor.playing)
             for panel in self.panels:
                 panel.moved(self.cursor.time)
 
+    def _draw(self) -> None:
+        self.drawing.show(self.cursor.index, self.scene_panel.shown)
+        legend = self.scene_panel.legend()
+        if self._legend.content != legend:
+            self._legend.content = legend
 
-def _css(colour: Colour) -> str:
-    return f"rgb({colour[0]},{colour[1]},{colour[2]})"
+    def _left(self, client: Any) -> None:
+        """The last client has gone: nobody watches, so nothing plays."""
+        if not self.server.get_clients():
+            self.transport.playing(False)

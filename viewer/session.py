@@ -48,13 +48,14 @@ class Motion:
 class Series:
     """Quantities over time that belong into one plot: `values` (K,) by name, on `time` (K,) [s]; nan where unknown.
 
-    `title` is what they are, `unit` what they are in, e.g. "attitude error" in "deg".
+    `title` is what they are, `unit` what they are in, e.g. "attitude error" in "deg"; `group` the tab for the plot.
     """
 
     title: str
     unit: str
     time: Array
     values: Mapping[str, Array]
+    group: str = "Tracking"
 
 
 @dataclass(frozen=True)

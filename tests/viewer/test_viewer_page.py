@@ -13,7 +13,7 @@ from flight.errors import UsageError
 from plant import model_file
 from plant.state import Actuation
 from plant.vehicle import Body, Vehicle
-from viewer.drawing import arm_pose
+from viewer.craft import arm_pose
 from viewer.page import Page, exposed
 from viewer.session import Scene, Stretch
 
@@ -80,7 +80,7 @@ def test_arms_point_their_thrust_as_the_plant_does(page, vehicle):
     k = int(np.argmin(np.abs(TIME - 3.0)))
     still = np.zeros((1, len(vehicle.rotors)))
     normals = Actuation(vehicle, scene().tilt[k : k + 1], still, still).arm_normal_B[0]
-    for handle, normal in zip(page.drawing.arms, normals, strict=True):
+    for handle, normal in zip(page.drawing.craft.arms, normals, strict=True):
         assert so3.rotate(np.asarray(handle.wxyz), np.array([0.0, 0.0, 1.0])) == pytest.approx(normal, abs=1e-12)
 
 
@@ -95,46 +95,37 @@ def test_arm_frames_are_right_handed_for_any_thrust_direction(vehicle):
 
 def test_arrows_follow_the_wrenches_and_hide_what_is_unknown(page):
     page.cursor.go(0.5)
-    assert page.drawing.arrows["force", "commanded"].visible
-    assert not page.drawing.arrows["force", "measured"].visible
+    assert page.drawing.arrows.handles["force", "commanded"].visible
+    assert not page.drawing.arrows.handles["force", "measured"].visible
     page.cursor.go(3.0)
     lengths = {
-        name: np.linalg.norm(np.diff(page.drawing.arrows["force", name].points[0], axis=0))
+        name: np.linalg.norm(np.diff(page.drawing.arrows.handles["force", name].points[0], axis=0))
         for name in ("commanded", "measured")
     }
     assert lengths["measured"] / lengths["commanded"] == pytest.approx(0.9, rel=1e-5)
-    direction = np.diff(page.drawing.arrows["torque", "measured"].points[0], axis=0)[0]
+    direction = np.diff(page.drawing.arrows.handles["torque", "measured"].points[0], axis=0)[0]
     assert direction[1] > 0
     assert direction[[0, 2]] == pytest.approx([0.0, 0.0])
-    page.torques.value = False
-    assert not page.drawing.arrows["torque", "measured"].visible
-    assert page.drawing.arrows["force", "measured"].visible
-
-
-def test_plots_hold_the_torques_and_a_mark_at_the_instant_shown(page):
-    page.cursor.go(2.5)
-    time, commanded, measured, mark = page.plots[0].data
-    assert time[0] == pytest.approx(1.0), "where the measurement is unknown there is nothing to compare"
-    assert commanded == pytest.approx(0.1 * (1.0 + time))
-    assert measured == pytest.approx(np.zeros_like(time))
-    assert time[np.argmax(mark)] == pytest.approx(2.5, abs=0.011)
-    assert np.isfinite(np.stack(page.plots[2].data)).all()
+    page.scene_panel.torque.value = False
+    page.redraw()
+    assert not page.drawing.arrows.handles["torque", "measured"].visible
+    assert page.drawing.arrows.handles["force", "measured"].visible
 
 
 def test_another_flight_replaces_the_first(page):
     page.cursor.go(2.0)
-    page.choice.value = "two"
+    page.open("two")
     assert page.cursor.time == 0.0
     assert np.asarray(page.drawing.body.position) == pytest.approx([11.0, 10.0, 11.0])
 
 
 def test_playing_moves_on_and_starts_again_at_the_end(page):
     page.cursor.go(3.9)
-    page.speed.value = "5"
-    page.playing.value = True
+    page.transport.speed.value = "5"
+    page.transport.playing(True)
     seen = {page.cursor.time}
     deadline = eventually(lambda: seen.add(page.cursor.time) or any(t < 1.0 for t in seen))
-    page.playing.value = False
+    page.transport.playing(False)
     assert deadline, f"played {sorted(seen)}"
 
 
@@ -176,7 +167,7 @@ def test_vehicle_of_which_only_the_wrench_is_known_is_drawn():
     made = Page(Two(plain), port=0)
     try:
         made.cursor.go(1.0)
-        assert made.drawing.arms == []
+        assert made.drawing.craft.arms == []
         assert 0.03 < made.drawing.size < 0.2
         assert np.asarray(made.drawing.body.position)[2] == pytest.approx(1.1)
     finally:

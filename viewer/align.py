@@ -1,0 +1,60 @@
+"""Two flights of the same manoeuvre, aligned in time by how they turn and climb."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from viewer.session import Motion
+
+Array = NDArray[np.float64]
+
+STEP = 0.02
+"""Of the clock on which they are compared [s]."""
+ALIKE = 0.5
+"""Correlation below which two flights are not said to be alike."""
+
+
+def delay_between(late: Motion, fixed: Motion) -> float | None:
+    """By how many seconds `late` must be shifted for it to move as `fixed` does, or None if it never does.
+
+    The delay at which the products of the two motions' features (body z axis in E, height, each without its mean)
+    correlate best, among those at which the shorter one overlaps by half or more.
+    """
+    a, b = _features(fixed), _features(late)
+    if not (a.any() and b.any()):
+        return None
+    full = len(a) + len(b) - 1
+    size = 1 << (full - 1).bit_length()
+    spectrum = np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))
+    products = np.fft.irfft(spectrum.sum(axis=1), size)
+    lags = np.arange(-(len(b) - 1), len(a))
+    overlap = np.minimum(len(a), lags + len(b)) - np.maximum(0, lags)
+    energy_a, energy_b = _energy(a), _energy(b)
+    first, last = np.maximum(0, lags), np.minimum(len(a), lags + len(b))
+    in_a = energy_a[last] - energy_a[first]
+    in_b = energy_b[last - lags] - energy_b[first - lags]
+    score = products[lags % size] / np.sqrt(np.maximum(in_a * in_b, 1e-30))
+    score[overlap < 0.5 * min(len(a), len(b))] = -np.inf
+    best = int(np.argmax(score))
+    if score[best] < ALIKE:
+        return None
+    return float(lags[best] * STEP + fixed.time[0] - late.time[0])
+
+
+def _energy(features: Array) -> Array:
+    """Sum of squares up to each sample (N + 1,)."""
+    return np.concatenate(([0.0], np.cumsum((features**2).sum(axis=1))))
+
+
+def _features(motion: Motion) -> Array:
+    """Where the body's axes point and how high it is, on a uniform clock: (N, 7), centred, each kind on one scale."""
+    clock = np.arange(motion.time[0], motion.time[-1], STEP)
+    x = so3.rotate(motion.quat_EB, np.array([1.0, 0.0, 0.0]))
+    z = so3.rotate(motion.quat_EB, np.array([0.0, 0.0, 1.0]))
+    raw = np.column_stack((x, z, motion.position_E[:, 2]))
+    out = np.stack([np.interp(clock, motion.time, column) for column in raw.T], axis=1)
+    out = out - out.mean(axis=0)
+    out[:, 6] /= max(float(np.abs(out[:, 6]).max()), 1e-3)
+    return np.asarray(out)

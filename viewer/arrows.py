@@ -1,0 +1,163 @@
+"""Wrenches in the scene: as arrows or as frames, in newtons and newton metres, with the uncertainty at their tips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.vehicle import GRAVITY, Vehicle
+from viewer.colours import THRUST, Colour, colour_of
+from viewer.session import Scene
+
+Array = NDArray[np.float64]
+
+KINDS = ("force", "torque")
+SIGMAS = 3.0
+"""Half axes of the ellipsoid at the tip of a prediction, in standard deviations."""
+THICK = {"force": 0.014, "torque": 0.022}
+SPREAD = 0.055
+"""Thickness of arrows, and how far those of different wrenches stand apart, in sizes of the vehicle."""
+LEAST = 1e-3
+"""An arrow shorter than this share of the vehicle is not drawn."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How long arrows are: metres per newton, per newton metre, per newton of a single rotor's thrust."""
+
+    force: float
+    torque: float
+    thrust: float
+
+    def words(self) -> str:
+        """For a legend: what 10 cm on the scene stand for."""
+        force, torque, thrust = (0.1 / scale for scale in (self.force, self.torque, self.thrust))
+        return f"10 cm: {force:.3g} N force, {torque:.3g} Nm torque, {thrust:.3g} N rotor thrust"
+
+
+def scale_for(scene: Scene, vehicle: Vehicle, size: float, factors: tuple[float, float, float]) -> Scale:
+    """Lengths that suit a vehicle of `size` [m] on a flight, times what the user asks for.
+
+    The weight is twice the size; the largest torque (99th percentile) once and a half; a rotor's share of the weight
+    half of it.
+    """
+    weight = vehicle.body.mass * GRAVITY
+    torques = [np.abs(w[:, 3:][np.isfinite(w[:, 3:])]) for w in scene.wrenches.values()]
+    largest = max((float(np.percentile(t, 99.0)) for t in torques if t.size), default=0.0)
+    rotors = 1 if vehicle.rotors is None else len(vehicle.rotors)
+    return Scale(
+        factors[0] * 2.0 * size / weight,
+        factors[1] * (1.5 * size / largest if largest > 0 else size),
+        factors[2] * 0.5 * size * rotors / weight,
+    )
+
+
+def components(vector: Array, spread: float) -> Array:
+    """A vector (3,) as a frame: three arrows (3, 2, 3) along x, y and z, moved aside by `spread` [m].
+
+    The spread keeps the frames of several wrenches, whose arrows lie along the same axes, side by side.
+    """
+    aside = spread * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    return np.stack((aside, aside + np.diag(vector)), axis=1)
+
+
+def beside(vector: Array, spread: float) -> Array:
+    """A vector (3,) as one arrow (1, 2, 3), moved aside by `spread` [m], so that arrows that agree can be compared."""
+    other = np.eye(3)[0 if abs(vector[0]) < 0.9 * np.linalg.norm(vector) else 1]
+    across = np.cross(vector, other)
+    aside = spread * across / max(float(np.linalg.norm(across)), 1e-12)
+    return np.stack((aside, aside + vector))[None]
+
+
+class Arrows:
+    """One node per wrench and kind below the body's frame, and one for the thrusts of all rotors."""
+
+    def __init__(self, scene: Any, root: str, vehicle: Vehicle, size: float) -> None:
+        self._scene, self._root, self._vehicle, self._size = scene, root, vehicle, size
+        self.handles: dict[tuple[str, str], Any] = {}
+        self.clouds: dict[tuple[str, str], Any] = {}
+        self.thrusts: Any = None
+
+    def open(self, flight: Scene) -> None:
+        """Nodes for the wrenches of a flight."""
+        for handle in (*self.handles.values(), *self.clouds.values(), *([self.thrusts] if self.thrusts else [])):
+            handle.remove()
+        wrenches = [(kind, name) for name in flight.wrenches for kind in KINDS]
+        self.handles = {
+            (kind, name): self._arrows(f"{kind}/{name}", colour_of(name), THICK[kind]) for kind, name in wrenches
+        }
+        self.clouds = {
+            (kind, name): self._scene.add_icosphere(
+                f"{self._root}/sigma/{kind}/{name}",
+                radius=1.0,
+                color=colour_of(name),
+                opacity=0.28,
+                cast_shadow=False,
+                receive_shadow=False,
+                visible=False,
+            )
+            for kind, name in wrenches
+            if name in flight.sigma
+        }
+        self.thrusts = None if flight.thrust is None else self._arrows("thrusts", THRUST, 0.010)
+
+    def show(self, flight: Scene, index: int, scale: Scale, shown: frozenset[tuple[str, str]], frames: bool) -> None:
+        """Draw instant `index`; `shown` are the (kind, wrench) to be seen, and ("thrust", "") for the rotors'."""
+        for rank, ((kind, name), handle) in enumerate(self.handles.items()):
+            part = slice(0, 3) if kind == "force" else slice(3, 6)
+            vector = flight.wrenches[name][index, part] * (scale.force if kind == "force" else scale.torque)
+            seen = (kind, name) in shown and self._worth(vector)
+            if seen:
+                spread = SPREAD * self._size * (rank // len(KINDS))
+                points = components(vector, spread) if frames else beside(vector, spread)
+                handle.points = (points + self._vehicle.body.com_B).astype(np.float32)
+            _set_visible(handle, seen)
+            if (kind, name) in self.clouds:
+                sigma = flight.sigma[name][index, part] * (scale.force if kind == "force" else scale.torque)
+                self._cloud(self.clouds[kind, name], vector, sigma, seen and ("sigma", "") in shown)
+        if self.thrusts is not None and flight.thrust is not None:
+            self._thrust(flight, index, scale, ("thrust", "") in shown)
+
+    def _cloud(self, handle: Any, tip: Array, sigma: Array, seen: bool) -> None:
+        """The ellipsoid at the tip of a prediction; flat along axes whose sigma is unknown."""
+        seen = seen and bool(np.isfinite(sigma).any())
+        if seen:
+            handle.position = self._vehicle.body.com_B + tip
+            handle.scale = tuple(float(s) for s in np.maximum(np.nan_to_num(SIGMAS * sigma), 0.01 * self._size))
+        _set_visible(handle, seen)
+
+    def _thrust(self, flight: Scene, index: int, scale: Scale, seen: bool) -> None:
+        """One arrow per rotor from its hub along its thrust direction."""
+        assert flight.thrust is not None
+        arms, rotors = self._vehicle.geometry()
+        thrust = flight.thrust[index]
+        seen = seen and bool(np.isfinite(thrust).all())
+        if seen:
+            tilt = np.zeros(len(arms)) if flight.tilt is None else np.nan_to_num(flight.tilt[index])
+            normal = (np.cos(tilt)[:, None] * arms.normal_B + np.sin(tilt)[:, None] * arms.lateral_B)[rotors.arm]
+            hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * normal
+            tip = hub + normal * (thrust * scale.thrust)[:, None]
+            self.thrusts.points = np.stack((hub, tip), axis=1).astype(np.float32)
+        _set_visible(self.thrusts, seen)
+
+    def _worth(self, vector: Array) -> bool:
+        return bool(np.isfinite(vector).all()) and float(np.linalg.norm(vector)) > LEAST * self._size
+
+    def _arrows(self, name: str, colour: Colour, thick: float) -> Any:
+        points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, self._size]]])
+        size = thickness(self._size, thick)
+        return self._scene.add_arrows(f"{self._root}/{name}", points, colour, visible=False, **size)
+
+
+def thickness(size: float, share: float) -> dict[str, float]:
+    """Shaft and head of arrows on a vehicle of `size` [m]."""
+    return {"shaft_radius": share * size, "head_radius": 2.4 * share * size, "head_length": 6.5 * share * size}
+
+
+def _set_visible(handle: Any, seen: bool) -> None:
+    """Assign only what changes: every assignment is a message."""
+    if handle.visible != seen:
+        handle.visible = seen

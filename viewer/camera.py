@@ -1,0 +1,51 @@
+"""Where the clients look from. Each client has a camera of its own; the page only places it when asked to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DIRECTIONS: dict[str, tuple[float, float, float]] = {
+    "oblique": (-3.9, -4.5, 2.9),
+    "top": (-0.001, 0.0, 6.6),
+    "side": (0.0, -6.6, 0.4),
+    "front": (6.6, 0.0, 0.4),
+}
+"""From what is looked at to the camera, in sizes of the vehicle (of the path, for the whole of it)."""
+FOV = 0.75
+"""Vertical field of view [rad]: narrower than viser's, so that frames are not distorted."""
+
+
+class Cameras:
+    """Places the cameras of all clients, and of those that come later."""
+
+    def __init__(self, server: Any, size: float) -> None:
+        self._server, self._size = server, size
+        server.initial_camera.fov = FOV
+        server.initial_camera.near = 0.02 * size
+
+    def look(self, direction: str, focus: Array, extent: float | None = None, clients: Any = None) -> None:
+        """Look at `focus` (3,) from one of `DIRECTIONS`, from so far away that `extent` [m] (the vehicle) is seen."""
+        size = extent or self._size
+        self.place(focus + size * np.array(DIRECTIONS[direction]), focus, clients)
+
+    def place(self, position: Array, look_at: Array, clients: Any = None) -> None:
+        """Put the cameras at `position` (3,), looking at `look_at` (3,); of `clients`, or of everybody."""
+        initial = self._server.initial_camera
+        initial.position, initial.look_at = position, look_at
+        for client in self._server.get_clients().values() if clients is None else clients:
+            with client.atomic():
+                client.camera.position = position
+                client.camera.look_at = look_at
+                client.camera.fov = FOV
+
+    def shift(self, by: Array) -> None:
+        """Move all cameras by `by` (3,) [m], as they look."""
+        initial = self._server.initial_camera
+        initial.position, initial.look_at = initial.position + by, initial.look_at + by
+        for client in self._server.get_clients().values():
+            client.camera.position = client.camera.position + by  # takes what it looks at along

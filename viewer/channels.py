@@ -1,0 +1,102 @@
+"""Any channel of the log as a plot: a tab of the board in which channels are found by name, added and taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from viewer.lines import CHANNELS, Plot, channel_plot
+from viewer.session import Array, HasChannels
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+
+LISTED = 400
+"""Names that the list offers at once, at most; the filter narrows it down."""
+NONE = "(no channel of that name)"
+
+
+class ChannelPicker:
+    """The names of the channels that are plotted, kept when the flight changes; read when first asked for."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self.names: list[str] = []
+        self._read: dict[str, Mapping[str, tuple[Array, Array]]] = {}
+        self._reading: set[str] = set()
+        gui, guarded = page.server.gui, page.guarded
+        with page.board.tab(CHANNELS):
+            self.list = gui.add_button("List the channels of the log")
+            self.list.on_click(guarded(lambda _: self.read()))
+            self.filter: Any = gui.add_text("filter", "", visible=False, hint="part of a name")
+            self.filter.on_update(guarded(lambda _: self._offer()))
+            self.choice = gui.add_dropdown("channel", (NONE,), visible=False)
+            self.action = gui.add_button_group("plot", ("add", "remove", "remove all"), visible=False)
+            self.action.on_click(guarded(lambda _: self._act(self.action.value)))
+
+    def opened(self) -> None:
+        """Another flight is shown: read its channels if some are plotted."""
+        if self.names:
+            self.read()
+        self._offer()
+
+    def plots(self) -> list[Plot]:
+        """Plots of the chosen channels, as far as this log has them and they are read."""
+        known = self._known()
+        return [channel_plot(name, known[name]) for name in self.names if name in known]
+
+    def plot(self, names: list[str]) -> None:
+        """Plot these channels."""
+        self.names = list(dict.fromkeys(names))
+        self.opened()
+        self._page.replot()
+
+    def read(self) -> None:
+        """Read all channels of the flight beside the page, unless that has been done."""
+        flight, session = self._page.scene.name, self._page.session
+        if flight in self._read or flight in self._reading:
+            self._offer()
+            return
+        if not isinstance(session, HasChannels):
+            self._page.notify("This session has no log to look channels up in.", "warning")
+            return
+        self._reading.add(flight)
+        self.list.label, self.list.disabled = "reading the log ...", True
+
+        def done(found: Mapping[str, tuple[Array, Array]]) -> None:
+            self._read = {flight: found}  # of one flight only: a long log has a hundred megabytes of channels
+            self._ready(flight)
+            self._page.replot()
+
+        def failed(error: Exception) -> None:
+            self._ready(flight)
+            self._page.fail(error)
+
+        self._page.background(lambda report: session.channels(flight), lambda share, words: None, done, failed)
+
+    def _ready(self, flight: str) -> None:
+        self._reading.discard(flight)
+        self.list.label, self.list.disabled = "List the channels of the log", False
+        self._offer()
+
+    def _known(self) -> Mapping[str, tuple[Array, Array]]:
+        return self._read.get(self._page.scene.name, {})
+
+    def _offer(self) -> None:
+        """Offer the names that contain what the filter says."""
+        known, wanted = self._known(), self.filter.value.strip().lower()
+        found = [name for name in known if wanted in name.lower()][:LISTED]
+        self.choice.options = found or (NONE,)
+        for handle in (self.filter, self.choice, self.action):
+            handle.visible = bool(known)
+        self.list.visible = not known
+
+    def _act(self, what: str) -> None:
+        name = self.choice.value
+        if what == "add" and name not in self.names and name != NONE:
+            self.names.append(name)
+        elif what == "remove" and name in self.names:
+            self.names.remove(name)
+        elif what == "remove all":
+            self.names = []
+        self._page.replot()

@@ -1,0 +1,162 @@
+"""A vehicle as viser scene nodes, whatever its geometry: hull, arms that tilt, rotor discs that say how they turn.
+
+ROOT                pose of B               ROOT/arm0 ...   poses of the arms, tilted    ROOT/arm0/disc0 ...
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import so3
+from plant.vehicle import Arms, Vehicle
+from viewer.colours import BODY, HULL, SPIN, Colour
+
+Array = NDArray[np.float64]
+
+ARC = np.radians(np.linspace(20.0, 130.0, 12))
+"""Angles of the arc on a disc that shows how it turns."""
+
+
+def arm_pose(arms: Arms, arm: int, tilt: float) -> Array:
+    """Attitude (4,) of the frame of an arm in B: z the thrust direction, x the tilt axis as far as at right angles.
+
+    A tilt turns it right-handed about x, so that z becomes n(alpha) = cos(alpha) n_0 + sin(alpha) (a x n_0).
+    """
+    z = arms.normal_B[arm]
+    x = arms.axis_B[arm] - (arms.axis_B[arm] @ z) * z
+    if np.linalg.norm(x) < 1e-6:
+        x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x = x / np.linalg.norm(x)
+    level = so3.from_matrix(np.stack((x, np.cross(z, x), z), axis=1))
+    return so3.multiply(level, so3.exp(np.array([tilt, 0.0, 0.0])))
+
+
+def along_z(direction: Array) -> Array:
+    """An attitude (4,) that takes e_z to a direction (3,), which need not be of unit length."""
+    unit = direction / np.linalg.norm(direction)
+    axis = np.cross([0.0, 0.0, 1.0], unit)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-9:
+        return np.array([1.0, 0.0, 0.0, 0.0]) if unit[2] > 0 else np.array([0.0, 1.0, 0.0, 0.0])
+    return so3.exp(axis / sine * np.arctan2(sine, unit[2]))
+
+
+def size_of(vehicle: Vehicle) -> float:
+    """Distance [m] from the origin to the farthest hub, or three radii of gyration where the arms are unknown."""
+    if vehicle.arms is not None:
+        return float(np.linalg.norm(vehicle.arms.position_B, axis=1).max())
+    return float(3.0 * np.sqrt(np.trace(vehicle.body.inertia) / 3.0 / vehicle.body.mass))
+
+
+class Craft:
+    """The nodes of one vehicle below `root`. A ghost is of one colour and lets the other vehicle show through."""
+
+    def __init__(self, scene: Any, root: str, vehicle: Vehicle, ghost: Colour | None = None) -> None:
+        self._scene, self._root, self._vehicle, self._ghost = scene, root, vehicle, ghost
+        self.size = size_of(vehicle)
+        self.frame = scene.add_frame(root, show_axes=False, visible=ghost is None)
+        self.arms: list[Any] = []
+        self._hull()
+        if vehicle.arms is not None:
+            self._arms(vehicle.arms)
+
+    def move(self, position_E: Array, quat_EB: Array, tilt: Array | None) -> None:
+        """Put the body (3,), (4,) and the arms (A,) [rad] somewhere; unknown tilts change nothing."""
+        self.frame.position, self.frame.wxyz = position_E, quat_EB
+        arms = self._vehicle.arms
+        if arms is None or tilt is None or not np.isfinite(tilt).all():
+            return
+        for arm, handle in enumerate(self.arms):
+            if arms.tilts[arm]:
+                handle.wxyz = arm_pose(arms, arm, float(tilt[arm]))
+
+    def _look(self, colour: Colour, opacity: float | None = None) -> dict[str, Any]:
+        """Colour and opacity of a part; a ghost casts no shadow."""
+        if self._ghost is None:
+            return {"color": colour, "opacity": opacity}
+        return {"color": self._ghost, "opacity": 0.22, "cast_shadow": False}
+
+    def _hull(self) -> None:
+        """A flat drum with a green nose; a ball on rotor-less vehicles, of which nothing but the size is known."""
+        if self._vehicle.arms is None:
+            self._scene.add_icosphere(
+                f"{self._root}/hull", radius=0.5 * self.size, scale=(1.0, 1.0, 0.5), **self._look(HULL)
+            )
+            radius = 0.5 * self.size
+        else:
+            radius = 0.24 * self.size
+            self._scene.add_cylinder(f"{self._root}/hull", radius=radius, height=0.14 * self.size, **self._look(HULL))
+        self._scene.add_icosphere(
+            f"{self._root}/nose", radius=0.055 * self.size, position=(radius, 0.0, 0.0), **self._look(BODY)
+        )
+
+    def _arms(self, arms: Arms) -> None:
+        """Tubes from the hull to the hubs, and on each hub a frame that tilts and carries the rotors."""
+        for arm, place in enumerate(arms.position_B):
+            length = float(np.linalg.norm(place))
+            if length > 1e-6:
+                self._scene.add_cylinder(
+                    f"{self._root}/tube{arm}",
+                    radius=0.028 * self.size,
+                    height=length,
+                    radial_segments=16,
+                    position=0.5 * place,
+                    wxyz=along_z(place),
+                    **self._look(HULL),
+                )
+            node = f"{self._root}/arm{arm}"
+            self.arms.append(
+                self._scene.add_frame(node, show_axes=False, position=place, wxyz=arm_pose(arms, arm, 0.0))
+            )
+            self._rotors(node, arm)
+
+    def _rotors(self, node: str, arm: int) -> None:
+        """Discs of the rotors on an arm, on one mast."""
+        rotors = self._vehicle.rotors
+        if rotors is None:
+            return
+        for rotor in np.flatnonzero(rotors.arm == arm):
+            offset, radius = float(rotors.offset[rotor]), float(rotors.radius[rotor])
+            colour = SPIN[0 if rotors.spin[rotor] > 0 else 1]
+            self._scene.add_cylinder(
+                f"{node}/disc{rotor}",
+                radius=radius,
+                height=0.012 * self.size,
+                position=(0.0, 0.0, offset),
+                **self._look(colour, 0.45),
+            )
+            self._scene.add_cylinder(
+                f"{node}/motor{rotor}",
+                radius=0.05 * self.size,
+                height=max(abs(offset), 0.05 * self.size),
+                radial_segments=16,
+                position=(0.0, 0.0, 0.5 * offset),
+                **self._look(HULL),
+            )
+            if self._ghost is None:
+                self._turning(f"{node}/turning{rotor}", offset, radius, float(rotors.spin[rotor]), colour)
+
+    def _turning(self, node: str, offset: float, radius: float, spin: float, colour: Colour) -> None:
+        """Two arcs with arrow heads that say how a disc turns: counter-clockwise about its z for spin +1."""
+        height = offset + np.sign(offset if offset else 1.0) * 0.02 * self.size
+        dark: Colour = (int(0.6 * colour[0]), int(0.6 * colour[1]), int(0.6 * colour[2]))
+        arcs, heads = [], []
+        for start in (0.0, np.pi):
+            angle = start + spin * ARC
+            rim = 0.78 * radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+            points = np.column_stack((rim, np.full(len(rim), height)))
+            arcs.append(np.stack((points[:-1], points[1:]), axis=1))
+            tangent = points[-1] - points[-2]
+            heads.append(np.stack((points[-1], points[-1] + tangent / np.linalg.norm(tangent) * 0.26 * radius)))
+        self._scene.add_line_segments(f"{node}/arc", np.concatenate(arcs), dark, thickness=0.05 * radius)
+        self._scene.add_arrows(
+            f"{node}/head",
+            np.stack(heads),
+            dark,
+            shaft_radius=0.001 * radius,
+            head_radius=0.09 * radius,
+            head_length=0.26 * radius,
+        )

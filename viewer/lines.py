@@ -1,0 +1,108 @@
+"""Which plots a flight gets, and what lies in each: from the quantities of a scene to titles, colours and lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.colours import Colour, colour_of, line_colours
+from viewer.session import Scene, Series
+
+Array = NDArray[np.float64]
+
+WRENCHES, RESIDUAL, CHANNELS = "Wrenches", "Residual", "Channels"
+GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
+"""Tabs of the plots, in their order; a series may bring another."""
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a plot: `values` (N,), and the standard deviation (N,) of which three make its band, or None."""
+
+    name: str
+    colour: Colour
+    values: Array
+    sigma: Array | None = None
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Lines over one `time` (N,) [s]; `group` is the tab in which it stands. The title is unique within the group."""
+
+    group: str
+    title: str
+    unit: str
+    time: Array
+    lines: tuple[Line, ...]
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What must be equal for a chart to take over the data of another plot."""
+        return (self.group, self.title, self.unit, *((ln.name, ln.colour, ln.sigma is not None) for ln in self.lines))
+
+    def at(self, time: float) -> Array:
+        """Values of all lines at the last sample that is not after `time`; nan where there is none."""
+        k = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
+        return np.array([line.values[k] if 0 <= k < len(line.values) else np.nan for line in self.lines])
+
+
+def plots_of(scene: Scene) -> list[Plot]:
+    """The plots of a flight, tab by tab: torques first, because most effects show there first."""
+    return [*_wrenches(scene), *_residuals(scene), *(_series(one) for one in scene.series)]
+
+
+def channel_plot(name: str, channel: tuple[Array, Array]) -> Plot:
+    """The plot of one channel of the log."""
+    return Plot(CHANNELS, name, "", channel[0], (Line(name, line_colours((name,))[0], channel[1]),))
+
+
+def _wrenches(scene: Scene) -> list[Plot]:
+    plots = []
+    for kind, unit, first in (("torque", "Nm", 3), ("force", "N", 0)):
+        for i, axis in enumerate(AXES):
+            column = first + i
+            lines = tuple(
+                Line(name, colour_of(name), wrench[:, column], _column(scene.sigma, name, column))
+                for name, wrench in scene.wrenches.items()
+                if np.isfinite(wrench[:, column]).any()
+            )
+            if lines:
+                plots.append(Plot(WRENCHES, f"{kind} {axis}", unit, scene.time, lines))
+    return plots
+
+
+def _column(sigma: Mapping[str, Array], name: str, column: int) -> Array | None:
+    values = sigma.get(name)
+    return None if values is None or not np.isfinite(values[:, column]).any() else values[:, column]
+
+
+def _residuals(scene: Scene) -> list[Plot]:
+    """Measured minus predicted, axis by axis in one plot; the same of every other model in a plot of its own."""
+    measured = scene.wrenches.get("measured")
+    if measured is None:
+        return []
+    plots = []
+    models = [name for name in scene.wrenches if name not in ("measured", "desired")]
+    models.sort(key=lambda name: name != scene.residual_of)
+    for name in models:
+        left = measured - scene.wrenches[name]
+        for kind, unit, part in (("torque", "Nm", left[:, 3:]), ("force", "N", left[:, :3])):
+            if np.isfinite(part).any():
+                lines = _lines(AXES, part.T)
+                plots.append(Plot(RESIDUAL, f"{kind}: measured - {name}", unit, scene.time, lines))
+    return plots
+
+
+def _series(series: Series) -> Plot:
+    lines = _lines(tuple(series.values), tuple(series.values.values()))
+    return Plot(series.group, series.title, series.unit, series.time, lines)
+
+
+def _lines(names: tuple[str, ...], values: Sequence[Array] | Array) -> tuple[Line, ...]:
+    colours = line_colours(names)
+    return tuple(Line(n, c, np.asarray(v, dtype=float)) for n, c, v in zip(names, colours, values, strict=True))

@@ -1,0 +1,52 @@
+"""Parts of a panel's HTML that can be clicked.
+
+viser 1.1 tells of clicks on buttons, but not of clicks on plots, images or HTML. An HTML label, though, presses the
+button that it is for, and viser's buttons carry their id: every link is a label for a button that is not seen. So the
+page needs no script of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+
+LAST = 1e6
+"""Order of the buttons in their tab: behind everything that is seen."""
+HIDDEN = "<style>div:has(> .wrenchgap-links) ~ * {display: none}</style><span class='wrenchgap-links'></span>"
+"""Hides whatever follows in the same tab."""
+
+
+class Links:
+    """The links of one tab. Construct inside the tab; `start` before its HTML is written anew, then `to` for each."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.tab = page.server.gui.add_folder(None, order=LAST)
+        with self.tab:
+            page.server.gui.add_html(HIDDEN, order=LAST)
+        self._buttons: list[Any] = []
+        self._actions: list[Callable[[], None]] = []
+
+    def start(self) -> None:
+        """Forget the links that were there; their buttons are used again."""
+        self._actions = []
+
+    def to(self, action: Callable[[], None], content: str, style: str = "", title: str = "") -> str:
+        """HTML of a link with this content, style and title; a click calls `action` under the page's lock."""
+        k = len(self._actions)
+        self._actions.append(action)
+        if k == len(self._buttons):
+            with self.tab:
+                button = self.page.server.gui.add_button(f"link {k}", order=LAST + 1 + k)
+            button.on_click(self.page.guarded(lambda _: self.follow(k)))
+            self._buttons.append(button)
+        uuid = self._buttons[k]._impl.uuid  # viser has no public way to the id of an element
+        return f'<label for="{uuid}" title="{title}" style="cursor:pointer;{style}">{content}</label>'
+
+    def follow(self, k: int) -> None:
+        """Do what the k-th link does."""
+        if k < len(self._actions):
+            self._actions[k]()

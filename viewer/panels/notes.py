@@ -1,0 +1,51 @@
+"""The tab of what a user should know about the flight: where the model is worst, and the notes of the reader."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import viser
+
+from viewer.panel import Panel
+from viewer.session import Scene
+
+KEYS = (
+    ("space", "play, pause"),
+    ("J, L", "step back, forward; with shift by a second"),
+    ("home, end", "start, end"),
+    ("N, P", "next, previous worst stretch or gap"),
+    ("I, O, R, X", "mark A, mark B, loop between them, clear"),
+    ("F", "follow the vehicle, or stay"),
+    ("1 to 5", "look obliquely, from the top, side, front, at all of it"),
+    ("ctrl-K", "all commands"),
+)
+
+
+class NotesPanel(Panel):
+    """Buttons to the worst stretches, notes, keys."""
+
+    def __init__(self, page: Any) -> None:
+        super().__init__(page)
+        with page.tab("Notes", viser.Icon.NOTES) as self._tab:
+            pass
+        self._content: list[Any] = []
+
+    def opened(self, scene: Scene) -> None:
+        """Those of the flight."""
+        for handle in self._content:
+            handle.remove()
+        gui = self.page.server.gui
+        with self._tab:
+            self._content = [gui.add_markdown("**Where the model is worst**")] if scene.worst else []
+            for stretch in scene.worst:
+                button = gui.add_button(f"{stretch.start:.1f} s: {stretch.words}")
+                button.on_click(self.page.guarded(partial(self._go, stretch.start)))
+                self._content.append(button)
+            if scene.notes:
+                self._content.append(gui.add_markdown("\n".join(("**Notes**\n", *(f"- {n}" for n in scene.notes)))))
+            keys = "\n".join(("**Keys**\n", *(f"- `{key}` {what}" for key, what in KEYS)))
+            self._content.append(gui.add_markdown(keys))
+
+    def _go(self, time: float, event: Any) -> None:
+        self.page.cursor.go(time)

@@ -1,0 +1,113 @@
+"""The tab of what leaves the page: picture, table, report, and the view itself, to be opened again elsewhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import viser
+
+from flight.errors import UsageError
+from viewer.background import Job
+from viewer.panel import Panel
+from viewer.picture import png, table
+from viewer.saved_view import parse
+from viewer.session import HasReport
+
+RENDER_SECONDS = 30.0
+"""A client that has not rendered by then does not any more."""
+LARGEST_VIEW = 1_000_000
+"""Bytes of a saved view, at most."""
+REPORT = "HTML report"
+
+
+class OutPanel(Panel):
+    """Downloads go to the client that asked for them and to nobody else."""
+
+    def __init__(self, page: Any) -> None:
+        super().__init__(page)
+        gui, guarded = page.server.gui, page.guarded
+        self._job: Job | None = None
+        with page.tab("Out", viser.Icon.DOWNLOAD):
+            with gui.add_folder("download"):
+                self.png = gui.add_button("PNG of the view", icon=viser.Icon.PHOTO)
+                self.png.on_click(self._picture)
+                self.csv = gui.add_button("CSV of what is plotted", icon=viser.Icon.TABLE, hint="in the range shown")
+                self.csv.on_click(guarded(self._table))
+                self.report = gui.add_button(
+                    REPORT, icon=viser.Icon.REPORT, visible=isinstance(page.session, HasReport)
+                )
+                self.report.on_click(guarded(self._report))
+                self.progress = gui.add_progress_bar(0.0, visible=False)
+                self.doing = gui.add_markdown("", visible=False)
+            with gui.add_folder("view"):
+                gui.add_markdown("Flight, time, marks, switches, plots and camera: save them, open them elsewhere.")
+                self.save = gui.add_button("Save view", icon=viser.Icon.BOOKMARK)
+                self.save.on_click(guarded(self._save))
+                self.open = gui.add_upload_button("Open view", icon=viser.Icon.UPLOAD, mime_type="application/json")
+                self.open.on_upload(guarded(self._uploaded))
+                self.text = gui.add_text("as text", "", hint="copy it from here; paste another and press enter")
+                self.text.on_update(guarded(self._pasted))
+
+    def _picture(self, event: Any) -> None:
+        """Not under the page's lock: the client that renders may need the page meanwhile."""
+        client = event.client
+        try:
+            height, width = client.camera.image_height, client.camera.image_width
+            render = client.get_render(height, width, transport_format="png", timeout=RENDER_SECONDS)
+        except (RuntimeError, TimeoutError) as error:
+            self.page.notify(f"The browser gave no picture: {error}", "error")
+            return
+        with self.page.lock:
+            scene, time = self.page.scene, self.page.cursor.time
+            words = [f"{scene.name}, {time:.2f} s", *self.page.drawing.scale.words().split(", ")]
+            image = png(render, self.page.scene_panel.legend_rows(), words)
+        client.send_file_download(f"{scene.name}_{time:.2f}s.png", image)
+
+    def _table(self, event: Any) -> None:
+        plots = [chart.plot for chart in self.page.board.charts.values()]
+        view = self.page.transport.view
+        name = f"{self.page.scene.name}_{view.start:.2f}-{view.stop:.2f}s.csv"
+        event.client.send_file_download(name, table(plots, view.start, view.stop).encode())
+
+    def _report(self, event: Any) -> None:
+        """Write the report beside the page; a second click gives it up."""
+        if self._job is not None and self._job.is_alive():
+            self._job.cancel()
+            self._idle()
+            return
+        flight, client, session = self.page.scene.name, event.client, self.page.session
+        self.report.label = "give the report up"
+        self.progress.visible = self.doing.visible = True
+
+        def told(share: float, words: str) -> None:
+            self.progress.value, self.doing.content = 100.0 * share, words
+
+        def done(text: str) -> None:
+            self._idle()
+            client.send_file_download(f"{flight}_report.html", text.encode())
+
+        def failed(error: Exception) -> None:
+            self._idle()
+            self.page.fail(error)
+
+        self._job = self.page.background(lambda report: str(session.report(flight, report)), told, done, failed)
+
+    def _idle(self) -> None:
+        self.report.label = REPORT
+        self.progress.visible = self.doing.visible = False
+        self.progress.value = 0.0
+
+    def _save(self, event: Any) -> None:
+        view = self.page.saved_view(event.client)
+        self.text.value = view.to_text()
+        event.client.send_file_download(f"{view.flight}_{view.time:.2f}s.view.json", view.to_text().encode())
+
+    def _uploaded(self, event: Any) -> None:
+        content = self.open.value.content
+        if len(content) > LARGEST_VIEW:
+            raise UsageError(f"{self.open.value.name}: {len(content)} bytes; a saved view has a few hundred")
+        self.page.restore(parse(content.decode(errors="replace"), self.open.value.name), event.client)
+
+    def _pasted(self, event: Any) -> None:
+        if event.client_id is not None and self.text.value.strip().endswith("}"):
+            self.page.restore(parse(self.text.value, "view as text"), event.client)

@@ -1,0 +1,187 @@
+"""The controls of time, above the tabs and always in sight: slider, play, step, speed, jumps, the marks A and B, range.
+
+Marks A and B are two more cursors: the plots say how much each line changes between them, and playing can be kept to
+the stretch that they bound.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import viser
+
+from viewer.board import View
+from viewer.session import Scene, Stretch
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
+ZOOMS = ("whole flight", "60 s", "30 s", "10 s", "5 s", "2 s", "A to B")
+NOWHERE = "-"
+STEPS = {"-1 s": -1.0, "< step": -1, "step >": 1, "+1 s": 1.0}
+"""Labels, and by how many seconds (float) or instants (int) they move."""
+AHEAD = 0.05
+"""Share of the range that lies behind the cursor after playing has turned the page."""
+
+
+class Transport:
+    """Reads and moves the page's cursor; says which range the plots show."""
+
+    def __init__(self, page: Page) -> None:
+        self._page, self._cursor = page, page.cursor
+        self.marks: dict[str, float] = {}
+        gui, guarded = page.server.gui, page.guarded
+        self._slot = gui.add_folder(None)
+        with self._slot:
+            self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, 0.001, 0.0)
+        self.play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, hint="space")
+        self.play.on_click(guarded(lambda _: self.toggle()))
+        self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
+        self.step.on_click(guarded(lambda _: self._step(STEPS[self.step.value])))
+        self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1", hint="seconds of flight per second")
+        self.speed.on_update(guarded(lambda _: setattr(self._cursor, "speed", float(self.speed.value))))
+        self.jump = gui.add_dropdown("go to", (NOWHERE,), initial_value=NOWHERE, hint="worst stretches, gaps; N and P")
+        self.jump.on_update(guarded(lambda _: self._jump()))
+        self.mark = gui.add_button_group("mark", ("A", "B", "loop", "clear"), hint="keys I, O, R, X")
+        self.mark.on_click(guarded(lambda _: self._mark(self.mark.value)))
+        self.zoom = gui.add_dropdown("plots show", ZOOMS, initial_value=ZOOMS[0])
+        self.zoom.on_update(guarded(lambda _: self.look()))
+        self._stretches: dict[str, Stretch] = {}
+        self._range = (0.0, 1.0)
+        self._keys()
+        self._cursor.listeners.append(self._moved)
+
+    def open(self, scene: Scene, *, keep: bool = False) -> None:
+        """Take over a flight; with `keep`, it is the same one and marks stay."""
+        start, stop = float(scene.time[0]), float(scene.time[-1])
+        step = 10.0 ** np.floor(np.log10(max(float(np.median(np.diff(scene.time))), 1e-3)))
+        ticks = tuple((round(s.start, 3), "") for s in scene.worst)
+        self.slider.remove()
+        with self._slot:
+            self.slider = self._page.server.gui.add_slider(
+                "time [s]", start, max(stop, start + step), step, self._cursor.time, marks=ticks
+            )
+        self.slider.on_update(self._page.guarded(self._dragged))
+        if not keep:
+            self.marks, self._cursor.loop = {}, None
+        places = sorted((*scene.worst, *scene.gaps), key=lambda s: s.start)
+        self._stretches = {f"{s.start:.2f} s: {s.words}": s for s in places}
+        self.jump.options = (NOWHERE, *self._stretches)
+        self.jump.value = NOWHERE
+        self._range = self._wanted()
+
+    @property
+    def view(self) -> View:
+        """What the plots show."""
+        scene = self._page.scene
+        return View(*self._range, tuple(sorted(self.marks.items())), scene.gaps, self._cursor.loop)
+
+    def toggle(self) -> None:
+        """Play, or pause."""
+        self.playing(not self._cursor.playing)
+
+    def playing(self, on: bool) -> None:
+        """Play or not."""
+        self._cursor.playing = on
+        self.play.label = "Pause" if on else "Play"
+        self.play.icon = viser.Icon.PLAYER_PAUSE if on else viser.Icon.PLAYER_PLAY
+
+    def look(self) -> None:
+        """Show the range that is wanted, and the marks as they are."""
+        self._range = self._wanted()
+        self._page.board.look(self.view)
+
+    def choose(self, zoom: str | None, speed: str | None) -> None:
+        """Set range and speed; what is not among the choices changes nothing."""
+        if zoom in ZOOMS:
+            self.zoom.value = zoom
+        if speed in SPEEDS:
+            self.speed.value = speed
+
+    def set_marks(self, marks: dict[str, float], loop: bool) -> None:
+        """Put the marks A and B somewhere [s], within the flight; play between them if `loop`."""
+        start, stop = self._cursor.start, self._cursor.stop
+        self.marks = {name: float(np.clip(marks[name], start, stop)) for name in ("A", "B") if name in marks}
+        both = sorted(self.marks.values())
+        self._cursor.loop = (both[0], both[1]) if loop and len(both) == 2 and both[1] > both[0] else None
+        self.look()
+
+    def next_stretch(self, way: int) -> None:
+        """Go to the next of the worst stretches and gaps (+1), or to the one before (-1)."""
+        starts = np.array(sorted(s.start for s in self._stretches.values()))
+        if starts.size:
+            later = starts[starts > self._cursor.time + 1e-3] if way > 0 else starts[starts < self._cursor.time - 1e-3]
+            if later.size:
+                self._cursor.go(float(later[0] if way > 0 else later[-1]))
+
+    def _wanted(self) -> tuple[float, float]:
+        """The range for the chosen zoom, with the cursor in its middle where that is possible."""
+        start, stop = self._cursor.start, self._cursor.stop
+        zoom = self.zoom.value
+        both = sorted(self.marks.values())
+        if zoom == "A to B" and len(both) == 2 and both[1] > both[0]:
+            return both[0], both[1]
+        if not zoom.endswith(" s") or float(zoom[:-2]) >= stop - start:
+            return start, stop
+        width = float(zoom[:-2])
+        left = float(np.clip(self._cursor.time - 0.5 * width, start, stop - width))
+        return left, left + width
+
+    def _moved(self, time: float) -> None:
+        """The cursor moved: turn the page of the plots if it left their range."""
+        self.slider.value = time
+        left, right = self._range
+        if not left <= time <= right and self.zoom.value.endswith(" s"):
+            width = right - left
+            behind = AHEAD * width if self._cursor.playing else 0.5 * width
+            first = float(
+                np.clip(time - behind, self._cursor.start, max(self._cursor.stop - width, self._cursor.start))
+            )
+            self._range = (first, first + width)
+            self._page.board.look(self.view)
+
+    def _dragged(self, event: Any) -> None:
+        """A client moved the slider; when the page did, everything has moved already."""
+        if event.client_id is not None:
+            self._cursor.go(float(self.slider.value))
+
+    def _step(self, by: float) -> None:
+        if isinstance(by, int):
+            self._cursor.step(by)
+        else:
+            self._cursor.go(self._cursor.time + by)
+
+    def _jump(self) -> None:
+        if self.jump.value in self._stretches:
+            self._cursor.go(self._stretches[self.jump.value].start)
+            self.jump.value = NOWHERE
+
+    def _mark(self, what: str) -> None:
+        """A and B mark the cursor; loop plays between them, or no longer does; clear takes them away."""
+        if what in ("A", "B"):
+            self.set_marks({**self.marks, what: self._cursor.time}, self._cursor.loop is not None)
+        elif what == "clear":
+            self.set_marks({}, False)
+        elif len(self.marks) < 2:
+            self._page.notify("Set the marks A and B first; playing can then be kept between them.", "warning")
+        else:
+            self.set_marks(self.marks, self._cursor.loop is None)
+
+    def _keys(self) -> None:
+        """Commands of the palette (ctrl-K) with their keys."""
+        command = self._page.command
+        command("Play or pause", self.toggle, "space")
+        command("Step back", lambda: self._step(-1), "J")
+        command("Step forward", lambda: self._step(1), "L")
+        command("Back by a second", lambda: self._step(-1.0), "J", "shift")
+        command("Forward by a second", lambda: self._step(1.0), "L", "shift")
+        command("Go to the start", lambda: self._cursor.go(self._cursor.start), "home")
+        command("Go to the end", lambda: self._cursor.go(self._cursor.stop), "end")
+        command("Next worst stretch or gap", lambda: self.next_stretch(1), "N")
+        command("Previous worst stretch or gap", lambda: self.next_stretch(-1), "P")
+        command("Mark A here", lambda: self._mark("A"), "I")
+        command("Mark B here", lambda: self._mark("B"), "O")
+        command("Loop between A and B", lambda: self._mark("loop"), "R")
+        command("Clear marks", lambda: self._mark("clear"), "X")

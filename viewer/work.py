@@ -1,0 +1,69 @@
+"""A button that starts long work, how far it is, and a button that ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from viewer import background
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+
+T = TypeVar("T")
+
+
+class Work:
+    """Controls of one kind of long work; at most one is running. `ask` is called when the button is pressed."""
+
+    def __init__(self, page: Page, label: str, ask: Callable[[], None], hint: str | None = None, icon: Any = None):
+        gui = page.server.gui
+        self.page, self.label = page, label
+        self.button = gui.add_button(label, hint=hint, icon=icon)
+        self.button.on_click(page.guarded(lambda _: ask()))
+        self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
+        self.words = gui.add_markdown("", visible=False)
+        self.stop = gui.add_button("Cancel", visible=False, color="gray")
+        self.stop.on_click(page.guarded(lambda _: self.cancel()))
+        self._job: background.Job | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether work is under way."""
+        return self._job is not None
+
+    def start(self, function: Callable[[background.Report], T], on_done: Callable[[T], None]) -> None:
+        """Run it beside the page; what was running is cancelled, the last one asked for wins."""
+        self.cancel()
+        self._showing(True)
+        self._progress(0.0, "starting")
+
+        def done(result: T) -> None:
+            self._ended()
+            on_done(result)
+
+        def failed(error: Exception) -> None:
+            self._ended()
+            self.page.notify(background.told(error), "error")
+
+        self._job = self.page.background(function, self._progress, done, failed)
+
+    def cancel(self) -> None:
+        """End what is running; nothing comes of it."""
+        if self._job is not None:
+            self._job.cancel()
+            self._ended()
+
+    def _progress(self, share: float, words: str) -> None:
+        self.bar.value = 100.0 * min(max(share, 0.0), 1.0)
+        if self.words.content != words:
+            self.words.content = words
+
+    def _ended(self) -> None:
+        self._job = None
+        self._showing(False)
+
+    def _showing(self, running: bool) -> None:
+        self.button.visible = not running
+        for handle in (self.bar, self.words, self.stop):
+            handle.visible = running
