@@ -6,7 +6,7 @@ it do the analysis: where the model fails, effects, compensation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from replay.scene import Prediction, predicted, recorded
 from replay.session_compensation import CompensationDesk
 from replay.session_effects import EffectsDesk
 from replay.session_failure import FailureDesk
+from replay.session_report import report_page
 from viewer.session import Scene, Stretch
 
 PREDICTED = "predicted"
@@ -41,11 +42,13 @@ class LogSession:
         gp: GaussianProcess | None = None,
         *,
         topics: Mapping[str, str] | None = None,
+        between: tuple[float, float] | None = None,
+        shifts: Mapping[str, float] | None = None,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
     ) -> None:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
-        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff)
+        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts)
         self.bench = Bench({one.records[0].flight: one for one in opened}, model, gp, cutoff)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
@@ -80,6 +83,10 @@ class LogSession:
         """Everything in the log of a flight, by name."""
         found = self.bench.flight(flight).flight
         return channels(found.path, found)
+
+    def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
+        """The HTML report on a flight and the model as it stands."""
+        return report_page(self.bench, flight, progress)
 
     def _made(self, name: str) -> Scene:
         one, predictor = self.bench.flight(name), self.bench.predictor

@@ -32,14 +32,18 @@ class Scale:
     torque: float
     thrust: float
 
+    def times(self, factors: tuple[float, float, float]) -> Scale:
+        """Longer or shorter, kind by kind."""
+        return Scale(self.force * factors[0], self.torque * factors[1], self.thrust * factors[2])
+
     def words(self) -> str:
         """For a legend: what 10 cm on the scene stand for."""
         force, torque, thrust = (0.1 / scale for scale in (self.force, self.torque, self.thrust))
         return f"10 cm: {force:.3g} N force, {torque:.3g} Nm torque, {thrust:.3g} N rotor thrust"
 
 
-def scale_for(scene: Scene, vehicle: Vehicle, size: float, factors: tuple[float, float, float]) -> Scale:
-    """Lengths that suit a vehicle of `size` [m] on a flight, times what the user asks for.
+def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
+    """Lengths that suit a vehicle of `size` [m] on a flight.
 
     The weight is twice the size; the largest torque (99th percentile) once and a half; a rotor's share of the weight
     half of it.
@@ -48,11 +52,7 @@ def scale_for(scene: Scene, vehicle: Vehicle, size: float, factors: tuple[float,
     torques = [np.abs(w[:, 3:][np.isfinite(w[:, 3:])]) for w in scene.wrenches.values()]
     largest = max((float(np.percentile(t, 99.0)) for t in torques if t.size), default=0.0)
     rotors = 1 if vehicle.rotors is None else len(vehicle.rotors)
-    return Scale(
-        factors[0] * 2.0 * size / weight,
-        factors[1] * (1.5 * size / largest if largest > 0 else size),
-        factors[2] * 0.5 * size * rotors / weight,
-    )
+    return Scale(2.0 * size / weight, 1.5 * size / largest if largest > 0 else size, 0.5 * size * rotors / weight)
 
 
 def components(vector: Array, spread: float) -> Array:

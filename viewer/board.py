@@ -29,6 +29,7 @@ X_AXIS, Y_AXIS, RIGHT = 24, 48, 10
 """Room for the axes' numbers and on the right [px]."""
 MARGIN, BORDER = 10, 1
 """Around a chart, as viser sets it [px]."""
+TICKS = {"size": 4, "width": 1}
 READ_PERIOD = 0.1
 """Values at the cursor are renewed so often at most while it moves [s]: nobody reads faster."""
 BAND_SIGMAS = 3.0
@@ -83,7 +84,7 @@ class Board:
         self._tabs: dict[str, Any] = {}
         self.charts: dict[tuple[str, str], Chart] = {}
         self.view = View(0.0, 1.0)
-        self._read_at = 0.0
+        self._read_at, self._time = 0.0, np.nan
 
     def tab(self, group: str) -> Any:
         """The tab of a group, made when it is first asked for."""
@@ -114,9 +115,11 @@ class Board:
             for chart in self.charts.values():
                 self._send(chart)
         self._mark()
+        self.move(self._time)
 
     def move(self, time: float, *, quick: bool = False) -> None:
         """Draw the cursor at an instant; with `quick`, the values at it are left for later if just renewed."""
+        self._time = time
         line = _over(_upright(self.view.place(time), css(CURSOR), 1.5))
         read = not quick or clock.monotonic() - self._read_at > READ_PERIOD
         if read:
@@ -151,7 +154,7 @@ class Board:
         bands = []
         for line in plot.lines:
             colour = css(line.colour)
-            series.append(viser.uplot.Series(label=line.name, stroke=colour, width=1.25, points={"show": False}))
+            series.append(viser.uplot.Series(label=line.name, stroke=colour, width=line.width, points={"show": False}))
             if line.sigma is not None:
                 edge = viser.uplot.Series(label="3 sigma", stroke=css(line.colour, 0.25), width=0.5)
                 edge["points"] = {"show": False}
@@ -164,7 +167,7 @@ class Board:
             tuple(series),
             bands=tuple(bands) or None,
             scales=scales,
-            axes=({"size": X_AXIS}, {"size": Y_AXIS}),
+            axes=({"size": X_AXIS, "ticks": TICKS}, {"size": Y_AXIS, "space": 20, "ticks": TICKS}),
             cursor=viser.uplot.Cursor(
                 sync={"key": "wrenchgap", "scales": ("x", None)}, drag={"x": False, "y": False, "setScale": False}
             ),
@@ -217,15 +220,15 @@ def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
         parts.append(f'<span style="color:{css(line.colour)};white-space:nowrap"><b>{name}</b>{text}</span>')
     unit = f" [{html.escape(plot.unit)}]" if plot.unit else ""
     return (
-        f'<div style="font-size:11.5px;line-height:1.3;color:{INK};margin:7px {MARGIN + 2}px -8px;'
+        f'<div style="font-size:11px;line-height:1.3;color:{INK};margin:7px {MARGIN + 2}px -8px;'
         'font-variant-numeric:tabular-nums;overflow-wrap:anywhere">'
         f"<b>{html.escape(plot.title)}</b>{unit} &nbsp;{' &nbsp;'.join(parts)}</div>"
     )
 
 
 def _number(value: float) -> str:
-    """Four digits, and always as wide as its neighbours."""
-    return f"{value:+.4f}" if abs(value) < 10 else f"{value:+.2f}" if abs(value) < 1000 else f"{value:+.0f}"
+    """Some digits, and always as wide as its neighbours."""
+    return f"{value:+.3f}" if abs(value) < 10 else f"{value:+.2f}" if abs(value) < 1000 else f"{value:+.0f}"
 
 
 def _over(content: str) -> str:

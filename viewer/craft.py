@@ -5,6 +5,7 @@ ROOT                pose of B               ROOT/arm0 ...   poses of the arms, t
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,19 @@ ARC = np.radians(np.linspace(20.0, 130.0, 12))
 
 
 def arm_pose(arms: Arms, arm: int, tilt: float) -> Array:
-    """Attitude (4,) of the frame of an arm in B: z the thrust direction, x the tilt axis as far as at right angles.
+    """Attitude (4,) of the frame of an arm in B, tilted: z is n(alpha) = cos(alpha) n_0 + sin(alpha) (a x n_0)."""
+    return so3.multiply(level_pose(arms, arm), np.array([np.cos(0.5 * tilt), np.sin(0.5 * tilt), 0.0, 0.0]))
 
-    A tilt turns it right-handed about x, so that z becomes n(alpha) = cos(alpha) n_0 + sin(alpha) (a x n_0).
-    """
+
+@lru_cache(maxsize=256)
+def level_pose(arms: Arms, arm: int) -> Array:
+    """The same at zero tilt: z the thrust direction, x the tilt axis as far as at right angles, which a tilt turns."""
     z = arms.normal_B[arm]
     x = arms.axis_B[arm] - (arms.axis_B[arm] @ z) * z
     if np.linalg.norm(x) < 1e-6:
         x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x = x / np.linalg.norm(x)
-    level = so3.from_matrix(np.stack((x, np.cross(z, x), z), axis=1))
-    return so3.multiply(level, so3.exp(np.array([tilt, 0.0, 0.0])))
+    return so3.from_matrix(np.stack((x, np.cross(z, x), z), axis=1))
 
 
 def along_z(direction: Array) -> Array:

@@ -78,7 +78,7 @@ class Drawing:
         self._axes("/world/body/axes", BODY, 0.011)
         self._axes("/world/reference/axes", REFERENCE, 0.008)
         self.arrows = Arrows(scene, "/world/body", vehicle, self.size)
-        self.scale = Scale(1.0, 1.0, 1.0)
+        self.scale = self._suited = Scale(1.0, 1.0, 1.0)
         self.flight: Scene | None = None
         self.motion: Motion | None = None
         self._along: list[Any] = []
@@ -95,6 +95,7 @@ class Drawing:
     def open(self, flight: Scene) -> None:
         """Prepare for a flight: its ground, its path, its arrows."""
         self.flight, self._along_key = flight, None
+        self._suited = scale_for(flight, self.vehicle, self.size)
         self._ground(flight)
         self.arrows.open(flight)
         for handle in self._paths:
@@ -114,7 +115,7 @@ class Drawing:
         self.craft.move(position, flight.quat_EB[index], None if flight.tilt is None else flight.tilt[index])
         self.world.position = -position if shown.follow else np.zeros(3)
         self._reference(flight, index, shown.reference)
-        self.scale = scale_for(flight, self.vehicle, self.size, shown.factors)
+        self.scale = self._suited.times(shown.factors)
         self.arrows.show(flight, index, self.scale, shown.arrows(tuple(flight.wrenches)), shown.frames)
         self._show_path(flight, index, shown.path)
         self._show_along(flight, shown)

@@ -14,7 +14,7 @@ from viewer.session import Scene, Series
 
 Array = NDArray[np.float64]
 
-WRENCHES, RESIDUAL, CHANNELS = "Wrenches", "Residual", "Channels"
+WRENCHES, RESIDUAL, CHANNELS = "Wrench", "Residual", "Log"
 GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
 """Tabs of the plots, in their order; a series may bring another."""
 AXES = ("x", "y", "z")
@@ -28,6 +28,11 @@ class Line:
     colour: Colour
     values: Array
     sigma: Array | None = None
+
+    @property
+    def width(self) -> float:
+        """In pixels: the measurement is wide, so that what lies on it shows it where they agree."""
+        return 2.2 if self.name == "measured" else 1.2
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 from flight.errors import UsageError
@@ -46,6 +47,16 @@ class SavedView:
             None if self.camera is None else dict(zip(("position", "look_at"), self.camera, strict=True))
         )
         return json.dumps({"schema": SCHEMA, **content}, ensure_ascii=False)
+
+
+def read(path: Path) -> SavedView:
+    """A view from its file. Raises UsageError where there is none."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise UsageError(f"--view {path}: cannot be read: {reason}; expected what `Save view` wrote") from None
+    return parse(text, f"--view {path}")
 
 
 def parse(text: str, where: str = "saved view") -> SavedView:
