@@ -12,6 +12,7 @@ from compensate import Compensator, Settings
 from flight.errors import UsageError
 from flight.flight import AXES
 from learn.gp import GaussianProcess
+from replay import tables
 from replay.apart import apart
 from replay.bench import Bench
 from replay.counterfactual import Change, Counterfactual, counterfactual, read_recording
@@ -141,7 +142,7 @@ def _summary(done: Any) -> Compensated:
     """The mismatch of each output before and after the correction, and how much was withheld."""
     before, after = (np.mean(np.abs(m), axis=0) for m in (done.mismatch_before, done.mismatch_after))
     rows = tuple(
-        (f"{axis} [{'N' if axis.startswith('force') else 'Nm'}]", f"{b:.4f}", f"{a:.4f}")
+        (f"{axis} [{'N' if axis.startswith('force') else 'Nm'}]", tables.number(b), tables.number(a))
         for axis, b, a in zip(done.outputs, before, after, strict=True)
     )
     steps = done.steps

@@ -26,6 +26,7 @@ from replay import explanation, tables
 from replay.apart import apart
 from replay.bench import Bench, Stand
 from replay.editing import add_fitted
+from replay.results import atomic, claim
 from replay.timing import barred, timing_of
 from viewer.analysis import (
     Candidate,
@@ -181,6 +182,15 @@ class EffectsDesk:
             count = len(saved.history)
             return f"{path}: written" + (f", version {saved.history[-1].number}" if count else "")
 
+    def save_trajectory(self, found: NextFlight, path: Path) -> str:
+        """Write a designed flight as a trajectory file; never over another one."""
+        if path.suffix != ".toml":
+            raise UsageError(f"{path}: trajectories are written as TOML; expected a name that ends in .toml")
+        claim({"file": path}, force=False)
+        with atomic(path) as partial:
+            partial.write_text(found.text, encoding="utf-8")
+        return f"{path}: written; fly it, or `wrenchgap simulate -t {path}`"
+
     # ------------------------------------------------------------ the staircase
 
     def _staircases(self, flight: str) -> tuple[Staircase, ...]:
@@ -310,14 +320,13 @@ def _stair(name: str, rms: Array, weights: Array) -> Stair:
 
 def _ranking(found: Explanation, flight: str, model: str) -> Ranking:
     """The explanation in plain data."""
-    fitted = explanation.parameters(found)
     named = tuple(
         Named(
             m.name,
             found.probability(m),
             m.share,
             m.significance,
-            ", ".join(_value(*row) for row in fitted.get(m.name, [])[:6]),
+            _values(found, m.name),
             tuple(r.name for r in m.alike),
         )
         for m in found.members
@@ -353,6 +362,15 @@ def _ranking(found: Explanation, flight: str, model: str) -> Ranking:
     )
 
 
+def _values(found: Explanation, name: str) -> tuple[Value, ...]:
+    """Parameters of a named effect, as fitted together with the others."""
+    fit = found.fit
+    rows = zip(fit.parameters, fit.theta, fit.std, strict=True)
+    return tuple(
+        Value(p.name, p.unit, float(v), float(std), p.low, p.high, p.scale) for (n, p), v, std in rows if n == name
+    )
+
+
 def _trace(step: Step) -> str:
     on = f"on top of {', '.join(step.on)}" if step.on else "on the model as it stood"
     if step.chosen is None:
@@ -360,7 +378,3 @@ def _trace(step: Step) -> str:
     best = step.candidates[0]
     worst = int(np.argmax(best.falls))
     return f"{on}: {step.chosen} (t {best.significance:.1f}, {AXES[worst]} falls by {100 * best.falls[worst]:.0f} %)"
-
-
-def _value(name: str, value: float, std: float, unit: str) -> str:
-    return f"{name} {tables.number(value)} +- {tables.number(std, 2)} {'' if unit == '1' else unit}".rstrip()

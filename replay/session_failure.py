@@ -83,6 +83,7 @@ class _Sizes:
     """Squares of the residual by view (K, V), smoothed for finding the worst instant, and of the noise (V,)."""
 
     def __init__(self, data: Dataset, residual: Array) -> None:
+        self.residual, self.scale = residual, data.weights**2
         self.square = _views(residual**2, data.weights**2)
         self.noise = _views(data.noise[None] ** 2, data.weights**2)[0]
         self.time = np.concatenate([r.time for r in data.records])
@@ -97,8 +98,9 @@ class _Sizes:
     def cell(self, words: str, rows: Rows) -> Cell:
         """The samples `rows` (K,)."""
         worst = np.argmax(np.where(rows[:, None], self.smooth, -1.0), axis=0)
-        rms = np.sqrt(self.square[rows].mean(axis=0))
-        return Cell(words, float(rows.sum() * self.step), rms, np.sqrt(self.noise), self.time[worst])
+        rms, mean = np.sqrt(self.square[rows].mean(axis=0)), self.residual[rows].mean(axis=0)
+        signed = np.concatenate((np.sqrt(_views(mean[None] ** 2, self.scale)[0, :3]), mean))
+        return Cell(words, float(rows.sum() * self.step), rms, signed, np.sqrt(self.noise), self.time[worst])
 
 
 def _views(squares: Array, scale: Array) -> Array:
@@ -146,8 +148,7 @@ def _within(values: Values, low: float, high: float, *, last: bool) -> Rows:
 def _bounds(values: Values, low: float, high: float) -> str:
     if values.circular:
         return f"{_wrapped(0.5 * (low + high)):.0f} {values.unit}"
-    size = max(abs(low), abs(high))
-    digits = 0 if size >= 20.0 else 1 if size >= 2.0 else 2
+    digits = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-6) * 2.0))))
     return f"{low:.{digits}f} to {high:.{digits}f} {values.unit}"
 
 

@@ -33,13 +33,14 @@ UNITS = ("N", "N", "Nm", *("N" if axis.startswith("force") else "Nm" for axis in
 class Cell:
     """The time in which something was within bounds.
 
-    `words` are the bounds, `seconds` how long it was; per view (V,): `rms` of the error, `noise` of the sensors, and
-    `time` [s], the instant at which the error was largest.
+    `words` are the bounds, `seconds` how long it was; per view (V,): `rms` of the error, its `mean` (of one axis with
+    its sign, of several the norm), `noise` of the sensors, and `time` [s], the instant at which the error was largest.
     """
 
     words: str
     seconds: float
     rms: Array
+    mean: Array
     noise: Array
     time: Array
 
@@ -195,7 +196,7 @@ class Named:
     sure: float
     share: float
     t: float
-    values: str
+    values: tuple[Value, ...]
     alike: tuple[str, ...]
 
 
@@ -258,6 +259,9 @@ class Effects(Protocol):
 
     def save(self, path: Path, *, overwrite: bool = False) -> str:
         """Write the model with its history; what was written, in words."""
+
+    def save_trajectory(self, found: NextFlight, path: Path) -> str:
+        """Write a designed flight as a trajectory file; what was written, in words."""
 
     def explain(self, flight: str, report: Report) -> Ranking:
         """Search for what is missing; takes long."""

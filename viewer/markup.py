@@ -7,9 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-BOX = "padding:0 12px 8px 12px;font-size:12px;line-height:1.35;color:#222"
+BOX = "padding:0 10px 8px 10px;font-size:12px;line-height:1.35;color:#222"
 HEAT = ((255, 255, 255), (255, 233, 190), (250, 160, 90), (214, 60, 50), (110, 10, 40))
 """Colours from nothing to the most, evenly spaced."""
+COLD = ((255, 255, 255), (205, 226, 243), (120, 175, 220), (50, 110, 180), (15, 45, 110))
+"""The same for what is negative."""
 
 
 def text(value: object) -> str:
@@ -33,11 +35,12 @@ def heading(content: str) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1, lead: Sequence[str] = ()) -> str:
-    """A table; cells are HTML, the first `left` columns lean left. `lead` are styles of the rows."""
+    """A table; cells are HTML, the first `left` columns lean left and may wrap. `lead` are styles of the rows."""
 
     def line(cells: Sequence[str], tag: str, style: str) -> str:
         out = "".join(
-            f'<{tag} style="padding:2px 5px;text-align:{"left" if k < left else "right"};font-weight:inherit;'
+            f'<{tag} style="padding:2px 3px;font-weight:inherit;'
+            f"{'text-align:left' if k < left else 'text-align:right;white-space:nowrap'};"
             f'border-bottom:1px solid #e4e4e4;vertical-align:top">{cell}</{tag}>'
             for k, cell in enumerate(cells)
         )
@@ -50,24 +53,30 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1, 
 
 
 def heat(share: float) -> tuple[str, str]:
-    """Background and letters (CSS colours) for 0 (nothing) to 1 (the most)."""
-    at = float(np.clip(share, 0.0, 1.0)) * (len(HEAT) - 1)
-    k = min(int(at), len(HEAT) - 2)
-    low, high = np.array(HEAT[k]), np.array(HEAT[k + 1])
+    """Background and letters (CSS colours) for 0 (nothing) to 1 (the most), or to -1."""
+    scale = HEAT if share >= 0.0 else COLD
+    at = min(abs(float(share)), 1.0) * (len(scale) - 1)
+    k = min(int(at), len(scale) - 2)
+    low, high = np.array(scale[k]), np.array(scale[k + 1])
     red, green, blue = (int(c) for c in np.round(low + (at - k) * (high - low)))
     dark = 0.3 * red + 0.6 * green + 0.1 * blue < 150
     return f"rgb({red},{green},{blue})", "#fff" if dark else "#222"
 
 
 def bar(parts: Sequence[tuple[float, str, str]], *, height: int = 12) -> str:
-    """Parts of a whole beside each other: (share of the full width, colour, what it is)."""
+    """Parts of a whole beside each other: (share of the full width, colour, what it is, as HTML)."""
     pieces = "".join(
-        f'<span title="{text(words)}" style="display:inline-block;height:{height}px;width:{100 * share:.2f}%;'
+        f'<span title="{words}" style="display:inline-block;height:{height}px;width:{100 * share:.2f}%;'
         f'background:{colour}"></span>'
         for share, colour, words in parts
         if share > 0.0
     )
     return f'<div style="width:100%;background:#f1f1f1;white-space:nowrap;font-size:0;line-height:0">{pieces}</div>'
+
+
+def wide(pixels: int) -> str:
+    """An empty head that keeps a column at least so wide."""
+    return f'<span style="display:inline-block;width:{pixels}px"></span>'
 
 
 def swatch(colour: str, words: str) -> str:
@@ -87,5 +96,5 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in per cent; one decimal where it is small."""
-    return f"{100 * share:.0f} %" if abs(share) >= 0.095 or share == 0 else f"{100 * share:.1f} %"
+    """A share in per cent, as HTML; one decimal where it is small."""
+    return f"{100 * share:.0f}&nbsp;%" if abs(share) >= 0.095 or share == 0 else f"{100 * share:.1f}&nbsp;%"

@@ -3,5 +3,8 @@
 from __future__ import annotations
 
 from viewer.panel import Panel
+from viewer.panels.compensation import CompensationPanel
+from viewer.panels.effects import EffectsPanel
+from viewer.panels.failure import FailurePanel
 
-PANELS: tuple[type[Panel], ...] = ()
+PANELS: tuple[type[Panel], ...] = (FailurePanel, EffectsPanel, CompensationPanel)

@@ -1,0 +1,176 @@
+"""The compensation: on or off, its gate, what it would have done on this flight, and the flight flown again with it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import viser
+
+from viewer import markup
+from viewer.analysis import Analysis, Compensated, Compensation, Gating, Reflown
+from viewer.panel import Panel
+from viewer.sliders import tidy
+from viewer.work import Work
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+    from viewer.session import Scene
+
+NO_PROCESS = (
+    "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"
+    "`wrenchgap learn LOG -m MODEL -o torque.gp`\n\n`wrenchgap view LOG -m MODEL --gp torque.gp`"
+)
+GHOST = "flown again"
+"""Name of the ghost in the scene."""
+SECONDS = 20.0
+"""Length of a re-flight unless the user says otherwise [s]."""
+
+
+class CompensationPanel(Panel):
+    """Switch and sliders of the compensation, its replay, and the counterfactual."""
+
+    def __init__(self, page: Page) -> None:
+        super().__init__(page)
+        assert isinstance(page.session, Analysis)
+        self.compensations = page.session.compensations
+        self.ready = False
+        with page.tab("Compensation", viser.Icon.ADJUSTMENTS):
+            setting = self.compensations.setting
+            if setting is None:
+                page.server.gui.add_markdown(NO_PROCESS)
+                return
+            self._settings(setting)
+            self._replay()
+            self._refly()
+        self.ready = True
+
+    @classmethod
+    def suits(cls, session: Any) -> bool:
+        """Whether the session does the analysis."""
+        return isinstance(session, Analysis)
+
+    def _settings(self, setting: Compensation) -> None:
+        gui, gating = self.page.server.gui, setting.gating
+        self.usual = gating
+        gui.add_html(markup.box(markup.heading(f"process: {markup.text(setting.name)}")))
+        self.on = gui.add_checkbox("compensate", gating.on)
+        self.gated = gui.add_checkbox(
+            "withhold where unsure", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
+        )
+        step, first = tidy(setting.sigma_threshold_max / 300.0), tidy(setting.kappa_max / 300.0)
+        self.threshold = gui.add_slider(
+            f"sigma_th [{setting.unit}]",
+            step,
+            step * round(setting.sigma_threshold_max / step),
+            step,
+            gating.sigma_threshold,
+            hint="Standard deviation at which half of the correction is withheld.",
+        )
+        self.kappa = gui.add_slider(
+            f"kappa [1/{setting.unit}]",
+            first,
+            first * round(setting.kappa_max / first),
+            first,
+            gating.kappa,
+            hint="How sharply trust turns into distrust around sigma_th.",
+        )
+        self.decay = gui.add_slider(
+            "tau_d [s]",
+            0.01,
+            setting.decay_time_max,
+            0.01,
+            gating.decay_time,
+            hint="Time constant with which a withheld correction fades; a = exp(-dt / tau_d) per step.",
+        )
+        for handle in (self.on, self.gated, self.threshold, self.kappa, self.decay):
+            handle.on_update(self.page.guarded(self._moved))
+        reset = gui.add_button("As the process suggests", color="gray")
+        reset.on_click(self.page.guarded(lambda _: self._reset()))
+
+    def _replay(self) -> None:
+        gui = self.page.server.gui
+        with gui.add_folder("Replay on this flight"):
+            hint = "Steps the compensator through the logged wrenches; the plots then show correction, sigma and beta."
+            self.work = Work(self.page, "Replay", self.replay, hint, viser.Icon.REPEAT)
+            self.done = gui.add_html("")
+
+    def _refly(self) -> None:
+        gui = self.page.server.gui
+        with gui.add_folder("Fly it again"):
+            self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
+            self.seconds = gui.add_number("for [s]", SECONDS, min=1.0, step=1.0)
+            hint = "The recorded flight again, from its recorded start, with the compensation in the loop; the ghost."
+            self.again = Work(self.page, "Fly again", self.refly, hint, viser.Icon.GHOST)
+            self.flown = gui.add_html("")
+
+    # ------------------------------------------------------------ what is shown
+
+    def opened(self, scene: Scene) -> None:
+        """Another flight, or another model."""
+        if self.ready and scene.name != getattr(self, "flight", None):
+            self.flight = scene.name
+            self.work.cancel()
+            self.again.cancel()
+            self.done.content, self.flown.content = "", ""
+            self.start.value = float(scene.time[0])
+            self.seconds.value = min(SECONDS, float(scene.time[-1] - scene.time[0]))
+
+    # ------------------------------------------------------------ what is done
+
+    @property
+    def gating(self) -> Gating:
+        """The settings as the controls have them."""
+        return Gating(self.on.value, self.gated.value, self.threshold.value, self.kappa.value, self.decay.value)
+
+    def _moved(self, event: Any) -> None:
+        """A client changed a setting: what was replayed is replayed anew, the last change wins."""
+        if event.client_id is not None:
+            self._changed()
+
+    def _changed(self) -> None:
+        replayed = bool(self.done.content) or self.work.running
+        self.compensations.set(self.gating)
+        if replayed and self.on.value:
+            self.replay()
+        else:
+            self.page.refresh()
+
+    def _reset(self) -> None:
+        usual = self.usual
+        self.on.value, self.gated.value = usual.on, usual.gated
+        self.threshold.value, self.kappa.value, self.decay.value = (
+            usual.sigma_threshold,
+            usual.kappa,
+            usual.decay_time,
+        )
+        self._changed()
+
+    def replay(self) -> None:
+        """Replay the compensation on the flight shown."""
+        flight = self.page.scene.name
+
+        def done(found: Compensated) -> None:
+            rows = [tuple(markup.text(cell) for cell in row) for row in found.rows]
+            self.done.content = markup.box(
+                markup.heading("mean absolute error of the wrench, as the process sees it"),
+                markup.table(("", "before", "after"), rows),
+                *(markup.paragraph(markup.text(words), colour="#555") for words in found.sentences),
+            )
+            self.page.refresh()
+
+        self.work.start(lambda report: self.compensations.replay(flight, report), done)
+
+    def refly(self) -> None:
+        """Fly the flight shown again, in a ghost."""
+        flight, start, seconds = self.page.scene.name, float(self.start.value), float(self.seconds.value)
+
+        def done(found: Reflown) -> None:
+            rows = [tuple(markup.text(cell) for cell in row) for row in found.rows]
+            self.flown.content = markup.box(
+                markup.heading(f"tracking error: {markup.text(found.motion.words)}"),
+                markup.table(("", "recorded", "null run", "flown again"), rows),
+                *(markup.paragraph(markup.text(words), colour="#555") for words in found.sentences),
+            )
+            self.page.show_ghost(GHOST, found.motion)
+
+        self.again.start(lambda report: self.compensations.refly(flight, start, seconds, report), done)

@@ -1,0 +1,198 @@
+"""Where the model fails: a map of the error that one can click into, the worst stretches, the error budget."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import viser
+
+from viewer import markup
+from viewer.analysis import UNITS, VIEWS, Analysis, Budget, Cell, Failure
+from viewer.links import Links
+from viewer.panel import Panel
+from viewer.work import Work
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+    from viewer.session import Scene
+
+PARTS = (
+    ("noise", "#b9b9b9", "sensor noise"),
+    ("physics", "#3b82c4", "explained by the model's effects"),
+    ("process", "#8e5fbf", "a Gaussian process would explain"),
+    ("unexplained", "#d9483b", "unexplained"),
+)
+SHOWN = ("rms", "mean")
+CELL = "display:block;padding:3px 1px;text-align:center;border:1px solid #fff;font-size:11px;"
+
+
+class FailurePanel(Panel):
+    """The failure map of the flight shown; a click on a cell or a stretch moves the cursor there."""
+
+    def __init__(self, page: Page) -> None:
+        super().__init__(page)
+        assert isinstance(page.session, Analysis)
+        self.failures = page.session.failures
+        self.failure: Failure | None = None
+        self.budget: tuple[Budget, ...] = ()
+        self._most: dict[tuple[str, int], float] = {}
+        with page.tab("Failure", viser.Icon.GRID_DOTS):
+            gui = page.server.gui
+            self.view = gui.add_dropdown("error of", VIEWS, initial_value=VIEWS[0])
+            self.view.on_update(page.guarded(lambda _: self._draw()))
+            self.shown = gui.add_dropdown("shown is its", SHOWN, initial_value=SHOWN[0])
+            self.shown.on_update(page.guarded(lambda _: self._draw()))
+            self.map = gui.add_html("")
+            self.parts = gui.add_html("")
+            self.work = Work(
+                page,
+                "What would a Gaussian process explain?",
+                self._ask,
+                "Fits a small one on other blocks of time than those on which it is judged; takes some seconds.",
+            )
+            self.links = Links(page)
+
+    @classmethod
+    def suits(cls, session: Any) -> bool:
+        """Whether the session does the analysis."""
+        return isinstance(session, Analysis)
+
+    def opened(self, scene: Scene) -> None:
+        """Another flight, or another model."""
+        self.work.cancel()
+        self.failure = self.failures.of(scene.name)
+        self.budget = self.failure.budget
+        self._draw()
+
+    def _ask(self) -> None:
+        """Let a process say what it would explain."""
+        name = self.page.scene.name
+
+        def done(found: tuple[Budget, ...]) -> None:
+            self.budget = found
+            self.parts.content = self._budget()
+
+        self.work.start(lambda report: self.failures.full_budget(name, report), done)
+
+    def _draw(self) -> None:
+        if self.failure is None:
+            return
+        self.links.start()
+        k = VIEWS.index(self.view.value)
+        self.map.content = markup.box(
+            *(markup.paragraph(markup.text(s)) for s in self.failure.sentences),
+            self._quantities(self.failure, k),
+            self._grid(self.failure, k),
+            self._worst(self.failure),
+            *(
+                markup.paragraph(f"not looked at: {markup.text(words)}", colour="#777")
+                for words in self.failure.lacking
+            ),
+        )
+        self.parts.content = self._budget()
+
+    def _quantities(self, failure: Failure, k: int) -> str:
+        """One row a quantity, one cell a bin."""
+        rows = []
+        for quantity in failure.quantities:
+            cells = "".join(f'<div style="flex:1 1 0">{self._cell(c, k, c.words)}</div>' for c in quantity.cells)
+            ends = f"{quantity.cells[0].words} ... {quantity.cells[-1].words}" if quantity.cells else ""
+            title, weight = markup.text(f"{quantity.words}; {ends}"), 600 if quantity.sure else 400
+            rows.append(
+                f'<div style="display:flex;align-items:stretch;opacity:{1.0 if quantity.sure else 0.45}">'
+                f'<div style="width:31%;padding:3px 4px 0 0;font-weight:{weight}" title="{title}">'
+                f"{markup.text(quantity.label)}</div>"
+                f'<div style="width:69%;display:flex">{cells}</div></div>'
+            )
+        head = markup.heading(f"{self.shown.value} of the error [{UNITS[k]}], low to high; click: its worst instant")
+        return head + "".join(rows) + markup.paragraph("pale rows: no more than chance", colour="#777")
+
+    def _grid(self, failure: Failure, k: int) -> str:
+        """The error over two quantities, y upwards."""
+        grid = failure.grid
+        if grid is None:
+            return ""
+        lines = []
+        for words, row in zip(reversed(grid.y_words), reversed(grid.rows), strict=True):
+            cells = "".join(
+                f'<div style="flex:1 1 0">{"" if c is None else self._cell(c, k, c.words)}</div>' for c in row
+            )
+            lines.append(
+                f'<div style="display:flex;min-height:23px"><div style="width:22%;padding-top:3px">{markup.text(words)}'
+                f'</div><div style="width:78%;display:flex">{cells}</div></div>'
+            )
+        names = "".join(f'<div style="flex:1 1 0;text-align:center">{markup.text(w)}</div>' for w in grid.x_words)
+        foot = '<div style="display:flex;font-size:10px"><div style="width:22%"></div>'
+        foot += f'<div style="width:78%;display:flex">{names}</div></div>'
+        title = f"{markup.text(grid.y_label)} (up) and {markup.text(grid.x_label)} (right)"
+        return markup.heading(title) + "".join(lines) + foot
+
+    def _cell(self, cell: Cell, k: int, words: str) -> str:
+        """A cell that can be clicked; white at the noise, darkest at the most that this flight showed at first."""
+        key = (self.page.scene.name, k)
+        if key not in self._most:
+            self._most[key] = self._largest(k)
+        noise = float(cell.noise[k])
+        most = max(self._most[key], 3.0 * noise)
+        if self.shown.value == "mean":
+            value, share = float(cell.mean[k]), float(cell.mean[k]) / most
+        else:
+            value, share = float(cell.rms[k]), max(float(cell.rms[k]) - noise, 0.0) / (most - noise)
+        back, front = markup.heat(share)
+        title = (
+            f"{words}: {cell.rms[k]:.3g} {UNITS[k]} rms, mean {cell.mean[k]:.3g}, in {cell.seconds:.1f} s "
+            f"(noise {noise:.2g}); "
+            f"worst at {cell.time[k]:.2f} s"
+        )
+        style = f"{CELL}background:{back};color:{front};"
+        return self.links.to(
+            partial(self.page.cursor.go, float(cell.time[k])), markup.number(value, 2), style, markup.text(title)
+        )
+
+    def _largest(self, k: int) -> float:
+        """The largest rms of any cell as the flight was opened: the colours stay when an effect takes it off."""
+        assert self.failure is not None
+        grid = () if self.failure.grid is None else self.failure.grid.rows
+        every = [c for q in self.failure.quantities for c in q.cells] + [
+            c for row in grid for c in row if c is not None
+        ]
+        return max((float(c.rms[k]) for c in every), default=1.0)
+
+    def _worst(self, failure: Failure) -> str:
+        """The worst stretches, each a link to its middle."""
+        lines = [
+            self.links.to(
+                partial(self.page.cursor.go, 0.5 * (s.start + s.stop)),
+                f"<b>{s.start:.1f} s</b> &nbsp;{markup.text(s.words)}",
+                "display:block;padding:3px 4px;border-bottom:1px solid #e4e4e4",
+                "go there",
+            )
+            for s in failure.worst
+        ]
+        return markup.heading("worst stretches") + "".join(lines) if lines else ""
+
+    def _budget(self) -> str:
+        """What the nominal model's error is made of: one bar for all axes and one for each."""
+        rows = []
+        for row in self.budget:
+            shares = {name: getattr(row, name) or 0.0 for name, _, _ in PARTS}
+            whole = sum(max(v, 0.0) for v in shares.values()) or 1.0
+            pieces = [
+                (max(shares[n], 0.0) / whole, colour, f"{words}: {markup.percent(shares[n])}")
+                for n, colour, words in PARTS
+            ]
+            worse = "" if shares["physics"] >= 0.0 else " (the effects do harm here)"
+            rows.append(
+                (
+                    markup.text(row.view + worse),
+                    markup.bar(pieces),
+                    f"{markup.number(row.rms)} {row.unit}",
+                    markup.percent(shares["unexplained"]),
+                )
+            )
+        known = any(row.process is not None for row in self.budget)
+        legend = "".join(markup.swatch(colour, words) for n, colour, words in PARTS if known or n != "process")
+        head = markup.heading("what the nominal model's error is made of (mean square)")
+        body = markup.table(("axis", markup.wide(110), "rms", "open"), rows, left=2)
+        return markup.box(head, legend, body)

@@ -1,0 +1,111 @@
+"""Sliders on the parameters of a model's effects, in units that a hand can set: millimetres, milliseconds, degrees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import viser
+
+from viewer.analysis import Installed, Value
+
+if TYPE_CHECKING:
+    from viewer.page import Page
+
+FINER: dict[str, tuple[str, float]] = {
+    "m": ("mm", 1e3),
+    "s": ("ms", 1e3),
+    "kg": ("g", 1e3),
+    "rad": ("deg", float(np.degrees(1.0))),
+    "Nm": ("mNm", 1e3),
+    "N": ("mN", 1e3),
+    "kg m^2": ("g m^2", 1e3),
+}
+SMALL = 0.5
+"""Typical sizes below which a parameter is shown in the finer unit; angles always in degrees."""
+REACH = 4.0
+"""How far a slider reaches on either side of zero and of the value, in typical sizes, within what is plausible."""
+STEPS = 400
+FEW = 6
+"""Parameters up to which an effect's sliders are open from the beginning."""
+
+
+class EffectSliders:
+    """One folder an effect: a slider a parameter and a button that takes the effect out.
+
+    `on_set(effect, parameter, value)` and `on_remove(effect)` are called under the page's lock. While a slider is
+    dragged its values come faster than they can be evaluated: only the newest counts.
+    """
+
+    def __init__(self, page: Page, on_set: Callable[[str, str, float], None], on_remove: Callable[[str], None]) -> None:
+        self.page, self.on_set, self.on_remove = page, on_set, on_remove
+        self.place = page.server.gui.add_folder(None)
+        self._folders: dict[str, Any] = {}
+        self.handles: dict[tuple[str, str], tuple[Any, float]] = {}
+        """Sliders by effect and parameter, and the factor from SI to what they show."""
+        self._wanted: dict[tuple[str, str], float] = {}
+
+    def show(self, installed: Sequence[Installed]) -> None:
+        """Show these effects; what is there already only moves."""
+        names = {i.name for i in installed}
+        for name in [n for n in self._folders if n not in names]:
+            self._folders.pop(name).remove()
+            self.handles = {key: h for key, h in self.handles.items() if key[0] != name}
+        for item in installed:
+            if item.name not in self._folders:
+                self._make(item)
+            for value in item.values:
+                handle, factor = self.handles[item.name, value.name]
+                shown = float(np.clip(factor * value.value, handle.min, handle.max))
+                if abs(handle.value - shown) > 0.51 * handle.step:
+                    handle.value = shown
+
+    def _make(self, item: Installed) -> None:
+        gui = self.page.server.gui
+        with self.place:
+            folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(item.values) <= FEW)
+        with folder:
+            for value in item.values:
+                self._slider(item.name, value)
+            remove = gui.add_button(f"Remove {item.name}", icon=viser.Icon.MINUS, color="gray")
+            remove.on_click(self.page.guarded(lambda _: self.on_remove(item.name)))
+
+    def _slider(self, effect: str, value: Value) -> None:
+        unit, factor = finer(value)
+        low = factor * max(value.low, min(0.0, value.value) - REACH * value.scale)
+        high = factor * min(value.high, max(0.0, value.value) + REACH * value.scale)
+        step = tidy((high - low) / STEPS)
+        low, high = step * np.ceil(low / step - 1e-9), step * np.floor(high / step + 1e-9)
+        label = value.name if unit == "1" else f"{value.name} [{unit}]"
+        shown = float(np.clip(factor * value.value, low, high))
+        handle = self.page.server.gui.add_slider(label, float(low), float(high), step, shown)
+        handle.on_update(partial(self._moved, effect, value.name))
+        self.handles[effect, value.name] = handle, factor
+
+    def _moved(self, effect: str, parameter: str, event: Any) -> None:
+        """A client moved a slider; when the page did, the model is there already."""
+        if event.client_id is None:
+            return
+        handle, factor = self.handles[effect, parameter]
+        self._wanted[effect, parameter] = float(handle.value) / factor
+        self.page.guarded(lambda _: self._apply(effect, parameter))(event)
+
+    def _apply(self, effect: str, parameter: str) -> None:
+        value = self._wanted.pop((effect, parameter), None)
+        if value is not None:  # else a later call has seen to it
+            self.on_set(effect, parameter, value)
+
+
+def finer(value: Value) -> tuple[str, float]:
+    """The unit in which a parameter is shown, and the factor from SI to it."""
+    if value.unit == "rad" or value.scale < SMALL:
+        return FINER.get(value.unit, (value.unit, 1.0))
+    return value.unit, 1.0
+
+
+def tidy(step: float) -> float:
+    """1, 2 or 5 times a power of ten, at most `step`."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(max(m for m in (1.0, 2.0, 5.0) if m * power <= step * 1.0001) * power)
