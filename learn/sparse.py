@@ -58,7 +58,7 @@ def maximise(gpy: Any, x: Array, z: Array, inducing: Array, start: Kernel, bound
     found = Kernel(
         np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), float(model.likelihood.variance[0])
     )
-    return found if np.isfinite(float(model.log_likelihood())) else start
+    return found if np.isfinite(model.log_likelihood()).all() else start
 
 
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:

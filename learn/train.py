@@ -61,7 +61,37 @@ def fit(
     `sigma_training` and the calibration; `settings.points` of them are kept as training or inducing inputs. Raises
     FitError where the data cannot carry a fit.
     """
-    settings = settings or FitSettings()
+    gp, errors = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
+    if errors is None:
+        return gp
+    gp = replace(gp, sigma_scale=calibration.sigma_scale(*errors))
+    return replace(gp, sigma_training=np.percentile(gp.std(_seen(inputs, gp.settings)[1]), 99, axis=0))
+
+
+def left_out_errors(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> Array | None:
+    """Errors (K, L) of samples, each predicted from the blocks of time that it is not in; None where they are few.
+
+    Hyperparameters are those of all samples; otherwise as `fit`.
+    """
+    _, errors = _fit(inputs, outputs, names, replace(settings, calibrate=True), None, None)
+    return None if errors is None else errors[0]
+
+
+def _seen(inputs: Array, settings: FitSettings) -> tuple[Indices, Array]:
+    """Samples, by index and themselves, that a sparse process and the calibration look at."""
+    index = thin(len(inputs), settings.pre_thin, settings.seed)
+    return index, inputs[index]
+
+
+def _fit(
+    inputs: Array,
+    outputs: Array,
+    names: tuple[str, ...],
+    settings: FitSettings,
+    provenance: Provenance | None,
+    progress: Progress | None,
+) -> tuple[GaussianProcess, tuple[Array, Array] | None]:
+    """The process, not calibrated, and errors and standard deviations (K, L) of samples that were left out in turn."""
     _check(inputs, outputs, names, settings)
     report = progress or (lambda fraction, message: None)
     input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
@@ -78,7 +108,7 @@ def fit(
         pre_thin=settings.pre_thin,
         scale=settings.scale,
     )
-    seen = thin(len(inputs), settings.pre_thin, settings.seed)
+    seen, _ = _seen(inputs, settings)
     posterior = _Posterior(x, residuals, kept, seen, settings)
     for index, name in enumerate(names):
         report((1 + index) / (1 + len(names)), f"fitting {name}")
@@ -98,12 +128,14 @@ def fit(
         provenance=provenance or Provenance(),
         **posterior.content(np.ones(len(inputs), dtype=bool)),
     )
+    gp = replace(gp, sigma_training=np.percentile(gp.std(inputs[seen]), 99, axis=0))
+    errors = None
     if settings.calibrate and len(seen) >= calibration.FEWEST:
         report(1.0, "calibrating sigma")
         mean, std = calibration.left_out(len(inputs), seen, partial(posterior.predict, gp, inputs))
-        gp = replace(gp, sigma_scale=calibration.sigma_scale(outputs[seen] - mean, std))
+        errors = outputs[seen] - mean, std
     report(1.0, "done")
-    return replace(gp, sigma_training=np.percentile(gp.std(inputs[seen]), 99, axis=0))
+    return gp, errors
 
 
 class _Posterior:

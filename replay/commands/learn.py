@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,6 +30,7 @@ from replay.options import (
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from learn.choice import Choice
     from replay.console import Printer
     from replay.learning import Learnt
 
@@ -84,7 +86,11 @@ def learn(
     ] = Subsample.fasterpam,
     inputs: Annotated[
         str | None,
-        typer.Option("--inputs", metavar="WHAT", help="Inputs besides the command: past, velocity, rates, position."),
+        typer.Option(
+            "--inputs",
+            metavar="WHAT",
+            help="Inputs besides the command: past, velocity, rates, position, with commas; or auto.",
+        ),
     ] = None,
     mean: Annotated[
         Mean | None,
@@ -103,7 +109,8 @@ def learn(
     restarts: Annotated[int, typer.Option("--restarts", metavar="N", help="Random starts of the likelihood.")] = 1,
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of k-medoids and restarts.")] = 0,
     no_guard: Annotated[
-        bool, typer.Option("--no-guard", help="Do not look for the effect that the GP is absorbing.")
+        bool,
+        typer.Option("--no-guard", help="Look neither for better inputs nor for the effect that the GP is absorbing."),
     ] = False,
     topic: Topics = None,
     shift: Shift = None,
@@ -123,6 +130,7 @@ def learn(
     """
     from flight.errors import UsageError
     from learn import store
+    from learn.choice import best
     from learn.gp import FitSettings
     from plant import model_file
     from replay import comparison, learning
@@ -141,7 +149,7 @@ def learn(
         method=subsample.value,
         scale=scale.value,
         mean=learning.default_mean(base) if mean is None else mean.value,
-        inputs=parse_names(inputs),
+        inputs=() if inputs == "auto" else parse_names(inputs),
         inference=inference.value,
         restarts=restarts,
         seed=seed,
@@ -155,11 +163,19 @@ def learn(
             [*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between), shifts=shifts
         )
         flights, tests = every[: len(logs)], every[len(logs) :]
+        choices: tuple[Choice, ...] = ()
+        if inputs == "auto" or not no_guard:
+            choices = learning.alternatives(flights, base, wanted, settings, progress=report)
+        if inputs == "auto" and (better := best(choices)) is not None:
+            settings = better.settings
         learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
         absorbs = None if no_guard else learning.guard(flights, on, learnt.gp, progress=report)
     store.save(learnt.gp, output, force=force)
     printer = Printer(quiet)
     _print(printer, learnt)
+    printer.show(*_alternatives(choices, wanted))
+    if inputs != "auto" and (said := learning.choice_words(choices)):
+        printer.line(said, style="bold")
     notes = [*base.notes, *(note for f in every for note in f.notes)]
     if absorbs is not None and (said := learning.absorption_words(absorbs)):
         printer.line(said, style="bold")
@@ -168,6 +184,7 @@ def learn(
     if json is not None:
         read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in tests)]
         body = {**learnt.to_json(), "gp": str(output), "notes": notes}
+        body["alternatives"] = learning.choices_json(choices)
         body["absorbs"] = None if absorbs is None else learning.absorption_json(absorbs)
         write_json(json, document("learn", body, [*read, model_input(base)]), force=force)
     printer.wrote(GP=output, result=json)
@@ -200,6 +217,23 @@ def _print(printer: Printer, learnt: Learnt) -> None:
         f"conditioning: smallest eigenvalue of I + dmu/dW {low:.2f} (1st percentile), {middle:.2f} (median), "
         f"{high:.2f} (largest); 1 is no mismatch, 0 cannot be inverted"
     )
+
+
+def _alternatives(choices: Sequence[Choice], outputs: Sequence[str]) -> list[Table]:
+    from replay import tables
+
+    rows = [
+        (
+            ", ".join(("command", *c.settings.inputs)),
+            c.settings.inference,
+            *(tables.number(float(v)) for v in c.rms),
+            f"{100 * c.gain:.0f} %" if k else "asked for",
+            "yes" if c.worth_it else "",
+        )
+        for k, c in enumerate(choices)
+    ]
+    heads = ("inputs", "inference", *outputs, "smaller by", "worth it")
+    return [tables.plain("rms on time that was left out, with other inputs", heads, rows, left=2)] if rows else []
 
 
 def _calibration(learnt: Learnt) -> Table:
