@@ -23,6 +23,8 @@ from viewer.session import Motion, Series
 
 Array = NDArray[np.float64]
 
+GROUP = "Compensation"
+"""Where the page shows what a replay did."""
 GHOST_RATE = 50.0
 """Instants per second of a ghost [Hz], about."""
 SLOWEST = 1.0
@@ -67,16 +69,20 @@ class CompensationDesk:
         done = self._replayed.get(flight)
         if done is None or self._setting is None or not self._setting.gating.on:
             return ()
+
+        def plot(title: str, unit: str, values: dict[str, Array]) -> Series:
+            return Series(title, unit, done.time, values, GROUP)
+
         parts = [("correction, force", "N", AXES[:3], 0), ("correction, torque", "Nm", AXES[3:], 3)]
         out = [
-            Series(title, unit, done.time, {axis: done.correction[:, first + k] for k, axis in enumerate(axes)})
+            plot(title, unit, {axis: done.correction[:, first + k] for k, axis in enumerate(axes)})
             for title, unit, axes, first in parts
             if np.any(done.correction[:, first : first + 3])
         ]
         threshold = np.full(len(done.time), self._setting.gating.sigma_threshold)
         sigma = {"sigma": done.sigma} | ({"threshold": threshold} if self._setting.gating.gated else {})
-        out.append(Series("sigma of the correction", self._setting.unit, done.time, sigma))
-        out.append(Series("beta (1: correction withheld)", "", done.time, {"beta": done.beta}))
+        out.append(plot("sigma of the correction", self._setting.unit, sigma))
+        out.append(plot("beta (1: correction withheld)", "", {"beta": done.beta}))
         return tuple(out)
 
     def replay(self, flight: str, report: Report) -> Compensated:

@@ -39,12 +39,16 @@ class Work:
         self._progress(0.0, "starting")
 
         def done(result: T) -> None:
-            self._ended()
-            on_done(result)
+            try:
+                on_done(result)
+            except Exception as error:  # what comes of it is shown; that must not end the page either
+                self.page.fail(error)
+            finally:
+                self._ended()
 
         def failed(error: Exception) -> None:
             self._ended()
-            self.page.notify(background.told(error), "error")
+            self.page.fail(error)
 
         self._job = self.page.background(function, self._progress, done, failed)
 

@@ -1,13 +1,16 @@
 """The failure map of the viewer: its numbers are those of the library, its instants lie where the error is."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from learn.budget import budget
+from learn.budget import budget, held_out_process
 from learn.failure_map import failure_map
 from learn.fit import dataset
 from learn.quantities import quantities
 from plant import model_file
+from replay import session_failure
 from replay.flights import open_flight
 from replay.session import LogSession
 from replay.session_failure import PERMUTATIONS, SMOOTH
@@ -97,7 +100,8 @@ def test_budget_adds_up_and_is_that_of_the_library(failure, direct):
     assert failure.budget[0].unexplained > 0.9
 
 
-def test_full_budget_says_what_a_process_would_explain(session, failure):
+def test_full_budget_says_what_a_process_would_explain(session, failure, monkeypatch):
+    monkeypatch.setattr(session_failure, "held_out_process", partial(held_out_process, points=15))
     told = []
     rows = session.failures.full_budget("train", lambda share, words: told.append((share, words)))
     assert all(r.process is not None for r in rows)

@@ -1,0 +1,148 @@
+"""The analysis as a user meets it: clicks in the failure map, effects added and undone, seen by every client."""
+
+import io
+import re
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from viewer.panels.effects import EffectsPanel
+from viewer.panels.failure import FailurePanel
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(autouse=True)
+def as_opened(page):
+    """Every test begins with the model as it was opened, the first flight at its start."""
+    while page.session.bench.undoable:
+        page.session.effects.undo()
+    page.open("train")
+    yield
+    assert not [p for p in page.panels if isinstance(p, EffectsPanel) and p.work.running]
+
+
+@pytest.fixture
+def effects(page):
+    return next(p for p in page.panels if isinstance(p, EffectsPanel))
+
+
+def tab(visitor, name):
+    """Open a tab of the control panel (the plots have tabs of their own, to the left)."""
+    visitor.tab.get_by_role("tab", name=name, exact=True).last.click()
+
+
+def numbers(visitor):
+    """The large numbers [N] as a user reads them: error on the flight shown, on the held-out one."""
+    found = re.findall(r"([\d.]+) N\s*rms in all", visitor.text())
+    return [float(n) for n in found]
+
+
+def test_a_click_in_the_failure_map_moves_cursor_scene_and_line(page, visitor, eventually):
+    tab(visitor, "Failure")
+    cells = visitor.tab.locator("label[for][title*='worst at']")
+    eventually(lambda: cells.count() > 40, "no failure map")
+    for k in (3, 20, 41):
+        at = float(re.search(r"worst at ([\d.]+) s", cells.nth(k).get_attribute("title"))[1])
+        cells.nth(k).click()
+        eventually(lambda at=at: abs(page.cursor.time - at) < 0.006, f"the cursor did not go to {at} s")
+        index = page.cursor.index
+        pose = page.scene.position_E[index], page.scene.quat_EB[index]
+        eventually(lambda pose=pose: visitor.stands("/world/body", *pose), "the scene did not follow")
+    assert visitor.errors == []
+
+
+def test_hidden_buttons_behind_the_links_are_not_seen(visitor, eventually):
+    tab(visitor, "Failure")
+    eventually(lambda: visitor.tab.locator("label[for][title*='worst at']").count() > 40)
+    assert visitor.tab.get_by_role("button", name=re.compile(r"^link \d+$")).count() == 0
+
+
+def test_a_click_on_a_worst_stretch_goes_there(page, visitor):
+    tab(visitor, "Failure")
+    stretch = visitor.tab.locator("label[title='go there']").first
+    start = float(stretch.inner_text().split(" s")[0])
+    stretch.click()
+    visitor.tab.wait_for_timeout(300)
+    assert start - 0.1 <= page.cursor.time <= start + 1.1
+
+
+def test_adding_lowers_the_number_on_the_page_and_undo_restores_it(page, visitor, second, eventually, effects):
+    for client in (visitor, second):
+        tab(client, "Effects")
+    before = eventually(lambda: numbers(visitor), "no number on the page")
+    assert len(before) == 2
+    effects.choice.value = "com_offset"
+    visitor.tab.get_by_role("button", name="Add effect").click()
+    eventually(lambda: numbers(visitor)[0] < 0.2 * before[0], "the error did not fall")
+    eventually(lambda: numbers(second) == numbers(visitor), "the second client does not see it")
+    assert numbers(visitor)[1] < 0.2 * before[1]
+    assert "predicted" in visitor.text()
+    visitor.tab.get_by_role("button", name="Undo: add com_offset").click()
+    eventually(lambda: numbers(visitor) == before, "undo did not restore the number")
+    eventually(lambda: numbers(second) == before)
+    second.tab.get_by_role("button", name="Redo: add com_offset").click()
+    eventually(lambda: numbers(visitor)[0] < 0.2 * before[0], "redo of another client did nothing")
+    assert visitor.errors == second.errors == []
+
+
+def test_a_slider_dragged_on_the_page_moves_the_error(page, visitor, eventually, effects):
+    tab(visitor, "Effects")
+    effects.add("com_offset")
+    best = eventually(lambda: numbers(visitor))
+    handle = effects.sliders.handles["com_offset", "x"][0]
+    slider = visitor.tab.locator(f"[id='{handle._impl.uuid}']")
+    slider.scroll_into_view_if_needed()
+    place = slider.bounding_box()
+    visitor.tab.mouse.move(place["x"] + 0.3 * place["width"], place["y"] + 0.5 * place["height"])
+    visitor.tab.mouse.down()
+    for share in np.linspace(0.5, 0.9, 6):
+        visitor.tab.mouse.move(place["x"] + share * place["width"], place["y"] + 0.5 * place["height"])
+    visitor.tab.mouse.up()
+    eventually(lambda: numbers(visitor)[0] > 2.0 * best[0], "the error did not follow")
+    eventually(lambda: page.session.model.effect("com_offset").theta[0] * 1e3 == pytest.approx(handle.value))
+    assert visitor.tab.get_by_role("button", name="Undo: set com_offset by hand").is_visible()
+
+
+def test_the_page_stays_usable_while_a_search_runs(page, visitor, eventually, effects):
+    tab(visitor, "Effects")
+    visitor.tab.get_by_role("button", name="Search", exact=True).click()
+    eventually(lambda: effects.work.running, "no search")
+    slowest = 0.0
+    for _ in range(5):
+        begin, at = time.monotonic(), page.cursor.time
+        visitor.tab.get_by_role("button", name="+1 s").click()
+        eventually(lambda at=at: page.cursor.time > at, "the page is stuck")
+        slowest = max(slowest, time.monotonic() - begin)
+    assert slowest < 3.0
+    eventually(lambda: not effects.work.running, "the search does not end", 90.0)
+    visitor.tab.wait_for_selector("text=each by itself")
+    before = numbers(visitor)
+    visitor.tab.locator("label[title^='put com_offset']").first.click()
+    eventually(lambda: numbers(visitor)[0] < 0.2 * before[0], "the link did not add it")
+
+
+@pytest.mark.parametrize("name", ["Failure", "Effects", "Compensation"])
+def test_every_panel_can_be_looked_at(visitor, name):
+    tab(visitor, name)
+    time.sleep(0.3)
+    picture = np.asarray(Image.open(io.BytesIO(visitor.tab.screenshot())).convert("RGB"))
+    panel = picture[250:, -330:]
+    letters = (panel.max(axis=2) < 120).mean()
+    assert letters > 0.005, "an empty panel"
+    overflow = visitor.tab.evaluate(
+        "() => [...document.querySelectorAll('table')].filter(t => t.offsetParent && "
+        "t.getBoundingClientRect().right > window.innerWidth + 1).length"
+    )
+    assert overflow == 0, "a table is wider than its panel"
+
+
+def test_the_failure_panel_keeps_its_view_for_the_next_log(page, visitor, eventually):
+    failure = next(p for p in page.panels if isinstance(p, FailurePanel))
+    failure.view.value = "torque_x"
+    page.open("test")
+    tab(visitor, "Failure")
+    eventually(lambda: "of the error [Nm]" in visitor.text(), "the view was lost")
+    failure.view.value = "all axes"

@@ -1,0 +1,387 @@
+"""The panels of the analysis without a browser: their handles are pressed and moved as viser does for a client."""
+
+import re
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from learn.budget import held_out_process
+from learn.gp import FitSettings
+from plant import model_file
+from replay import session_failure
+from replay.flights import open_flights
+from replay.learning import TORQUE, learn
+from replay.session import LogSession
+from viewer.analysis import VIEWS, NextFlight, Ranking
+from viewer.page import Page
+from viewer.panels.compensation import CompensationPanel
+from viewer.panels.effects import NEXT, EffectsPanel
+from viewer.panels.failure import FailurePanel
+from viewer.sliders import tidy
+
+MODEL = model_file.load("tilt_hexarotor")
+
+
+def client(handle):
+    """An event as viser makes it when a client touched a control."""
+    return SimpleNamespace(client=None, client_id=1, target=handle)
+
+
+def press(handle):
+    """Click a button."""
+    for callback in list(handle._impl.update_cb):
+        callback(client(handle))
+
+
+def move(handle, value):
+    """Move a slider, tick a box, choose or type something."""
+    handle._impl.value = value
+    press(handle)
+
+
+def panel_of(page, kind):
+    return next(p for p in page.panels if isinstance(p, kind))
+
+
+def links(content):
+    """(id of the button, title, letters) of every link in some HTML."""
+    found = re.findall(r'<label for="([^"]+)" title="([^"]*)"[^>]*>(.*?)</label>', content, re.S)
+    return [(uuid, title, re.sub("<[^>]+>", "", letters)) for uuid, title, letters in found]
+
+
+def follow(panel, uuid):
+    """Click a link: its label presses the button with that id."""
+    press(next(b for b in panel.links._buttons if b._impl.uuid == uuid))
+
+
+@pytest.fixture
+def page(page):
+    """The page of the module, its model as it was opened, the first flight at its start; `told` keeps the errors."""
+    while page.session.bench.undoable:
+        page.session.effects.undo()
+    page.open("train")
+    page.told = []
+    page.fail = page.told.append
+    return page
+
+
+# --- failure ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def failure(page):
+    return panel_of(page, FailurePanel)
+
+
+def test_a_click_on_a_cell_moves_cursor_scene_and_plots_to_its_worst_instant(page, failure):
+    cells = [(uuid, title) for uuid, title, _ in links(failure.map.content) if "worst at" in title]
+    assert len(cells) > 40
+    for uuid, title in cells[::17]:
+        at = float(re.search(r"worst at ([\d.]+) s", title)[1])
+        follow(failure, uuid)
+        assert page.cursor.time == pytest.approx(at, abs=0.006)
+        assert np.asarray(page.drawing.craft.frame.position) == pytest.approx(page.scene.position_E[page.cursor.index])
+
+
+def test_a_click_on_a_worst_stretch_goes_there(page, failure):
+    stretches = [(uuid, letters) for uuid, title, letters in links(failure.map.content) if title == "go there"]
+    assert len(stretches) == len(page.session.failures.of("train").worst)
+    uuid, letters = stretches[2]
+    follow(failure, uuid)
+    start = float(letters.split(" s")[0])
+    assert start - 0.1 <= page.cursor.time <= start + 1.1
+
+
+def test_the_view_chooses_axis_and_kind(page, failure):
+    move(failure.view, "torque_y")
+    assert "[Nm]" in failure.map.content
+    found = page.session.failures.of("train").quantities[0].cells[0]
+    letters = [letters for _, title, letters in links(failure.map.content) if "worst at" in title]
+    assert float(letters[0]) == pytest.approx(found.rms[VIEWS.index("torque_y")], rel=0.06)
+    move(failure.shown, "mean")
+    letters = [letters for _, title, letters in links(failure.map.content) if "worst at" in title]
+    assert float(letters[0]) == pytest.approx(found.mean[VIEWS.index("torque_y")], rel=0.06)
+    move(failure.shown, "rms")
+    move(failure.view, VIEWS[0])
+
+
+def test_the_map_turns_white_when_the_effect_is_in(page, failure):
+    def whiteness():
+        colours = re.findall(r"background:rgb\((\d+),(\d+),(\d+)\)", failure.map.content)
+        return np.mean(np.array(colours, dtype=float)) / 255.0
+
+    before = whiteness()
+    panel_of(page, EffectsPanel).add("com_offset")
+    assert before < 0.6
+    assert whiteness() > 0.95
+    shares = re.findall(r"explained by the model's effects: (\d+)", failure.parts.content)
+    assert int(shares[0]) > 90
+    press(panel_of(page, EffectsPanel).back)
+    assert whiteness() == before
+
+
+def test_budget_asks_a_process_beside_the_page(page, failure, eventually, monkeypatch):
+    monkeypatch.setattr(session_failure, "held_out_process", partial(held_out_process, points=15))
+    assert "Gaussian process" not in failure.parts.content
+    press(failure.work.button)
+    assert failure.work.running
+    assert failure.work.stop.visible
+    eventually(lambda: not failure.work.running)
+    assert "a Gaussian process would explain" in failure.parts.content
+    assert failure.work.button.visible
+    assert page.told == []
+
+
+# --- effects ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def effects(page):
+    return panel_of(page, EffectsPanel)
+
+
+def number(effects):
+    """The large numbers of the panel: error on the flight shown, on the held-out flight [N]."""
+    return [float(n) for n in re.findall(r'font-size:20px[^>]*">([\d.e+-]+) N', effects.stairs.content)]
+
+
+def test_adding_lowers_both_numbers_and_undo_restores_the_page(page, effects):
+    before, numbers = effects.stairs.content, number(effects)
+    assert not effects.back.visible
+    move(effects.choice, "com_offset")
+    press(effects.put)
+    assert all(after < 0.2 * b for after, b in zip(number(effects), numbers, strict=True))
+    assert "held out" in effects.stairs.content
+    assert "predicted" in page.scene.wrenches
+    assert effects.back.label == "Undo: add com_offset"
+    added = effects.stairs.content
+    press(effects.back)
+    assert effects.stairs.content == before
+    assert "predicted" not in page.scene.wrenches
+    press(effects.again)
+    assert effects.stairs.content == added
+
+
+def test_adding_keeps_the_cursor(page, effects):
+    page.cursor.go(5.0)
+    effects.add("com_offset")
+    assert page.cursor.time == pytest.approx(5.0)
+
+
+def test_a_slider_moves_the_error_live_and_undo_moves_the_slider(page, effects):
+    effects.add("com_offset")
+    handle, factor = effects.sliders.handles["com_offset", "y"]
+    assert factor == 1e3  # millimetres
+    fitted, best = handle.value, number(effects)
+    assert fitted == pytest.approx(7.0, abs=0.3)
+    move(handle, 3.0)
+    assert all(after > 2.0 * b for after, b in zip(number(effects), best, strict=True))
+    assert effects.sliders.handles["com_offset", "y"][0] is handle  # else a drag would end here
+    assert page.session.model.effect("com_offset").theta[1] == pytest.approx(0.003)
+    assert "by hand" in effects.inside.content
+    press(effects.back)
+    assert number(effects) == best
+    assert handle.value == pytest.approx(fitted, abs=handle.step)
+    assert effects.back.label == "Undo: add com_offset"  # moving it back was no change of its own
+
+
+def test_removing_takes_the_sliders_along(page, effects):
+    effects.add("com_offset")
+    effects.add("inertia")
+    assert {name for name, _ in effects.sliders.handles} == {"com_offset", "inertia"}
+    effects.sliders.on_remove("inertia")
+    assert {name for name, _ in effects.sliders.handles} == {"com_offset"}
+    press(effects.refit)
+    assert page.told == []
+    assert effects.back.label == "Undo: fit on train"
+
+
+def test_what_cannot_be_done_is_said_and_changes_nothing(page, effects, tmp_path):
+    before = effects.stairs.content
+    move(effects.choice, "-")
+    press(effects.put)
+    move(effects.pair, "servo_lag")
+    press(effects.design.button)
+    move(effects.path, str(tmp_path / "model.txt"))
+    press(effects.save)
+    move(effects.path, "")
+    press(effects.save)
+    words = [str(error) for error in page.told]
+    assert len(words) == 4
+    assert "cannot be added" in words[0]
+    assert "at least two" in words[1]
+    assert ".toml" in words[2]
+    assert effects.stairs.content == before
+
+
+def test_the_model_is_saved_and_not_overwritten_unasked(page, effects, tmp_path):
+    effects.add("com_offset")
+    assert "not saved" in effects.stairs.content
+    move(effects.path, str(tmp_path / "fitted.toml"))
+    press(effects.save)
+    assert "not saved" not in effects.stairs.content
+    effects.add("inertia")
+    press(effects.save)
+    assert "exists already" in str(page.told[-1])
+    assert [e.name for e in model_file.load(tmp_path / "fitted.toml").effects] == ["com_offset"]
+    move(effects.overwrite, True)
+    press(effects.save)
+    assert [e.name for e in model_file.load(tmp_path / "fitted.toml").effects] == ["com_offset", "inertia"]
+    assert effects.overwrite.value is False  # the next one is asked for again
+
+
+def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, eventually):
+    press(effects.work.button)
+    eventually(lambda: not effects.work.running, seconds=60.0)
+    assert page.told == []
+    assert "EFFECT" in effects.found.content
+    before = number(effects)
+    add = next(uuid for uuid, title, _ in links(effects.found.content) if "com_offset" in title)
+    follow(effects, add)
+    assert number(effects)[1] < 0.2 * before[1]
+    assert "searched on top of" in effects.found.content
+
+
+def test_a_cancelled_search_leaves_nothing_behind(page, effects, eventually):
+    effects.rankings.clear()
+    press(effects.work.button)
+    press(effects.work.stop)
+    assert not effects.work.running
+    assert effects.work.button.visible
+    eventually(lambda: not any(job.is_alive() for job in page._jobs))
+    assert effects.rankings == {}
+    assert page.told == []
+
+
+UNKNOWN = Ranking(
+    "train",
+    "tilt_hexarotor",
+    "unknown",
+    "Something is missing, but no effect of the catalogue explains it. <b>It swings</b>.",
+    (),
+    (),
+    (("servo_lag", "command_delay"),),
+    ("on the model as it stood: no further effect stands out",),
+    ("battery_sag: needs the battery voltage",),
+)
+
+
+def test_unknown_is_said_plainly_and_text_from_outside_is_no_html(page, effects):
+    effects.rankings["train"] = UNKNOWN
+    effects.opened(page.scene)
+    assert "UNKNOWN" in effects.found.content
+    assert "no effect of the catalogue explains" in effects.found.content
+    assert "&lt;b&gt;It swings" in effects.found.content
+    effects.rankings.clear()
+
+
+def test_a_group_leads_to_the_flight_that_tells_it_apart(page, effects, eventually, monkeypatch, tmp_path):
+    path = np.cumsum(np.ones((50, 3)), axis=0) * 0.01
+    quat = np.tile([1.0, 0.0, 0.0, 0.0], (50, 1))
+    asked = []
+
+    def designed(names, flight, report):
+        asked.append((names, flight))
+        report(0.5, "flying")
+        return NextFlight(
+            names, True, "This flight tells them apart.", (), "shake", np.arange(50.0), path, quat, "x = 1\n"
+        )
+
+    monkeypatch.setattr(page.session.effects, "next_flight", designed)
+    effects.rankings["train"] = UNKNOWN
+    effects.opened(page.scene)
+    link = next(uuid for uuid, _, letters in links(effects.found.content) if "tell servo_lag" in letters)
+    follow(effects, link)
+    eventually(lambda: not effects.design.running)
+    assert asked == [(("servo_lag", "command_delay"), "train")]
+    assert "tells them apart" in effects.plan.content
+    assert NEXT in page.drawing._curves
+    move(effects.plan_path, str(tmp_path / "next.toml"))
+    press(effects.plan_save)
+    assert (tmp_path / "next.toml").read_text() == "x = 1\n"
+    press(effects.plan_save)
+    assert "exists already" in str(page.told[-1])
+    press(effects.plan_clear)
+    assert NEXT not in page.drawing._curves
+    effects.rankings.clear()
+
+
+def test_slider_steps_are_round_numbers():
+    assert [tidy(x) for x in (0.0123, 0.7, 2.0, 49.0)] == pytest.approx([0.01, 0.5, 2.0, 20.0])
+
+
+# --- compensation -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def compensated(flown):
+    """A page with a process."""
+    train, test = flown
+    gp = learn(open_flights([train], MODEL), MODEL, TORQUE, FitSettings(points=60, restarts=0, seed=0, pre_thin=300)).gp
+    made = Page(LogSession([test], MODEL, gp, gp_name="torque.gp"), port=0)
+    made.told = []
+    made.fail = made.told.append
+    yield made
+    made.stop()
+
+
+def plotted(page):
+    """Titles of the plots that a replay brings."""
+    return [s.title for s in page.scene.series if s.group == "Compensation" and not s.title.startswith("sigma of pred")]
+
+
+def test_without_a_process_the_panel_says_how_to_get_one(page):
+    assert not panel_of(page, CompensationPanel).ready
+    page.open("test")  # and does no harm
+
+
+def test_a_replay_brings_correction_and_gate_into_the_plots_and_the_switch_takes_them_away(compensated, eventually):
+    panel = panel_of(compensated, CompensationPanel)
+    assert plotted(compensated) == []
+    press(panel.work.button)
+    eventually(lambda: not panel.work.running)
+    assert [t.split(",")[0].split(" (")[0] for t in plotted(compensated)] == [
+        "correction",
+        "sigma of the correction",
+        "beta",
+    ]
+    before, after = (float(v) for v in re.findall(r">([\d.e-]+)</td>", panel.done.content)[:2])
+    assert after < 0.3 * before
+    move(panel.on, False)
+    assert plotted(compensated) == []
+    move(panel.on, True)
+    eventually(lambda: not panel.work.running)
+    assert len(plotted(compensated)) == 3
+    assert compensated.told == []
+
+
+def test_a_slider_replays_anew_and_the_last_one_wins(compensated, eventually):
+    panel = panel_of(compensated, CompensationPanel)
+    if not panel.done.content:
+        panel.replay()
+    for threshold in (0.05, 0.04, panel.threshold.step):
+        move(panel.threshold, threshold)
+    eventually(lambda: not panel.work.running)
+    assert compensated.session.compensations.setting.gating.sigma_threshold == panel.threshold.step
+    beta = next(s for s in compensated.scene.series if s.title.startswith("beta")).values["beta"]
+    assert beta.mean() > 0.4
+    assert compensated.told == []
+
+
+def test_the_flight_is_flown_again_as_a_ghost(compensated, eventually):
+    panel = panel_of(compensated, CompensationPanel)
+    compensated.session.compensations.set(
+        replace(compensated.session.compensations.setting.gating, on=True, gated=False)
+    )
+    move(panel.start, 1.0)
+    move(panel.seconds, 3.0)
+    press(panel.again.button)
+    eventually(lambda: not panel.again.running, seconds=60.0)
+    assert compensated.told == []
+    assert "tracking error" in panel.flown.content
+    ghost = compensated.ghost("flown again")
+    assert ghost.time[-1] - ghost.time[0] == pytest.approx(3.0, abs=0.1)
+    assert "flown again" in compensated.ghost_names()
