@@ -103,7 +103,8 @@ def outcome(
     compensator = Compensator(gp, replace(settings or Settings(), dt=1.0 / CONTROL_RATE))
     steps = []
 
-    def compensate(wrench_des: Array) -> Array:
+    def compensate(wrench_des: Array, state: Array) -> Array:
+        del state  # this GP knows the command alone
         steps.append(compensator.step(wrench_des))
         return steps[-1].wrench_cmd
 

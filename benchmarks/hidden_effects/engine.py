@@ -37,7 +37,8 @@ from flight.flight import Flight
 
 Array = NDArray[np.float64]
 Size = float | Mapping[str, Any] | None
-Compensate = Callable[[Array], Array]
+Compensate = Callable[[Array, Array], Array]
+"""From the desired wrench (6,) and the state (13,: position, quaternion, velocity, rate) to the commanded wrench."""
 
 CONTROL_RATE = 200  # Hz
 STEPS_PER_TICK = 4
@@ -257,8 +258,8 @@ def fly(
     """Fly `trajectory` with hidden `effect`(s); deterministic for equal arguments.
 
     `size`: None (each effect's default), a number in the effect's unit (the rest is drawn from `seed`), or a mapping
-    of its parameters; one for all or a sequence with one per effect. `compensate` turns the desired wrench (6,) into
-    the commanded one at every tick. `noise` scales all sensor noise. `pair_split` d swings the shares of upper and
+    of its parameters; one for all or a sequence with one per effect. `compensate` turns the desired wrench (6,) and
+    the state (13,) into the commanded wrench at every tick. `noise` scales all sensor noise. `pair_split` d swings the shares of upper and
     lower rotors by up to +-d, in step on all arms and against each other on neighbours (0.37 and 0.23 Hz), without
     changing the wrench: that separates effects of single rotors from those of pairs. `crisp` gives the vehicle
     servos of 2.5 ms and nearly massless arms, so that without a hidden effect really nothing is missing.
@@ -334,7 +335,7 @@ def _fly(
         actual[k, :6], actual[k, 6:] = engine.tilt, engine.thrusts
         mujoco.mju_quat2Mat(R, state[k, 3:7])
         desired[k] = pilot.wrench(state[k, :3], R.reshape(3, 3), state[k, 7:10], state[k, 10:], rows[k])
-        commanded[k] = desired[k] if compensate is None else compensate(desired[k].copy())
+        commanded[k] = desired[k] if compensate is None else compensate(desired[k].copy(), state[k].copy())
         tilt[k], speed[k] = pilot.allocate(commanded[k], None if split is None else split[k])
         engine.advance(tilt[k].copy(), speed[k].copy())
         if battery is not None:

@@ -412,7 +412,7 @@ def test_flights_repeat_and_seeds_differ() -> None:
 
 def test_a_compensator_sits_between_desired_and_commanded() -> None:
     shift = np.array((0.0, 0.0, 0.0, 0.05, -0.02, 0.01))
-    flight, _ = fly("none", None, "hover", 1.0, compensate=lambda desired: desired + shift)
+    flight, _ = fly("none", None, "hover", 1.0, compensate=lambda desired, state: desired + shift)
     assert flight.desired is not None
     assert flight.commanded is not None
     np.testing.assert_allclose(
@@ -423,7 +423,7 @@ def test_a_compensator_sits_between_desired_and_commanded() -> None:
 def test_a_compensator_that_knows_the_truth_removes_the_error() -> None:
     c = {"x": 0.0, "y": 0.008, "z": 0.0}
 
-    def knows(desired: Array) -> Array:
+    def knows(desired: Array, state: Array) -> Array:
         return np.concatenate((desired[:3], desired[3:] + np.cross((0.0, 0.008, 0.0), desired[:3])))
 
     plain, helped = (fly("com_offset", c, "pitch", 12.0, integral=0.0, compensate=k)[1] for k in (None, knows))

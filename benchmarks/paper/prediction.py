@@ -1,0 +1,187 @@
+"""Table I and the torque figure: how well a GP on 100 points predicts the torque of unseen flights, and its band.
+
+Train: pitch 0-60-0 deg with sinusoidal excitation, 60 s. Unseen: 10 s of the same pitch without excitation (the
+paper's table), and an excited flight with another excitation, where the 3 sigma band is put to the test. Errors are
+means over time of |commanded or predicted - measured torque|, medians over the seeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.paper import methods as m
+from benchmarks.paper.figures import prediction_figure
+from benchmarks.paper.flying import as_log, fly
+from benchmarks.paper.methods import Knowledge, Method
+from benchmarks.paper.plants import vehicle
+from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
+from learn.calibration import Coverage
+from learn.measurement import Record
+from plant.trajectory import named
+from replay.comparison import Predictor
+
+Array = NDArray[np.float64]
+
+POINTS = 100
+TRAINING, VALIDATION = 60.0, 20.0
+"""Lengths of the flights [s]; the last 10 s of the unexcited one are the validation trajectory."""
+PAPER = {"nominal": ((0.21, 0.23, 0.50), (0.16, 0.16, 0.17)), "learned": ((0.08, 0.07, 0.13), (0.06, 0.05, 0.09))}
+
+ROWS = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.PAPERS, m.GP, m.SPARSE, m.PAST, m.BOTH)
+MORE = tuple(
+    m.with_gp(f"{points} points{words}", points=points, **settings)
+    for words, settings in (("", {}), (", sparse", {"inference": "sparse"}))
+    for points in (100, 200, 400)
+)
+"""What more points buy: as many training points, or as many inducing points with all samples behind them."""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """The two unseen flights of a seed, as records, and from when on they count [s]."""
+
+    smooth: Record
+    excited: Record
+
+    def errors(self, known: Knowledge, method: Method | None) -> dict[str, Array]:
+        """Mean and standard deviation (3,) of the absolute torque error on both; of the nominal model without one."""
+        found = {}
+        for name, record in self.parts.items():
+            z = (record.measured - m.nominal(known, record))[:, 3:]
+            left = z if method is None or method.predict is None else z - method.predict(known, record)
+            size = np.abs(left[self.counts(record)])
+            found |= {f"{name} mean": size.mean(axis=0), f"{name} std": size.std(axis=0)}
+        return found
+
+    def coverage(self, known: Knowledge, method: Method, calibrated: bool) -> dict[str, Array]:
+        """Share (3,) of both flights' samples within 1.96 and within 3 sigma."""
+        assert method.gp is not None
+        gp = method.gp(known)
+        gp = gp if calibrated else replace(gp, sigma_scale=np.ones(3))
+        model = (known.physics if method.physics else known.model).wrench_model
+        found = {}
+        for name, record in self.parts.items():
+            predictor = Predictor("", model, gp)
+            error = (record.measured - predictor.predict(record, known.model.vehicle.body))[:, 3:]
+            sigma = predictor.sigma(record)
+            assert sigma is not None
+            rows = self.counts(record)
+            share = Coverage.of(error[rows], sigma[rows, 3:])
+            found |= {f"{name} 95": share.within_95, f"{name} 3 sigma": share.within_3_sigma}
+        return found
+
+    @property
+    def parts(self) -> dict[str, Record]:
+        """By name."""
+        return {"smooth": self.smooth, "excited": self.excited}
+
+    def counts(self, record: Record) -> NDArray[np.bool_]:
+        """Samples that count: the last 10 s, or all after the first 2."""
+        return np.asarray(record.time >= (VALIDATION - 10.0 if record is self.smooth else 2.0))
+
+
+def knowledge(seed: int, number: int = 0, seconds: float = TRAINING, excitation: float = 1.0) -> Knowledge:
+    """What is learnt from a pitch flight of vehicle `number`."""
+    plant = vehicle(number)
+    flown = fly(plant, named("pitch", seconds, excitation, seed), seed, name="training")
+    return Knowledge(plant.believed, (as_log(flown, plant),), POINTS)
+
+
+def unseen(seed: int, number: int = 0) -> Unseen:
+    """Flights that are not learnt from."""
+    plant = vehicle(number)
+    smooth, excited = (
+        fly(plant, named("pitch", VALIDATION, size, seed + 100), seed + 100 + int(size), name="unseen")
+        for size in (0.0, 1.0)
+    )
+    return Unseen(*(as_log(f, plant).records[0] for f in (smooth, excited)))
+
+
+def one(seed: int, quick: bool) -> dict[str, Any]:
+    """All methods on one seed."""
+    known, flights = knowledge(seed, seconds=30.0 if quick else TRAINING), unseen(seed)
+    rows = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.GP) if quick else ROWS
+    more = () if quick else MORE
+    return {
+        "errors": {"nominal": flights.errors(known, None)} | {r.name: flights.errors(known, r) for r in rows},
+        "coverage": {
+            r.name: {str(c): flights.coverage(known, r, c) for c in (False, True)} for r in rows if r.gp is not None
+        },
+        "more": {r.name: flights.errors(known, r) for r in more},
+        "named": [] if quick else list(known.explanation.effects),
+        "figure": _traces(known, flights.smooth) if seed == 0 else None,
+    }
+
+
+def _traces(known: Knowledge, record: Record) -> dict[str, Array]:
+    """What the figure shows: the last 10 s of the unexcited flight."""
+    rows = record.time >= VALIDATION - 10.0
+    predictor = Predictor("", known.model.wrench_model, known.gp())
+    sigma = predictor.sigma(record)
+    assert sigma is not None
+    wrench = predictor.predict(record, known.model.vehicle.body)
+    return {
+        "time": record.time[rows],
+        "commanded": record.commanded[rows, 3:],
+        "measured": record.measured[rows, 3:],
+        "predicted": wrench[rows, 3:],
+        "sigma": sigma[rows, 3:],
+    }
+
+
+def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
+    """The tables, and the figure of the first seed."""
+    seeds = (0,) if quick else (0, 1, 2)
+    found = in_parallel(partial(one, quick=quick), seeds, report, "training, explaining, validating")
+    prediction_figure(out.image("prediction"), found[0]["figure"])
+    return {
+        "seeds": len(seeds),
+        "points": POINTS,
+        "named_by_explain": found[0]["named"],
+        **{part: _median([f[part] for f in found]) for part in ("errors", "coverage", "more")},
+    }
+
+
+def _median(parts: list[Any]) -> Any:
+    """Median over the seeds, leaf by leaf."""
+    if isinstance(parts[0], dict):
+        return {k: _median([p[k] for p in parts]) for k in parts[0]}
+    return np.median(np.array(parts), axis=0)
+
+
+def tables(body: dict[str, Any]) -> str:
+    """Errors, coverage, and what more points buy."""
+    nominal = body["errors"]["nominal"]
+
+    def cells(name: str, row: dict[str, Any]) -> list[str]:
+        falls = [1.0 - a / b for a, b in zip(row["smooth mean"], nominal["smooth mean"], strict=True)]
+        also = [1.0 - a / b for a, b in zip(row["excited mean"], nominal["excited mean"], strict=True)]
+        share = ["-", "-"] if name == "nominal" else [percent(falls), percent(also)]
+        return [name, triple(row["smooth mean"]), triple(row["smooth std"]), share[0], share[1]]
+
+    head = ["torque error x / y / z [Nm]", "mean", "std", "change [%]", "change, excited flight [%]"]
+    paper = [
+        ["paper, nominal", triple(PAPER["nominal"][0], 2), triple(PAPER["nominal"][1], 2), "-", "-"],
+        ["paper, GP", triple(PAPER["learned"][0], 2), triple(PAPER["learned"][1], 2), "-62 / -70 / -74", "-"],
+    ]
+    parts = [table(head, [*paper, *(cells(n, r) for n, r in body["errors"].items())])]
+    rows = [
+        [name, *(triple(found[c][f"{flight} {what}"], 2) for flight in ("smooth", "excited") for c in ("False", "True"))]
+        for name, found in body["coverage"].items()
+        for what in ("3 sigma",)
+    ]
+    head = ["share within 3 sigma", "as fitted", "calibrated", "excited, as fitted", "excited, calibrated"]
+    parts.append(table(head, rows))
+    if body["more"]:
+        parts.append(table(["GP", "mean", "std", "change [%]", "change, excited flight [%]"],
+                           [cells(n, r) for n, r in body["more"].items()]))
+    return "\n\n".join(parts)
+
+
+if __name__ == "__main__":
+    main(("prediction",))
