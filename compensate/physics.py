@@ -15,6 +15,7 @@ horizon; e.g. Astrom and Wittenmark, "Computer-Controlled Systems", 3rd ed., 4.3
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,6 +110,10 @@ class PhysicsHere:
 
     def mean(self, wrench_cmd: Array, /) -> Array:
         """Expected mismatch (N, L)."""
+        return np.concatenate([self._near(row[None]) for row in wrench_cmd])
+
+    def _near(self, wrench_cmd: Array) -> Array:
+        """Expected mismatch (N, L) of commands that lie so near each other that their tilt angles do not wrap."""
         model = self.physics.model
         commands = self._effective(self.allocated(wrench_cmd))
         state = self.state.take(np.zeros(len(wrench_cmd), dtype=np.intp))
@@ -129,7 +134,7 @@ class PhysicsHere:
         steps = STEPS[rows] * self.physics.model.vehicle.body.mass * GRAVITY
         candidates = np.repeat(wrench_cmd, 1 + len(rows), axis=0)
         candidates[1 + np.arange(len(rows)), rows] += steps
-        values = self.mean(candidates)
+        values = self._near(candidates)
         jacobian = np.zeros((1, len(rows), len(AXES)))
         jacobian[0][:, rows] = (values[1:] - values[0]).T / steps
         return values[:1], jacobian
@@ -142,14 +147,32 @@ class PhysicsHere:
         return self.allocation.allocate(about_O, previous_tilt=self.tilt)[0]
 
     def _effective(self, commands: Commands) -> Commands:
-        """Candidates as they will have taken effect when held through the lead, or in the end."""
+        """Candidates as they will have taken effect when held through the lead, or in the end.
+
+        Effects on commands take samples for a signal that is linear in between (`plant.effects.lag`), which a held
+        command runs ahead of by half a period.
+        """
         model, lead = self.physics.model, self.physics.lead
         if not any(isinstance(e.effect, CommandEffect) for e in model.effects):
             return commands
-        ahead = 1 if lead is None else max(1, round(lead / self.dt))
-        state = self.state.take(np.zeros(ahead, dtype=np.intp))
+        ahead = 1.0 if lead is None else max(1.0, lead / self.dt + 0.5)
+        count = math.ceil(ahead)
+        state = self.state.take(np.zeros(count, dtype=np.intp))
         found = []
         for k in range(len(commands.wrench_B)):
-            held, _ = model.command(commands.take(np.full(ahead, k)), state, self.dt, self.memory)
-            found.append(held.take(slice(-1, None)))
+            held, _ = model.command(commands.take(np.full(count, k)), state, self.dt, self.memory)
+            found.append(_last(held, count - ahead))
         return Commands.joined(found)
+
+
+def _last(held: Commands, back: float) -> Commands:
+    """Commands (1) `back` (0 to 1) samples before the last."""
+    if back == 0.0:
+        return held.take(slice(-1, None))
+    weights = np.array([back, 1.0 - back])
+    tilt, speed = held.tilt, held.rotor_speed
+    return Commands(
+        (weights @ held.wrench_B[-2:])[None],
+        None if tilt is None else (weights @ tilt[-2:])[None],
+        None if speed is None else (weights @ speed[-2:])[None],
+    )

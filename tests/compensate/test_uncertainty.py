@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate.uncertainty import UncertaintyFilter, default_filter
@@ -45,6 +45,7 @@ def test_beta_rises_from_zero_to_one_without_overflow(sigma, more):
     assert 0.0 <= ONE.beta(sigma) <= ONE.beta(sigma + more) <= 1.0
 
 
+@settings(deadline=None)
 @given(beta=st.floats(0, 1), decay=st.floats(0.01, 0.99), optimum=st.floats(-3, 3))
 def test_steady_state_gain(beta, decay, optimum):
     """dW = a beta dW + (1 - beta) dW* solved for dW."""
