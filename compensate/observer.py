@@ -42,12 +42,17 @@ class DisturbanceObserver:
     """Steps like `Compensator`, and corrects the torques by what it has seen.
 
     dt            period at which `step` is called [s]
-    bandwidth_hz  k / (2 pi)
+    bandwidth_hz  k / (2 pi), at most 1 / (2 pi dt): beyond that the discrete estimate overshoots by itself
     """
 
     def __init__(self, vehicle: Vehicle, dt: float, bandwidth_hz: float = 1.0) -> None:
         if not (math.isfinite(dt) and dt > 0 and math.isfinite(bandwidth_hz) and bandwidth_hz > 0):
             raise UsageError(f"observer: dt {dt} s and bandwidth {bandwidth_hz} Hz must be positive")
+        if 2.0 * math.pi * bandwidth_hz * dt > 1.0:
+            raise UsageError(
+                f"observer: bandwidth {bandwidth_hz:g} Hz is too much for steps of {dt:g} s; expected at most "
+                f"{1.0 / (2.0 * math.pi * dt):.3g} Hz"
+            )
         self.inertia = vehicle.body.inertia
         self.dt, self.gain = dt, 2.0 * math.pi * bandwidth_hz
         self.reset()
