@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -58,8 +58,6 @@ def fly(
     name: str = "flight",
 ) -> Flown:
     """Fly with the believed vehicle's controller, with or without its integral; deterministic in `seed`."""
-    from dataclasses import replace
-
     gains = replace(plant.believed.controller, integral=plant.believed.controller.integral if integral else 0.0)
     believed = replace(plant.believed, controller=gains)
     watched = None if compensator is None else Watched(compensator)

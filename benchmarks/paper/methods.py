@@ -159,6 +159,7 @@ SPARSE = with_gp("GP, sparse on all samples", inference="sparse")
 PAST = with_gp("GP with the past as input", inputs=("past",))
 LEADING = _physics(f"physics, lags led by {LEAD:g} s", LEAD)
 LEADING_BOTH = with_gp(f"physics, lags led by {LEAD:g} s, + GP", physics=True, lead=LEAD)
+ON_A_LINE = with_gp("GP on a linear mean", mean="linear")
 PAPERS = with_gp("GP, points chosen as in the paper", method="pyclustering", scale="raw")
 
 EVERYWHERE = (PD, INTEGRAL, CONSTANT, LINEAR, OBSERVER, PHYSICS, GP, BOTH)

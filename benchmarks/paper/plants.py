@@ -122,4 +122,3 @@ def vehicle(number: int = 0) -> Plant:
         ModelEffect(LegWake(), np.array([0.12, np.radians(42.0), np.radians(18.0)])),
     )
     return Plant(model, model.with_effects(effects))
-

@@ -32,13 +32,7 @@ TRAINING, VALIDATION = 60.0, 20.0
 """Lengths of the flights [s]; the last 10 s of the unexcited one are the validation trajectory."""
 PAPER = {"nominal": ((0.21, 0.23, 0.50), (0.16, 0.16, 0.17)), "learned": ((0.08, 0.07, 0.13), (0.06, 0.05, 0.09))}
 
-ROWS = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.PAPERS, m.GP, m.SPARSE, m.PAST, m.BOTH)
-MORE = tuple(
-    m.with_gp(f"{points} points{words}", points=points, **settings)
-    for words, settings in (("", {}), (", sparse", {"inference": "sparse"}))
-    for points in (100, 200, 400)
-)
-"""What more points buy: as many training points, or as many inducing points with all samples behind them."""
+ROWS = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.PAPERS, m.GP, m.ON_A_LINE, m.SPARSE, m.PAST, m.BOTH)
 
 
 @dataclass(frozen=True)
@@ -106,13 +100,11 @@ def one(seed: int, quick: bool) -> dict[str, Any]:
     """All methods on one seed."""
     known, flights = knowledge(seed, seconds=30.0 if quick else TRAINING), unseen(seed)
     rows = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.GP) if quick else ROWS
-    more = () if quick else MORE
     return {
         "errors": {"nominal": flights.errors(known, None)} | {r.name: flights.errors(known, r) for r in rows},
         "coverage": {
             r.name: {str(c): flights.coverage(known, r, c) for c in (False, True)} for r in rows if r.gp is not None
         },
-        "more": {r.name: flights.errors(known, r) for r in more},
         "named": [] if quick else list(known.explanation.effects),
         "figure": _traces(known, flights.smooth) if seed == 0 else None,
     }
@@ -143,7 +135,7 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
         "seeds": len(seeds),
         "points": POINTS,
         "named_by_explain": found[0]["named"],
-        **{part: _median([f[part] for f in found]) for part in ("errors", "coverage", "more")},
+        **{part: _median([f[part] for f in found]) for part in ("errors", "coverage")},
     }
 
 
@@ -155,7 +147,7 @@ def _median(parts: list[Any]) -> Any:
 
 
 def tables(body: dict[str, Any]) -> str:
-    """Errors, coverage, and what more points buy."""
+    """Errors and coverage."""
     nominal = body["errors"]["nominal"]
 
     def cells(name: str, row: dict[str, Any]) -> list[str]:
@@ -171,15 +163,15 @@ def tables(body: dict[str, Any]) -> str:
     ]
     parts = [table(head, [*paper, *(cells(n, r) for n, r in body["errors"].items())])]
     rows = [
-        [name, *(triple(found[c][f"{flight} {what}"], 2) for flight in ("smooth", "excited") for c in ("False", "True"))]
+        [
+            name,
+            *(triple(found[c][f"{flight} {what}"], 2) for flight in ("smooth", "excited") for c in ("False", "True")),
+        ]
         for name, found in body["coverage"].items()
         for what in ("3 sigma",)
     ]
     head = ["share within 3 sigma", "as fitted", "calibrated", "excited, as fitted", "excited, calibrated"]
     parts.append(table(head, rows))
-    if body["more"]:
-        parts.append(table(["GP", "mean", "std", "change [%]", "change, excited flight [%]"],
-                           [cells(n, r) for n, r in body["more"].items()]))
     return "\n\n".join(parts)
 
 

@@ -23,7 +23,7 @@ PROCESSES = 2
 DIGITS = 4
 """Significant digits of numbers in the results."""
 
-EXPERIMENTS = ("prediction", "pitch", "figure8", "uncertainty", "compute", "conditioning")
+EXPERIMENTS = ("prediction", "pitch", "figure8", "uncertainty", "compute", "conditioning", "beyond")
 """Modules of this package, in the order of the paper."""
 
 A, B = TypeVar("A"), TypeVar("B")
@@ -78,7 +78,7 @@ def experiment(name: str) -> Experiment:
 
 
 def in_parallel(function: Callable[[A], B], arguments: Sequence[A], report: Report, words: str) -> list[B]:
-    """Results in order, from forked processes; these inherit `function` and `arguments`, which therefore may be anything."""
+    """Results in order, from forked processes; these inherit both arguments, which may be anything."""
     found: list[B] = []
     report(0.0, words)
     _inherited.append(lambda index: function(arguments[index]))
@@ -152,7 +152,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def triple(values: Sequence[float | None], digits: int = 3, sign: bool = False) -> str:
-    """x / y / z."""
+    """Three numbers with slashes between them."""
     return " / ".join("-" if v is None else f"{v:{'+' if sign else ''}.{digits}f}" for v in values)
 
 
