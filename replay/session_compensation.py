@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate import Compensator, Settings
+from compensate import Settings
 from flight.errors import UsageError
 from flight.flight import AXES
 from learn.gp import GaussianProcess
+from plant.model import Model
 from replay import tables
 from replay.apart import apart
 from replay.bench import Bench
+from replay.compensating import compensator, notes
 from replay.counterfactual import Change, Counterfactual, counterfactual, read_recording
 from replay.counterfactual_report import warnings
 from replay.engine import replay
@@ -47,7 +49,7 @@ class CompensationDesk:
 
     def __init__(self, bench: Bench, name: str) -> None:
         self.bench = bench
-        self._setting = None if bench.gp is None else _setting(bench.gp, name, tuple(bench.notes))
+        self._setting = None if bench.gp is None else _setting(bench.gp, bench.given, name)
         self._replayed: dict[str, _Replayed] = {}
 
     @property
@@ -107,11 +109,12 @@ class CompensationDesk:
         """Fly (a part of) a flight again: with the compensation in the loop, or as it was where that is off."""
         with self.bench.lock:
             gp, setting = self._known()
-            log, model, gating = self.bench.flight(flight).flight, self.bench.model, setting.gating
+            log, gating = self.bench.flight(flight).flight, setting.gating
+            model, given = self.bench.model, self.bench.given
 
         def work(tell: Report) -> Reflown:
             recording = read_recording(log, model.vehicle, start=start, duration=duration)
-            helper = Compensator(gp, _settings(gating, recording.dt)) if gating.on else None
+            helper = compensator(gp, given, _settings(gating, recording.dt)) if gating.on else None
             found = counterfactual(recording, model, Change(compensator=helper), progress=tell)
             return _reflown(found, gp if gating.on else None, setting.name)
 
@@ -133,15 +136,15 @@ def _settings(gating: Gating, dt: float) -> Settings:
     )
 
 
-def _setting(gp: GaussianProcess, name: str, notes: tuple[str, ...]) -> Compensation:
+def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     """The defaults that the GP suggests, and ranges around them."""
-    usual = Compensator(gp, Settings()).uncertainty
+    usual = compensator(gp, model).uncertainty
     gated = bool(np.isfinite(usual.threshold))
     threshold = float(usual.threshold) if gated else float(np.max(gp.sigma_prior))
     kinds = {axis.split("_")[0] for axis in gp.outputs}
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
     gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
-    return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes)
+    return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes(gp, model))
 
 
 def _summary(done: Any) -> Compensated:
@@ -153,9 +156,10 @@ def _summary(done: Any) -> Compensated:
     )
     steps = done.steps
     withheld = float(np.mean(steps.beta > 0.5))
+    fading = np.exp(-done.dt / done.settings.decay_time)
     sentences = [
         f"{len(done)} steps of {1e3 * done.dt:.3g} ms; more than half of the correction is withheld in "
-        f"{100 * withheld:.1f} % of them.",
+        f"{100 * withheld:.1f} % of them. a = exp(-dt / tau_d) = {fading:.3f}.",
         *(f"{count} steps: {words}" for words, count in steps.trouble.items()),
         *done.notes,
     ]

@@ -129,7 +129,7 @@ def inside(state: ModelState) -> str:
         )
         for i in state.installed
     ]
-    return markup.box(markup.table(("effect", "values, one standard deviation"), rows, left=2))
+    return markup.box(markup.table(("", "+- one standard deviation"), rows, left=2))
 
 
 def _value(value: Value) -> str:

@@ -58,8 +58,8 @@ class EffectSliders:
                 self._make(item)
             for value in item.values:
                 handle, factor = self.handles[item.name, value.name]
-                shown = float(np.clip(factor * value.value, handle.min, handle.max))
-                if abs(handle.value - shown) > 0.51 * handle.step:
+                shown = _on(handle.step, factor * value.value, handle.min, handle.max)
+                if abs(handle.value - shown) > 0.5 * handle.step:
                     handle.value = shown
 
     def _make(self, item: Installed) -> None:
@@ -79,7 +79,7 @@ class EffectSliders:
         step = tidy((high - low) / STEPS)
         low, high = step * np.ceil(low / step - 1e-9), step * np.floor(high / step + 1e-9)
         label = value.name if unit == "1" else f"{value.name} [{unit}]"
-        shown = float(np.clip(factor * value.value, low, high))
+        shown = _on(step, factor * value.value, float(low), float(high))
         handle = self.page.server.gui.add_slider(label, float(low), float(high), step, shown)
         handle.on_update(partial(self._moved, effect, value.name))
         self.handles[effect, value.name] = handle, factor
@@ -103,6 +103,11 @@ def finer(value: Value) -> tuple[str, float]:
     if value.unit == "rad" or value.scale < SMALL:
         return FINER.get(value.unit, (value.unit, 1.0))
     return value.unit, 1.0
+
+
+def _on(step: float, value: float, low: float, high: float) -> float:
+    """The place of a slider that is nearest to a value."""
+    return float(np.clip(step * round(value / step), low, high))
 
 
 def tidy(step: float) -> float:

@@ -52,7 +52,8 @@ class CompensationPanel(Panel):
     def _settings(self, setting: Compensation) -> None:
         gui, gating = self.page.server.gui, setting.gating
         self.usual = gating
-        gui.add_html(markup.box(markup.heading(f"process: {markup.text(setting.name)}")))
+        said = (markup.paragraph(markup.text(words), colour="#b07800") for words in setting.notes)
+        gui.add_html(markup.box(markup.heading(f"process: {markup.text(setting.name)}"), *said))
         self.on = gui.add_checkbox("compensate", gating.on)
         self.gated = gui.add_checkbox(
             "withhold where unsure", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"

@@ -145,14 +145,14 @@ class EffectsPanel(Panel):
         )
         rows = [
             (
-                f'<span title="{ranking.by_axis(s.rms)}">{markup.text(s.name)}</span>',
+                f'<span style="white-space:nowrap" title="{ranking.by_axis(s.rms)}">{markup.text(s.name)}</span>',
                 markup.bar([(s.in_all / most, "#b9b9b9" if s is noise else "#3b82c4", f"{s.in_all:.3g} N")]),
                 markup.number(s.in_all),
                 *(markup.number(v, 2) for v in ranking.norms(s.rms)),
             )
             for s in (*stairs.stairs, noise)
         ]
-        return top + markup.table(("", markup.wide(90), "all [N]", "F [N]", "M [Nm]"), rows, left=2)
+        return top + markup.table(("", markup.wide(60), "all [N]", "F [N]", "M [Nm]"), rows, left=2)
 
     # ------------------------------------------------------------ what is done
 

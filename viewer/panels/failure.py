@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import viser
 
 from viewer import markup
@@ -24,7 +26,19 @@ PARTS = (
     ("unexplained", "#d9483b", "unexplained"),
 )
 SHOWN = ("rms", "mean")
+SHARE = "flex:1 1 0;min-width:0;overflow:hidden"
 CELL = "display:block;padding:3px 1px;text-align:center;border:1px solid #fff;font-size:11px;"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How cells of a view are written and coloured: darkest at `most` [N, Nm], numbers times `factor` in `unit`."""
+
+    view: int
+    most: float
+    factor: float
+    unit: str
+    decimals: int
 
 
 class FailurePanel(Panel):
@@ -79,11 +93,11 @@ class FailurePanel(Panel):
         if self.failure is None:
             return
         self.links.start()
-        k = VIEWS.index(self.view.value)
+        scale = self._scale(self.failure)
         self.map.content = markup.box(
             *(markup.paragraph(markup.text(s)) for s in self.failure.sentences),
-            self._quantities(self.failure, k),
-            self._grid(self.failure, k),
+            self._quantities(self.failure, scale),
+            self._grid(self.failure, scale),
             self._worst(self.failure),
             *(
                 markup.paragraph(f"not looked at: {markup.text(words)}", colour="#777")
@@ -92,11 +106,11 @@ class FailurePanel(Panel):
         )
         self.parts.content = self._budget()
 
-    def _quantities(self, failure: Failure, k: int) -> str:
+    def _quantities(self, failure: Failure, scale: Scale) -> str:
         """One row a quantity, one cell a bin."""
         rows = []
         for quantity in failure.quantities:
-            cells = "".join(f'<div style="flex:1 1 0">{self._cell(c, k, c.words)}</div>' for c in quantity.cells)
+            cells = "".join(f'<div style="{SHARE}">{self._cell(c, scale)}</div>' for c in quantity.cells)
             ends = f"{quantity.cells[0].words} ... {quantity.cells[-1].words}" if quantity.cells else ""
             title, weight = markup.text(f"{quantity.words}; {ends}"), 600 if quantity.sure else 400
             rows.append(
@@ -105,59 +119,56 @@ class FailurePanel(Panel):
                 f"{markup.text(quantity.label)}</div>"
                 f'<div style="width:69%;display:flex">{cells}</div></div>'
             )
-        head = markup.heading(f"{self.shown.value} of the error [{UNITS[k]}], low to high; click: its worst instant")
+        head = markup.heading(f"{self.shown.value} of the error [{scale.unit}], low to high; click: its worst instant")
         return head + "".join(rows) + markup.paragraph("pale rows: no more than chance", colour="#777")
 
-    def _grid(self, failure: Failure, k: int) -> str:
+    def _grid(self, failure: Failure, scale: Scale) -> str:
         """The error over two quantities, y upwards."""
         grid = failure.grid
         if grid is None:
             return ""
         lines = []
         for words, row in zip(reversed(grid.y_words), reversed(grid.rows), strict=True):
-            cells = "".join(
-                f'<div style="flex:1 1 0">{"" if c is None else self._cell(c, k, c.words)}</div>' for c in row
-            )
+            cells = "".join(f'<div style="{SHARE}">{"" if c is None else self._cell(c, scale)}</div>' for c in row)
             lines.append(
                 f'<div style="display:flex;min-height:23px"><div style="width:22%;padding-top:3px">{markup.text(words)}'
                 f'</div><div style="width:78%;display:flex">{cells}</div></div>'
             )
-        names = "".join(f'<div style="flex:1 1 0;text-align:center">{markup.text(w)}</div>' for w in grid.x_words)
+        names = "".join(f'<div style="{SHARE};text-align:center">{markup.text(w)}</div>' for w in grid.x_words)
         foot = '<div style="display:flex;font-size:10px"><div style="width:22%"></div>'
         foot += f'<div style="width:78%;display:flex">{names}</div></div>'
         title = f"{markup.text(grid.y_label)} (up) and {markup.text(grid.x_label)} (right)"
         return markup.heading(title) + "".join(lines) + foot
 
-    def _cell(self, cell: Cell, k: int, words: str) -> str:
+    def _cell(self, cell: Cell, scale: Scale) -> str:
         """A cell that can be clicked; white at the noise, darkest at the most that this flight showed at first."""
-        key = (self.page.scene.name, k)
-        if key not in self._most:
-            self._most[key] = self._largest(k)
-        noise = float(cell.noise[k])
-        most = max(self._most[key], 3.0 * noise)
+        k = scale.view
+        rms, mean, noise, at = (float(values[k]) for values in (cell.rms, cell.mean, cell.noise, cell.time))
+        most = max(scale.most, 3.0 * noise)
         if self.shown.value == "mean":
-            value, share = float(cell.mean[k]), float(cell.mean[k]) / most
+            value, share = mean, mean / most
         else:
-            value, share = float(cell.rms[k]), max(float(cell.rms[k]) - noise, 0.0) / (most - noise)
+            value, share = rms, max(rms - noise, 0.0) / (most - noise)
         back, front = markup.heat(share)
         title = (
-            f"{words}: {cell.rms[k]:.3g} {UNITS[k]} rms, mean {cell.mean[k]:.3g}, in {cell.seconds:.1f} s "
-            f"(noise {noise:.2g}); "
-            f"worst at {cell.time[k]:.2f} s"
+            f"{cell.words}: {rms:.3g} {UNITS[k]} rms, mean {mean:.3g}, in {cell.seconds:.1f} s (noise {noise:.2g}); "
+            f"worst at {at:.2f} s"
         )
         style = f"{CELL}background:{back};color:{front};"
-        return self.links.to(
-            partial(self.page.cursor.go, float(cell.time[k])), markup.number(value, 2), style, markup.text(title)
-        )
+        content = f"{scale.factor * value:.{scale.decimals}f}"
+        return self.links.to(partial(self.page.cursor.go, at), content, style, markup.text(title))
 
-    def _largest(self, k: int) -> float:
-        """The largest rms of any cell as the flight was opened: the colours stay when an effect takes it off."""
-        assert self.failure is not None
-        grid = () if self.failure.grid is None else self.failure.grid.rows
-        every = [c for q in self.failure.quantities for c in q.cells] + [
-            c for row in grid for c in row if c is not None
-        ]
-        return max((float(c.rms[k]) for c in every), default=1.0)
+    def _scale(self, failure: Failure) -> Scale:
+        """Colours as the flight was opened, so that they fade when an effect takes the error off; letters as it is."""
+        k = VIEWS.index(self.view.value)
+        grid = () if failure.grid is None else failure.grid.rows
+        cells = [c for q in failure.quantities for c in q.cells] + [c for row in grid for c in row if c is not None]
+        largest = max((float(c.rms[k]) for c in cells), default=1.0)
+        most = self._most.setdefault((failure.flight, k), largest)
+        milli = largest < 0.1
+        shown = largest * (1e3 if milli else 1.0)
+        decimals = max(0, 1 - int(np.floor(np.log10(max(shown, 1e-3)))))
+        return Scale(k, most, 1e3 if milli else 1.0, f"m{UNITS[k]}" if milli else UNITS[k], decimals)
 
     def _worst(self, failure: Failure) -> str:
         """The worst stretches, each a link to its middle."""

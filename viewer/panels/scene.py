@@ -46,6 +46,7 @@ class ScenePanel(Panel):
             with gui.add_folder("flight"):
                 self.reference = self._box("reference", True)
                 self.path = self._box("path", True)
+                self.shadows = self._box("shadows", False, "slow without a graphics card")
                 self.along = gui.add_dropdown("along the path", ALONG, initial_value=NOTHING)
                 self.along.on_update(page.guarded(self._changed))
                 self.spacing = gui.add_number("every [s]", 0.5, min=0.01, max=60.0, step=0.1)
@@ -72,6 +73,7 @@ class ScenePanel(Panel):
             uncertainty=self.uncertainty.value,
             reference=self.reference.value,
             path=self.path.value,
+            shadows=self.shadows.value,
             along=self.along.value,
             spacing=float(self.spacing.value),
             follow=self._follows,
@@ -80,7 +82,7 @@ class ScenePanel(Panel):
 
     @shown.setter
     def shown(self, wanted: Shown) -> None:
-        for name in ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path"):
+        for name in ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path", "shadows"):
             getattr(self, name).value = getattr(wanted, name)
         self._hidden = set(wanted.hidden)
         for name, box in self.boxes.items():
