@@ -72,7 +72,7 @@ def load(path: Path | str) -> GaussianProcess:
             provenance=_provenance(metadata["provenance"]),
             **arrays,
         )
-    except (FitError, ModelError) as error:
+    except (FitError, ModelError, UsageError) as error:
         raise FitError(f"{path}: {error}; the file is damaged, learn it again") from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FitError(f"{path}: a stored GP with missing or unknown parts ({_line(error)}); learn it again") from None

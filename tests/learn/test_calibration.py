@@ -88,15 +88,15 @@ def fits(request):
     """Without calibration and with it, from the same samples."""
     points = {"exact": 150, "sparse": 40}[request.param]
     settings = {"points": points, "restarts": 0, "inference": request.param}
-    return [fit(*sequence(900, 7), TORQUES, FitSettings(calibrate=on, **settings)) for on in (False, True)]
+    return [fit(*sequence(900, 0), TORQUES, FitSettings(calibrate=on, **settings)) for on in (False, True)]
 
 
 def test_calibrated_sigma_covers_an_unseen_sequence_better(fits):
     """Neighbouring samples share their error, so the process believes it has a function where it has noise."""
-    wrench, measured = sequence(3000, 8)
+    wrench, measured = sequence(3000, 1)
     shares = [Coverage.of(measured - gp.mean(wrench), gp.std(wrench)).within_95 for gp in fits]
     before, after = np.mean(np.abs(np.array(shares) - 0.95), axis=1)
-    assert before > 0.08
+    assert before > 0.1
     assert after < 0.5 * before
 
 

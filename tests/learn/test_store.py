@@ -10,6 +10,7 @@ import pytest
 from flight.errors import FitError, UsageError
 from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
 from learn.store import load, save
+from learn.train import fit
 
 
 @pytest.fixture
@@ -171,6 +172,80 @@ def test_missing_file_says_how_to_make_one(tmp_path):
 def test_folder_is_refused(tmp_path):
     with pytest.raises(FitError, match="cannot be read"):
         load(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def sparse():
+    """A sparse process with the past of the command as input, calibrated, about which `learn` had something to say."""
+    rng = np.random.default_rng(0)
+    wrench = rng.normal(size=(300, 12))
+    settings = FitSettings(points=20, restarts=0, inputs=("past",), inference="sparse", mean="linear")
+    made = fit(wrench, np.sin(wrench[:, :2]), ("torque_x", "torque_z"), settings)
+    said = Provenance("voliro_x", warnings=("nearly singular", "not worth it for torque_z"))
+    return replace(made, sigma_scale=np.array([1.5, 0.8]), provenance=said)
+
+
+def test_sparse_process_comes_back_bit_for_bit(sparse, tmp_path):
+    save(sparse, tmp_path / "a.gp")
+    back = load(tmp_path / "a.gp")
+    query = np.random.default_rng(1).normal(size=(20, 12))
+    for function in ("mean", "std", "jacobian"):
+        assert getattr(back, function)(query).tobytes() == getattr(sparse, function)(query).tobytes()
+    assert (back.settings, back.provenance) == (sparse.settings, sparse.provenance)
+    assert back.sigma_scale.tolist() == [1.5, 0.8]
+    save(back, tmp_path / "b.gp")
+    assert (tmp_path / "a.gp").read_bytes() == (tmp_path / "b.gp").read_bytes()
+
+
+def of_format_1(name, content):
+    """What this part was before sparse processes, calibration, inputs and warnings."""
+    if name in ("sigma_scale.npy", "weights.npy", "whitener.npy"):
+        return None
+    if name != "gp.json":
+        return content
+    metadata = json.loads(content)
+    for key in ("inputs", "inference", "calibrate"):
+        del metadata["settings"][key]
+    del metadata["provenance"]["warnings"]
+    return json.dumps(metadata | {"format_version": 1})
+
+
+def test_file_of_format_1_still_predicts_the_same(gp, tmp_path):
+    save(gp, tmp_path / "a.gp")
+    rewritten(tmp_path / "a.gp", of_format_1)
+    back = load(tmp_path / "a.gp")
+    query = np.random.default_rng(1).normal(size=(20, 6))
+    assert back.mean(query).tobytes() == gp.mean(query).tobytes()
+    assert back.std(query).tobytes() == gp.std(query).tobytes()
+    assert (back.sigma_scale == 1.0).all()
+    assert (back.settings.inputs, back.settings.inference, back.provenance.warnings) == ((), "exact", ())
+    assert back.provenance.logs == gp.provenance.logs
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (with_array("weights", np.zeros((2, 19))), r"weights has shape \(2, 19\), expected \(2, 20\)"),
+        (with_array("sigma_scale", np.zeros(2)), "sigma_scale must be positive"),
+        (without("whitener.npy"), r"whitener has shape \(0, 0, 0\)"),
+        (with_array("inputs", np.zeros((20, 9))), r"input_mean has shape \(12,\), expected \(9,\)"),
+    ],
+)
+def test_damaged_sparse_process_is_named(sparse, tmp_path, change, message):
+    save(sparse, tmp_path / "a.gp")
+    rewritten(tmp_path / "a.gp", change)
+    with pytest.raises(FitError, match=message) as caught:
+        load(tmp_path / "a.gp")
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_inputs_in_a_file_are_named(sparse, tmp_path):
+    save(sparse, tmp_path / "a.gp")
+    settings = {**sparse.settings.__dict__, "inputs": ["weather"]}
+    rewritten(tmp_path / "a.gp", with_metadata(settings=settings))
+    with pytest.raises(FitError, match="weather") as caught:
+        load(tmp_path / "a.gp")
+    assert "\n" not in str(caught.value)
 
 
 def test_settings_survive_replacement(gp, tmp_path):

@@ -1,0 +1,136 @@
+"""What a process looks at on a recorded flight: the command, and the groups of inputs behind it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flight import so3
+from flight.errors import FitError, UsageError
+from flight.flight import Samples
+from learn.gp import FitSettings
+from learn.inputs import groups, pooled_inputs, process_inputs
+from learn.measurement import prepare
+from learn.train import fit
+from plant import model_file
+from plant.mismatch import LinearMismatch
+from plant.mismatch_inputs import PAST_SECONDS
+
+TORQUES = ("torque_x", "torque_y", "torque_z")
+VEHICLE = model_file.load("tilt_hexarotor").vehicle
+DT = 0.005
+SLOPE = np.array([0.5, 0.0, 1.0, 0.02, -0.03, 0.01])
+OMEGA = np.array([0.0, 0.0, 0.4])
+VELOCITY = np.array([2.0, -1.0, 0.5])
+
+
+def samples(**change):
+    """Four seconds at constant velocity and yaw rate, under a command that rises steadily."""
+    time = np.arange(800) * DT
+    made = Samples(
+        flight="steady",
+        time=time,
+        dt=DT,
+        omega_B=np.tile(OMEGA, (800, 1)),
+        specific_force_B=np.tile([0.0, 0.0, 9.80665], (800, 1)),
+        wrench_cmd_B=np.array([0, 0, 39.0, 0, 0, 0]) + time[:, None] * SLOPE,
+        position_E=time[:, None] * VELOCITY,
+        velocity_E=np.tile(VELOCITY, (800, 1)),
+        quat_EB=so3.exp(time[:, None] * OMEGA),
+    )
+    return replace(made, **change)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return prepare(samples(), VEHICLE)
+
+
+def test_without_groups_it_is_the_command(record):
+    assert np.array_equal(process_inputs((), record), record.commanded)
+
+
+def test_command_comes_first(record):
+    found = process_inputs(("velocity", "past"), record)
+    assert found.shape == (len(record), 6 + 3 + 6)
+    assert np.array_equal(found[:, :6], record.commanded)
+
+
+def test_past_of_a_rising_command_is_its_slope(record):
+    """A filter without phase or loss at rest lets a constant pass: tau dW/dt."""
+    found = process_inputs(("past",), record)[:, 6:]
+    assert found == pytest.approx(np.tile(PAST_SECONDS * SLOPE, (len(record), 1)), rel=2e-3, abs=1e-6)
+
+
+def test_velocity_turns_with_the_body(record):
+    """v_B of a constant v_E goes round with the yaw rate, at the same filter's gain of one (0.06 Hz)."""
+    found = process_inputs(("velocity",), record)[:, 6:]
+    yaw = OMEGA[2] * record.time
+    expected = np.column_stack(
+        [
+            np.cos(yaw) * VELOCITY[0] + np.sin(yaw) * VELOCITY[1],
+            np.cos(yaw) * VELOCITY[1] - np.sin(yaw) * VELOCITY[0],
+            np.full(len(yaw), VELOCITY[2]),
+        ]
+    )
+    assert found == pytest.approx(expected, abs=2e-3)
+
+
+def test_rates_and_position(record):
+    found = process_inputs(("rates", "position"), record)[:, 6:]
+    assert found[:, :3] == pytest.approx(np.tile(OMEGA, (len(record), 1)))
+    assert found[:, 3:] == pytest.approx(record.time[:, None] * VELOCITY, abs=2e-3)
+
+
+def test_records_follow_each_other(record):
+    pooled = pooled_inputs(("past",), [record, record])
+    assert np.array_equal(pooled, np.tile(process_inputs(("past",), record), (2, 1)))
+
+
+def test_group_that_needs_a_pose_says_so():
+    """Past and rates do without; velocity and position cannot be made up."""
+    blind = prepare(samples(position_E=None, velocity_E=None, quat_EB=None), VEHICLE)
+    assert process_inputs(("rates", "past"), blind).shape == (len(blind), 15)
+    with pytest.raises(FitError, match="steady: input velocity, position needs odometry") as caught:
+        process_inputs(("velocity", "position", "past"), blind)
+    assert "\n" not in str(caught.value)
+
+
+def flown(count, seed, **settings):
+    """A process fitted to a torque that depends on force_x and, half as much, on velocity_x."""
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(count, 9)) * [8, 8, 3, 0.3, 0.3, 0.2, 2, 2, 2] + [0, 0, 39, 0, 0, 0, 0, 0, 0]
+    torque = 0.02 * x[:, [0]] + 0.04 * x[:, [6]]
+    columns = 9 if settings.get("inputs") else 6
+    gp = fit(x[:, :columns], torque, TORQUES[:1], FitSettings(points=100, restarts=0, **settings))
+    return gp, x, torque
+
+
+def test_a_process_uses_what_it_is_given():
+    seeing, x, torque = flown(600, 0, inputs=("velocity",))
+    blind, *_ = flown(600, 0)
+    errors = [np.abs(gp.mean(x[:, : len(gp.input_mean)]) - torque).mean() for gp in (seeing, blind)]
+    assert errors[0] < 0.15 * errors[1]
+    assert (groups(seeing), groups(blind)) == (("velocity",), ())
+    line = LinearMismatch(TORQUES, np.zeros(3), np.zeros((3, 6)), np.ones(3))
+    assert groups(line) == ()
+
+
+def test_given_the_rest_it_is_a_function_of_the_command():
+    gp, x, _ = flown(600, 0, inputs=("velocity",))
+    here = gp.given(np.array([1.0, 0.0, -2.0]))
+    commands = x[:20, :6]
+    full = np.hstack((commands, np.tile([1.0, 0.0, -2.0], (20, 1))))
+    assert np.array_equal(here.mean(commands), gp.mean(full))
+    assert np.array_equal(here.std(commands), gp.std(full))
+    assert np.array_equal(here.jacobian(commands), gp.jacobian(full)[:, :, :6])
+    faster = gp.given(np.array([3.0, 0.0, -2.0]))
+    assert faster.mean(commands) - here.mean(commands) == pytest.approx(np.full((20, 1), 0.08), abs=0.015)
+
+
+def test_settings_and_columns_must_agree():
+    gp, *_ = flown(600, 0, inputs=("velocity",))
+    with pytest.raises(FitError, match="9 inputs, expected 12"):
+        replace(gp, settings=replace(gp.settings, inputs=("past",)))
+    with pytest.raises(UsageError, match="unknown group 'wind'"):
+        FitSettings(inputs=("wind",))
