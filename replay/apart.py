@@ -15,6 +15,7 @@ import stat
 import sys
 import warnings
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,16 +31,17 @@ PATIENCE = 0.1
 _running: set[int] = set()
 
 
-def apart(work: Callable[[Report], T], report: Report) -> T:
+def apart(work: Callable[[Report], T], report: Report, lock: AbstractContextManager[Any]) -> T:
     """work(report) in a child process; `report` is called in this one, also while there is nothing new.
 
+    The fork happens under `lock`, so that no other thread of this process is then halfway through what the child needs.
     What `report` raises (somebody cancelled) ends the child and is passed on. Errors of wrenchgap in the child are
     raised here; a child that dies is a FitError.
     """
     if not sys.platform.startswith("linux"):
         return work(report)
     receiver, sender = multiprocessing.Pipe(duplex=False)
-    with warnings.catch_warnings():
+    with lock, warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # a fork beside the threads of the page, which it closes
         child = multiprocessing.get_context("fork").Process(target=_child, args=(work, sender), name="wrenchgap-work")
         child.start()

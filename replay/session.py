@@ -33,6 +33,7 @@ class LogSession:
     """Implements `viewer.session.Session` and `viewer.analysis.Analysis` for logs, a model and, where given, a GP.
 
     `against` are other models whose predictions are shown beside; `gp_name` is what the GP is called on the page.
+    Models and trajectories that are saved on the page go into `folder`, by default where the command was started.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class LogSession:
         shifts: Mapping[str, float] | None = None,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
+        folder: Path | None = None,
     ) -> None:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
         opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts)
@@ -54,7 +56,7 @@ class LogSession:
         self._against = found[len(found) - len(against) :]
         self._notes = (*self.bench.notes, *notes)
         self.failures = FailureDesk(self.bench)
-        self.effects = EffectsDesk(self.bench)
+        self.effects = EffectsDesk(self.bench, folder or Path.cwd())
         self.compensations = CompensationDesk(self.bench, gp_name)
         self._recorded: dict[str, Scene] = {}
 

@@ -53,8 +53,8 @@ PATH_POINTS = 600
 class EffectsDesk:
     """Implements `viewer.analysis.Effects` on a bench."""
 
-    def __init__(self, bench: Bench) -> None:
-        self.bench = bench
+    def __init__(self, bench: Bench, folder: Path) -> None:
+        self.bench, self.folder = bench, folder
         self._held_out: dict[tuple[str, ...], Array] = {}
 
     # ------------------------------------------------------------ the model as it stands
@@ -158,12 +158,10 @@ class EffectsDesk:
         """Do again what was taken back."""
         self.bench.redo()
 
-    def save(self, path: Path, *, overwrite: bool = False) -> str:
+    def save(self, name: str, *, overwrite: bool = False) -> str:
         """Write the model with its history, one version for every change; what was written, in words."""
-        bench = self.bench
+        bench, path = self.bench, self._place(name)
         with bench.lock:
-            if path.suffix != ".toml":
-                raise UsageError(f"{path}: models are written as TOML; expected a name that ends in .toml")
             if path.exists() and not overwrite:
                 raise UsageError(f"{path}: exists already; choose another name or tick 'overwrite'")
             stands = bench.stands
@@ -182,14 +180,19 @@ class EffectsDesk:
             count = len(saved.history)
             return f"{path}: written" + (f", version {saved.history[-1].number}" if count else "")
 
-    def save_trajectory(self, found: NextFlight, path: Path) -> str:
+    def save_trajectory(self, found: NextFlight, name: str) -> str:
         """Write a designed flight as a trajectory file; never over another one."""
-        if path.suffix != ".toml":
-            raise UsageError(f"{path}: trajectories are written as TOML; expected a name that ends in .toml")
+        path = self._place(name)
         claim({"file": path}, force=False)
         with atomic(path) as partial:
             partial.write_text(found.text, encoding="utf-8")
         return f"{path}: written; fly it, or `wrenchgap simulate -t {path}`"
+
+    def _place(self, name: str) -> Path:
+        """Where a file of this name goes: into the session's folder and nowhere else, whoever sees the page."""
+        if Path(name).name != name or not name.endswith(".toml") or name.startswith("."):
+            raise UsageError(f"{name or 'file'}: expected a name that ends in .toml; it is written to {self.folder}")
+        return self.folder / name
 
     # ------------------------------------------------------------ the staircase
 
@@ -281,7 +284,7 @@ class EffectsDesk:
             )
             return _ranking(found, flight, name)
 
-        return apart(work, report)
+        return apart(work, report, self.bench.lock)
 
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> NextFlight:
         """Search for the flight that tells these effects apart; takes long, in a process of its own."""
@@ -307,7 +310,7 @@ class EffectsDesk:
                 trajectory_file.dumps(file),
             )
 
-        return apart(work, report)
+        return apart(work, report, self.bench.lock)
 
 
 def _rms(residual: Array) -> Array:

@@ -51,7 +51,7 @@ class FailureDesk:
         def work(tell: Report) -> Array | None:
             return held_out_process(data, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
 
-        return _budget(data, nominal, left, apart(work, report), "fitted")
+        return _budget(data, nominal, left, apart(work, report, self.bench.lock), "fitted")
 
     def _made(self, flight: str) -> Failure:
         bench = self.bench

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -257,11 +256,11 @@ class Effects(Protocol):
     def redo(self) -> None:
         """Do again what was taken back."""
 
-    def save(self, path: Path, *, overwrite: bool = False) -> str:
-        """Write the model with its history; what was written, in words."""
+    def save(self, name: str, *, overwrite: bool = False) -> str:
+        """Write the model with its history into the session's folder; what was written, in words."""
 
-    def save_trajectory(self, found: NextFlight, path: Path) -> str:
-        """Write a designed flight as a trajectory file; what was written, in words."""
+    def save_trajectory(self, found: NextFlight, name: str) -> str:
+        """Write a designed flight as a trajectory file into the session's folder; what was written, in words."""
 
     def explain(self, flight: str, report: Report) -> Ranking:
         """Search for what is missing; takes long."""

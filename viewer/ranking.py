@@ -132,6 +132,12 @@ def inside(state: ModelState) -> str:
     return markup.box(markup.table(("", "+- one standard deviation"), rows, left=2))
 
 
+def lacking(state: ModelState) -> str:
+    """What this flight or this model does not allow, and why."""
+    words = (f"not here: {', '.join(names)}: {reason}" for reason, names in state.lacking)
+    return markup.box(*(markup.paragraph(markup.text(w), colour="#777") for w in words))
+
+
 def _value(value: Value) -> str:
     unit, factor = finer(value)
     spread = "" if value.std is None else f" +- {markup.number(factor * value.std, 2)}"

@@ -200,13 +200,13 @@ def test_removing_takes_the_sliders_along(page, effects):
     assert effects.back.label == "Undo: fit on train"
 
 
-def test_what_cannot_be_done_is_said_and_changes_nothing(page, effects, tmp_path):
+def test_what_cannot_be_done_is_said_and_changes_nothing(page, effects):
     before = effects.stairs.content
     move(effects.choice, "-")
     press(effects.put)
     move(effects.pair, "servo_lag")
     press(effects.design.button)
-    move(effects.path, str(tmp_path / "model.txt"))
+    move(effects.path, "../model.toml")
     press(effects.save)
     move(effects.path, "")
     press(effects.save)
@@ -219,9 +219,10 @@ def test_what_cannot_be_done_is_said_and_changes_nothing(page, effects, tmp_path
 
 
 def test_the_model_is_saved_and_not_overwritten_unasked(page, effects, tmp_path):
+    page.session.effects.folder = tmp_path
     effects.add("com_offset")
     assert "not saved" in effects.stairs.content
-    move(effects.path, str(tmp_path / "fitted.toml"))
+    move(effects.path, "fitted.toml")
     press(effects.save)
     assert "not saved" not in effects.stairs.content
     effects.add("inertia")
@@ -300,7 +301,8 @@ def test_a_group_leads_to_the_flight_that_tells_it_apart(page, effects, eventual
     assert asked == [(("servo_lag", "command_delay"), "train")]
     assert "tells them apart" in effects.plan.content
     assert NEXT in page.drawing._curves
-    move(effects.plan_path, str(tmp_path / "next.toml"))
+    page.session.effects.folder = tmp_path
+    move(effects.plan_path, "next.toml")
     press(effects.plan_save)
     assert (tmp_path / "next.toml").read_text() == "x = 1\n"
     press(effects.plan_save)

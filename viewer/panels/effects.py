@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import viser
@@ -62,6 +61,7 @@ class EffectsPanel(Panel):
             self.choice = gui.add_dropdown("by name", ("-",))
             self.put = gui.add_button("Add effect", icon=viser.Icon.PLUS)
             self.put.on_click(page.guarded(lambda _: self.add(self.choice.value)))
+            self.lacking = gui.add_html("")
 
     def _installed(self) -> None:
         gui, page = self.page.server.gui, self.page
@@ -93,7 +93,7 @@ class EffectsPanel(Panel):
         gui, page = self.page.server.gui, self.page
         with gui.add_folder("Save the model"):
             self.path = gui.add_text(
-                "file", "fitted.toml", hint="Where the page was started, unless a folder is named."
+                "file", "fitted.toml", hint="Written into the folder in which the page was started."
             )
             self.overwrite = gui.add_checkbox("overwrite", False, hint="Replace the file if it is there.")
             self.save = gui.add_button("Save model", icon=viser.Icon.DEVICE_FLOPPY)
@@ -114,6 +114,7 @@ class EffectsPanel(Panel):
         self.back.label, self.back.visible = f"Undo: {state.undo}", bool(state.undo)
         self.again.label, self.again.visible = f"Redo: {state.redo}", bool(state.redo)
         self.choice.options = state.available or ("-",)
+        self.lacking.content = ranking.lacking(state)
         self.inside.content = ranking.inside(state)
         self.sliders.show(state.installed)
         self.refit.visible = bool(state.installed)
@@ -197,10 +198,10 @@ class EffectsPanel(Panel):
 
     def _save_plan(self) -> None:
         if self.designed is not None:
-            self.page.notify(self.effects.save_trajectory(self.designed, Path(self.plan_path.value)))
+            self.page.notify(self.effects.save_trajectory(self.designed, self.plan_path.value.strip()))
 
     def _saved(self) -> None:
-        words = self.effects.save(Path(self.path.value.strip() or "."), overwrite=self.overwrite.value)
+        words = self.effects.save(self.path.value.strip(), overwrite=self.overwrite.value)
         self.overwrite.value = False
         self.page.refresh()
         self.page.notify(words)

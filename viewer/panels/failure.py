@@ -77,6 +77,8 @@ class FailurePanel(Panel):
         self.work.cancel()
         self.failure = self.failures.of(scene.name)
         self.budget = self.failure.budget
+        for k in range(len(VIEWS)):
+            self._most.setdefault((scene.name, k), _largest(self.failure, k))
         self._draw()
 
     def _ask(self) -> None:
@@ -134,7 +136,9 @@ class FailurePanel(Panel):
                 f'<div style="display:flex;min-height:23px"><div style="width:22%;padding-top:3px">{markup.text(words)}'
                 f'</div><div style="width:78%;display:flex">{cells}</div></div>'
             )
-        names = "".join(f'<div style="{SHARE};text-align:center">{markup.text(w)}</div>' for w in grid.x_words)
+        names = "".join(
+            f'<div style="{SHARE};text-align:center">{markup.text(w.rsplit(" ", 1)[0])}</div>' for w in grid.x_words
+        )
         foot = '<div style="display:flex;font-size:10px"><div style="width:22%"></div>'
         foot += f'<div style="width:78%;display:flex">{names}</div></div>'
         title = f"{markup.text(grid.y_label)} (up) and {markup.text(grid.x_label)} (right)"
@@ -155,16 +159,13 @@ class FailurePanel(Panel):
             f"worst at {at:.2f} s"
         )
         style = f"{CELL}background:{back};color:{front};"
-        content = f"{scale.factor * value:.{scale.decimals}f}"
+        content = f"{round(scale.factor * value, scale.decimals) + 0.0:.{scale.decimals}f}"  # no -0
         return self.links.to(partial(self.page.cursor.go, at), content, style, markup.text(title))
 
     def _scale(self, failure: Failure) -> Scale:
         """Colours as the flight was opened, so that they fade when an effect takes the error off; letters as it is."""
         k = VIEWS.index(self.view.value)
-        grid = () if failure.grid is None else failure.grid.rows
-        cells = [c for q in failure.quantities for c in q.cells] + [c for row in grid for c in row if c is not None]
-        largest = max((float(c.rms[k]) for c in cells), default=1.0)
-        most = self._most.setdefault((failure.flight, k), largest)
+        largest, most = _largest(failure, k), self._most[failure.flight, k]
         milli = largest < 0.1
         shown = largest * (1e3 if milli else 1.0)
         decimals = max(0, 1 - int(np.floor(np.log10(max(shown, 1e-3)))))
@@ -207,3 +208,10 @@ class FailurePanel(Panel):
         head = markup.heading("what the nominal model's error is made of (mean square)")
         body = markup.table(("axis", markup.wide(110), "rms", "open"), rows, left=2)
         return markup.box(head, legend, body)
+
+
+def _largest(failure: Failure, k: int) -> float:
+    """The largest rms of any cell in a view."""
+    grid = () if failure.grid is None else failure.grid.rows
+    cells = [c for q in failure.quantities for c in q.cells] + [c for row in grid for c in row if c is not None]
+    return max((float(c.rms[k]) for c in cells), default=1.0)

@@ -61,13 +61,13 @@ class OutPanel(Panel):
             scene, time = self.page.scene, self.page.cursor.time
             words = [f"{scene.name}, {time:.2f} s", *self.page.drawing.scale.words().split(", ")]
             image = png(render, self.page.scene_panel.legend_rows(), words)
-        client.send_file_download(f"{scene.name}_{time:.2f}s.png", image)
+        _download(client, f"{scene.name}_{time:.2f}s.png", image)
 
     def _table(self, event: Any) -> None:
         plots = [chart.plot for chart in self.page.board.charts.values()]
         view = self.page.transport.view
         name = f"{self.page.scene.name}_{view.start:.2f}-{view.stop:.2f}s.csv"
-        event.client.send_file_download(name, table(plots, view.start, view.stop).encode())
+        _download(event.client, name, table(plots, view.start, view.stop).encode())
 
     def _report(self, event: Any) -> None:
         """Write the report beside the page; a second click gives it up."""
@@ -84,7 +84,7 @@ class OutPanel(Panel):
 
         def done(text: str) -> None:
             self._idle()
-            client.send_file_download(f"{flight}_report.html", text.encode())
+            _download(client, f"{flight}_report.html", text.encode())
 
         def failed(error: Exception) -> None:
             self._idle()
@@ -100,7 +100,7 @@ class OutPanel(Panel):
     def _save(self, event: Any) -> None:
         view = self.page.saved_view(event.client)
         self.text.value = view.to_text()
-        event.client.send_file_download(f"{view.flight}_{view.time:.2f}s.view.json", view.to_text().encode())
+        _download(event.client, f"{view.flight}_{view.time:.2f}s.view.json", view.to_text().encode())
 
     def _uploaded(self, event: Any) -> None:
         content = self.open.value.content
@@ -111,3 +111,7 @@ class OutPanel(Panel):
     def _pasted(self, event: Any) -> None:
         if event.client_id is not None and self.text.value.strip().endswith("}"):
             self.page.restore(parse(self.text.value, "view as text"), event.client)
+
+
+def _download(client: Any, name: str, content: bytes) -> None:
+    client.send_file_download(name, content, save_immediately=True)
