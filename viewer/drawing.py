@@ -51,6 +51,7 @@ class Shown:
     uncertainty: bool = True
     reference: bool = True
     path: bool = True
+    shadows: bool = False
     along: str = NOTHING
     spacing: float = 0.5
     follow: bool = True
@@ -86,6 +87,7 @@ class Drawing:
         self._paths: list[Any] = []
         self._trail: Any = None
         self._curves: dict[str, Any] = {}
+        self._shadows: bool | None = None
 
     @property
     def body(self) -> Any:
@@ -120,6 +122,9 @@ class Drawing:
         self._show_path(flight, index, shown.path)
         self._show_along(flight, shown)
         self._show_ghost(float(flight.time[index]))
+        if shown.shadows != self._shadows:
+            self._shadows = shown.shadows
+            self._scene.configure_default_lights(cast_shadow=shown.shadows)
 
     def curve(self, name: str, points: Array | None, colour: Colour = (20, 160, 150)) -> None:
         """Draw a curve (N, 3) [m] in E under a name, in place of what had that name; None takes it away."""

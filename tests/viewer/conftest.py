@@ -1,0 +1,149 @@
+"""A real browser for the tests marked `browser`, two short logs, and pages on them.
+
+Without Chromium or Playwright these tests are skipped, except in CI (CI=true), where that is a failure. One browser
+serves the whole run; each module has its own page on its own session.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flight
+from plant import model_file
+from replay.session import LogSession
+from replay.simulation import Plan, fly, provenance
+from viewer.page import Page
+
+OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+WEBGL_WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+FIVE_FRAMES = """() => new Promise(done => { const start = performance.now(); let left = 5;
+    const frame = () => --left ? requestAnimationFrame(frame) : done((performance.now() - start) / 1000);
+    requestAnimationFrame(frame); })"""
+"""Seconds that five frames take: many while the shaders are compiled, which a CPU does slowly."""
+PATIENCE = 20.0
+"""Seconds after which something that should happen on the page did not."""
+
+
+def lacking(what: str) -> None:
+    """Skip, or in CI fail, because the browser cannot be driven."""
+    text = f"{what}; tests in a browser need: apt-get install chromium, and playwright from requirements.lock"
+    (pytest.fail if os.environ.get("CI", "").lower() == "true" else pytest.skip)(text)
+
+
+def eventually(condition: Callable[[], Any], words: str = "", seconds: float = PATIENCE) -> Any:
+    """Poll until true and return what it gave; fails with `words` otherwise."""
+    end = time.monotonic() + seconds
+    while True:
+        found = condition()
+        if found:
+            return found
+        assert time.monotonic() < end, words or "waited in vain"
+        time.sleep(0.03)
+
+
+@pytest.fixture(name="eventually", scope="session")
+def _eventually() -> Callable[..., Any]:
+    """The function of that name, for the modules."""
+    return eventually
+
+
+class Visitor:
+    """One client: a tab of the browser on a page. `errors` are what its console complained about."""
+
+    def __init__(self, browser: Any, url: str, width: int = 1120, height: int = 620) -> None:
+        self.tab = browser.new_page(viewport={"width": width, "height": height})
+        self.errors: list[str] = []
+        self.tab.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
+        self.tab.goto(url)
+        self.tab.wait_for_selector("canvas", timeout=1000 * PATIENCE)
+        self.tab.wait_for_function("window.__viserSceneTree?.getState()['/world/body']", timeout=1000 * PATIENCE)
+        self.tab.wait_for_selector("text=torque x", timeout=1000 * PATIENCE)
+        eventually(lambda: self.tab.evaluate(FIVE_FRAMES) < 1.0, "the page never runs smoothly", 4 * PATIENCE)
+        self.tab.locator(".mantine-Notification-closeButton").first.click()  # that WebGL runs without a GPU
+
+    def node(self, name: str) -> dict[str, Any]:
+        """Pose of a scene node in its parent, and whether it is drawn: those of the three.js object itself."""
+        found: dict[str, Any] = self.tab.evaluate(
+            """n => { const o = window.__viserMutable.nodeRefFromName[n], p = o.position, q = o.quaternion;
+                return {position: [p.x, p.y, p.z], wxyz: [q.w, q.x, q.y, q.z], visible: o.visible}; }""",
+            name,
+        )
+        return found
+
+    def stands(self, name: str, position: Any, wxyz: Any) -> bool:
+        """Whether a node has this pose, to 2 mm and 3 mrad: the log's noise is in both, but at other stamps."""
+        node = self.node(name)
+        near = np.allclose(node["position"], position, atol=2e-3)
+        return bool(near and math.isclose(abs(float(np.dot(node["wxyz"], wxyz))), 1.0, abs_tol=1e-6))
+
+    def text(self) -> str:
+        """All text on the page."""
+        return str(self.tab.inner_text("body"))
+
+    def close(self) -> None:
+        """Leave the page."""
+        self.tab.close()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A headless Chromium."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        lacking("Playwright is not installed")
+    path = next((found for name in CHROMIUM if (found := shutil.which(name))), None)
+    if path is None:
+        lacking("no Chromium on this machine")
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=path, args=list(WEBGL_WITHOUT_GPU))
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Logs of two flights with a hidden offset of the centre of mass: train and test."""
+    folder = tmp_path_factory.mktemp("flown")
+    believed = model_file.load("tilt_hexarotor")
+    paths = []
+    for name, trajectory, excitation in (("train", "multi_axis", 1.0), ("test", "figure8", 0.0)):
+        plan = Plan(believed, trajectory, 12.0, excitation, 1, None, (OFFSET,))
+        paths.append(folder / f"{name}.mcap")
+        flight.write(fly(plan, name=name), paths[-1], metadata=provenance(plan))
+    return paths[0], paths[1]
+
+
+@pytest.fixture(scope="module")
+def page(flown: tuple[Path, Path]) -> Iterator[Page]:
+    """A page on both flights, as `wrenchgap view` makes it."""
+    made = Page(LogSession(flown, model_file.load("tilt_hexarotor")), port=0)
+    yield made
+    made.stop()
+
+
+@pytest.fixture(scope="module")
+def visitor(browser: Any, page: Page) -> Iterator[Visitor]:
+    """A client on that page."""
+    found = Visitor(browser, page.url)
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def second(browser: Any, page: Page) -> Iterator[Visitor]:
+    """Another client on the same page."""
+    found = Visitor(browser, page.url, 1000, 500)
+    yield found
+    found.close()

@@ -1,0 +1,197 @@
+"""The page as a user meets it: a real browser, a real server, logs on disk."""
+
+import io
+import json
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import flight
+from flight import so3
+from viewer.saved_view import parse
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def logged(flown):
+    """The odometry of both logs as they lie on disk, read past everything that the viewer uses."""
+    return {path.stem: flight.load(path).odometry for path in flown}
+
+
+def logged_pose(odometry, at):
+    position = [np.interp(at, odometry.time, column) for column in odometry.position_E.T]
+    return np.array(position), so3.interpolate(np.array([at]), odometry.time, odometry.quat_EB)[0]
+
+
+@pytest.fixture(autouse=True)
+def at_rest(page):
+    """Every test begins with the first flight at its start, nothing playing."""
+    page.open("train")
+    yield
+    page.transport.playing(False)
+
+
+def test_page_loads_without_complaints(visitor):
+    seen = visitor.text()
+    for words in ("wrenchgap", "torque x", "commanded", "measured", "Legend", "Play"):
+        assert words in seen
+    assert visitor.errors == []
+
+
+def test_playing_moves_the_frames_as_the_log_says(page, visitor, logged, eventually):
+    """Three times the play button is pressed and released; the poses in the browser are those of the log."""
+    times = []
+    for _ in range(3):
+        visitor.tab.get_by_role("button", name="Play").click()
+        begin = page.cursor.time
+        eventually(lambda begin=begin: page.cursor.time > begin + 0.8, "it does not play")
+        visitor.tab.get_by_role("button", name="Pause").click()
+        eventually(lambda: not page.cursor.playing, "it does not pause")
+        times.append(page.cursor.time)
+        position, quat = logged_pose(logged["train"], page.scene.time[page.cursor.index])
+        eventually(lambda p=position, q=quat: visitor.stands("/world/body", p, q), f"wrong pose at {times[-1]:.2f} s")
+    assert times[0] < times[1] < times[2]
+    poses = [logged_pose(logged["train"], t)[0] for t in times]
+    assert min(np.linalg.norm(poses[1] - poses[0]), np.linalg.norm(poses[2] - poses[1])) > 1e-3, "nothing moved"
+
+
+def test_cursor_line_stands_where_the_axis_says(page, visitor, eventually):
+    """The line drawn over a chart is at the pixel at which the chart itself would draw that time."""
+    page.cursor.go(7.3)
+    drawn = """() => [...document.querySelectorAll('.wg-cursor')].map(e => e.getBoundingClientRect().x).sort()"""
+    charted = """t => Object.values(window.__viserTestpoints.uplots).map(({chart}) =>
+        chart.over.getBoundingClientRect().x + chart.valToPos(t, 'x')).sort()"""
+
+    def agree():
+        lines, places = visitor.tab.evaluate(drawn), visitor.tab.evaluate(charted, 7.3)
+        return len(lines) == len(places) > 3 and np.allclose(lines, places, atol=1.5)
+
+    eventually(agree, f"{visitor.tab.evaluate(drawn)} {visitor.tab.evaluate(charted, 7.3)}")
+
+
+def test_a_second_client_sees_the_same(page, visitor, second, logged, eventually):
+    page.cursor.go(5.0)
+    pose = logged_pose(logged["train"], page.scene.time[page.cursor.index])
+    for client in (visitor, second):
+        eventually(lambda client=client: client.stands("/world/body", *pose), "not the same pose")
+    second.tab.get_by_role("button", name="+1 s").click()
+    pose = logged_pose(logged["train"], 6.0)
+    for client in (visitor, second):
+        eventually(lambda client=client: client.stands("/world/body", *pose), "only one client moved")
+
+
+def test_a_client_that_leaves_disturbs_nobody(page, visitor, browser, eventually):
+    with_two = type(visitor)(browser, page.url)
+    page.transport.playing(True)
+    with_two.close()
+    eventually(lambda: len(page.server.get_clients()) == 1, "the client is still counted")
+    begin = page.cursor.time
+    eventually(lambda: page.cursor.time != begin, "playing stopped")
+    assert visitor.errors == []
+
+
+def test_another_log_opens_with_the_same_layout(page, visitor, logged, eventually):
+    page.scene_panel.frames.value = True
+    page.transport.zoom.value = "5 s"
+    visitor.tab.get_by_text("Tracking", exact=True).click()
+    page.open("test")
+    eventually(lambda: visitor.stands("/world/body", *logged_pose(logged["test"], page.scene.time[0])), "old flight")
+    visitor.tab.wait_for_selector("text=attitude error")
+    assert page.scene_panel.frames.value
+    assert page.board.view.stop - page.board.view.start == pytest.approx(5.0)
+    assert "torque x" not in visitor.text(), "the tab of the plots changed"
+    visitor.tab.get_by_text("Wrench", exact=True).click()
+    page.scene_panel.frames.value = False
+    page.transport.zoom.value = "whole flight"
+
+
+def test_a_bad_value_in_a_field_does_not_kill_the_page(page, visitor, logged, eventually):
+    """Letters in the box of the time, a number beyond the flight, and nonsense where a saved view belongs."""
+    box = visitor.tab.locator(".mantine-NumberInput-input").first
+    for typed in ("abc", "1e99", "-7", ""):
+        box.fill(typed)
+        box.press("Enter")
+    visitor.tab.get_by_text("Out", exact=True).click()
+    field = visitor.tab.locator(".mantine-TextInput-input:visible").last
+    field.fill('{"schema": 5}')
+    visitor.tab.wait_for_selector("text=expected 'wrenchgap.view/1'")
+    visitor.tab.get_by_text("Scene", exact=True).click()
+    page.cursor.go(3.0)
+    pose = logged_pose(logged["train"], page.scene.time[page.cursor.index])
+    eventually(lambda: visitor.stands("/world/body", *pose), "the page died")
+    visitor.tab.get_by_role("button", name="+1 s").click()
+    eventually(lambda: abs(page.cursor.time - 4.0) < 1e-6, "buttons no longer work")
+
+
+def test_keys_play_and_step(page, visitor, eventually):
+    visitor.tab.locator("canvas[data-engine]").click(position={"x": 100, "y": 500})
+    begin = page.cursor.time
+    visitor.tab.keyboard.press("l")
+    eventually(lambda: page.cursor.time > begin, "L does not step")
+    visitor.tab.keyboard.press("Space")
+    eventually(lambda: page.cursor.playing, "space does not play")
+    visitor.tab.keyboard.press("Space")
+    eventually(lambda: not page.cursor.playing, "space does not pause")
+
+
+def test_picture_table_and_view_come_out_of_the_page(page, visitor, tmp_path):
+    page.cursor.go(6.0)
+    visitor.tab.get_by_text("Out", exact=True).click()
+
+    def downloaded(button):
+        with visitor.tab.expect_download() as waiting:
+            visitor.tab.get_by_role("button", name=button).click()
+        return waiting.value.suggested_filename, waiting.value.path().read_bytes()
+
+    name, content = downloaded("PNG of the view")
+    picture = np.asarray(Image.open(io.BytesIO(content)))
+    assert name.endswith(".png")
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500, "an empty picture"
+    name, content = downloaded("CSV of what is plotted")
+    lines = content.decode().splitlines()
+    columns = lines[0].split(",")
+    rows = np.genfromtxt(lines[1:], delimiter=",")
+    shown = page.scene.wrenches["measured"][:, 3]
+    assert "torque x measured [Nm]" in columns
+    assert rows[:, columns.index("torque x measured [Nm]")] == pytest.approx(shown, nan_ok=True, rel=1e-6)
+    name, content = downloaded("Save view")
+    view = parse(content.decode())
+    assert (view.flight, view.time) == ("train", pytest.approx(6.0))
+    assert json.loads(content)["camera"] is not None
+    page.cursor.go(1.0)
+    page.restore(view)
+    assert page.cursor.time == pytest.approx(6.0)
+    visitor.tab.get_by_text("Scene", exact=True).click()
+
+
+def test_only_the_cursor_is_sent_while_playing(page, visitor, eventually):
+    """A second of playing is some hundred kilobytes, and no chart is among it."""
+    sent = {"bytes": 0, "charts": 0}
+    queue = page.server._websock_server.get_message_buffer().push
+
+    def counted(message, *rest):
+        updates = getattr(message, "updates", {})
+        sent["charts"] += "data" in updates
+        return queue(message, *rest)
+
+    page.server._websock_server.get_message_buffer().push = counted
+    try:
+        page.transport.playing(True)
+        begin = page.cursor.time
+        eventually(lambda: page.cursor.time > begin + 1.0)
+    finally:
+        page.transport.playing(False)
+        page.server._websock_server.get_message_buffer().push = queue
+    assert sent["charts"] == 0
+
+
+def test_screenshot_of_the_page_has_a_vehicle_in_it(page, visitor, tmp_path):
+    page.cursor.go(6.0)
+    time.sleep(0.5)
+    picture = Image.open(io.BytesIO(visitor.tab.screenshot()))
+    scene = np.asarray(picture.convert("RGB"))[:, 480:760]
+    dark = (scene.max(axis=2) < 110).sum()
+    assert dark > 500, "no hull to be seen"
