@@ -21,6 +21,16 @@ def groups(model: MismatchModel) -> tuple[str, ...]:
     return model.settings.inputs if isinstance(model, GaussianProcess) else ()
 
 
+def check(names: Sequence[str], record: Record) -> None:
+    """Raise FitError for a group that needs a pose where the log has none."""
+    missing = [name for name in names if name in POSED]
+    if missing and not record.has_pose:
+        raise FitError(
+            f"{record.flight}: input {', '.join(missing)} needs odometry, which the log lacks; map it with "
+            "--topic odometry=/your/topic, or learn a GP without this input (--inputs)"
+        )
+
+
 def process_inputs(names: Sequence[str], record: Record) -> Array:
     """Commands (K, 6) and the columns of the groups `names` behind them, filtered as the measurement is.
 
@@ -28,11 +38,7 @@ def process_inputs(names: Sequence[str], record: Record) -> Array:
     """
     if not names:
         return record.commanded
-    missing = [name for name in names if name in POSED]
-    if missing and not record.has_pose:
-        raise FitError(
-            f"{record.flight}: input {', '.join(missing)} needs odometry, which the log lacks; leave it out of --inputs"
-        )
+    check(names, record)
     wrench = record.commands.wrench_B
     sent = np.concatenate((wrench[:1], wrench[:-1]))
     extra, _ = extra_inputs(names, sent, record.state, record.dt)

@@ -71,6 +71,19 @@ class State:
             None if self.voltage is None else self.voltage[index],
         )
 
+    @staticmethod
+    def joined(parts: Sequence[State]) -> State:
+        """One after the other; the voltage is known where it is in all."""
+        voltages = [s.voltage for s in parts if s.voltage is not None]
+        return State(
+            np.concatenate([s.time for s in parts]),
+            np.concatenate([s.position_E for s in parts]),
+            np.concatenate([s.quat_EB for s in parts]),
+            np.concatenate([s.velocity_E for s in parts]),
+            np.concatenate([s.omega_B for s in parts]),
+            np.concatenate(voltages) if len(voltages) == len(parts) else None,
+        )
+
 
 @dataclass(frozen=True)
 class Rates:

@@ -73,7 +73,12 @@ def change(
     gains: Sequence[str] = (),
     believe: Model | None = None,
 ) -> Change:
-    """What the options of the command line ask for; `period` [s] is that of the control loop."""
+    """What the options of the command line ask for; `period` [s] is that of the control loop.
+
+    Raises UsageError, ModelError or FitError for options that ask for nothing that can be.
+    """
+    if lead is not None and gp is None:
+        raise UsageError(f"--lead {lead:g}: leads the lags in a compensation, and there is none; give one with --gp")
     plant = set_by_hand(model.without(without), with_) if without or with_ else None
     words = [f"without {name}" for name in without] + [f"with {text}" for text in with_]
     words += [f"gains {text}" for text in gains]

@@ -24,6 +24,7 @@ from compensate import Compensator, Settings
 from flight.errors import LogError, UsageError
 from flight.flight import AXES, ActuatorSeries, Flight, WrenchSeries
 from learn.gp import GaussianProcess
+from learn.inputs import check
 from learn.measurement import CUTOFF_HZ, from_actuators
 from plant.allocation import Allocation, Saturation
 from plant.mismatch import Conditioning, conditioning, output_indices
@@ -33,13 +34,12 @@ from plant.state import State
 from plant.wrench_model import about_origin
 from replay import compensating
 from replay.comparison import Predictor, predictors
-from replay.flights import opened
+from replay.flights import check_effects, opened
 
 Array = NDArray[np.float64]
 Source = Literal["desired", "commanded"]
 Progress = Callable[[float, str], None]
 
-MOTION = ("time", "position_E", "quat_EB", "velocity_E", "omega_B")
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""
 
@@ -145,7 +145,7 @@ def replay(
     starts = np.unique([0, *(int(np.searchsorted(series.time, gap.stop)) for gap in series.gaps)])
     starts = starts[starts < len(series.time)]
     compensated = compensating.compensator(gp, model, settings, lead=lead)
-    motion = _motion(flight, model, series, logged) if compensated.needs_state else None
+    motion = _motion(flight, model, compensated, gp, series, logged) if compensated.needs_state else None
     with threadpool_limits(1):
         steps, before, after = _run(compensated, series.wrench_B, motion, starts, progress)
         stride = max(1, len(series.time) // CONDITIONED)
@@ -224,14 +224,24 @@ def _input(flight: Flight, logged: WrenchSeries | None, source: Source | None) -
     )
 
 
-def _motion(flight: Flight, model: Model, series: WrenchSeries, logged: WrenchSeries | None) -> State:
+def _motion(
+    flight: Flight,
+    model: Model,
+    compensator: Compensator,
+    gp: GaussianProcess,
+    series: WrenchSeries,
+    logged: WrenchSeries | None,
+) -> State:
     """The state last known at every stamp of `series`, for what depends on it."""
     known = replace(flight, commanded=series if logged is None else logged, notes=())
     if flight.imu is None and flight.odometry is None:
         raise LogError(f"{flight.path.name}: this GP depends on the motion, and the log has neither IMU nor odometry")
     records = opened(known, model).records
-    states = [r.state for r in records]
-    every = State(*(np.concatenate([getattr(s, name) for s in states]) for name in MOTION))
+    for record in records:
+        check(gp.settings.inputs, record)
+    if compensator.physics is not None:
+        check_effects(compensator.physics.model.effects, model, records)
+    every = State.joined([r.state for r in records])
     return every.take(np.maximum(np.searchsorted(every.time, series.time, side="right") - 1, 0))
 
 
@@ -318,6 +328,7 @@ def _predictions(
         after = opened(new, model, cutoff_hz=cutoff, rate_hz=every)
     except LogError as error:  # a short log: still worth a replay
         return unknown, unknown, unknown, (*notes, f"no measured wrench: {error}")
+    check_effects(predictor.model.effects, model, before.records)
     return (
         _at(series.time, [(r.time, r.measured) for r in before.records]),
         _at(series.time, [(r.time, predictor.predict(r, model.vehicle.body)) for r in before.records]),

@@ -12,9 +12,11 @@ import numpy as np
 import flight
 from flight.errors import FitError, LogError
 from flight.flight import Flight, Samples
+from learn.fit import inapplicable
 from learn.measurement import CUTOFF_HZ, Record, low_pass, prepare
 from plant.model import Model
 from plant.vehicle import GRAVITY, Vehicle
+from plant.wrench_model import ModelEffect
 
 GROUNDED = 0.3
 """Share of the weight below which the commanded force cannot be what carries the vehicle."""
@@ -133,6 +135,18 @@ def _part(samples: Samples, rows: slice) -> Samples:
     every = {f.name: getattr(samples, f.name) for f in fields(Samples)}
     arrays: dict[str, Any] = {name: value[rows] for name, value in every.items() if isinstance(value, np.ndarray)}
     return replace(samples, **arrays)
+
+
+def check_effects(effects: Sequence[ModelEffect], model: Model, records: Sequence[Record]) -> None:
+    """Raise FitError, in one line, where one of the effects needs what a log lacks: rotors, pose or voltage."""
+    for item in effects:
+        for record in records:
+            reason = inapplicable(item.name, model, [record])
+            if reason is not None:
+                raise FitError(
+                    f"{record.flight}: {reason}, or take the effect out of the model with "
+                    f"`wrenchgap remove {item.name}`"
+                )
 
 
 def _never_flew(found: Flight, model: Model) -> str:

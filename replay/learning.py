@@ -30,7 +30,7 @@ from plant.mismatch import conditioning, output_indices
 from plant.model import Model
 from plant.model_file import content_hash, tool_version
 from replay.comparison import Comparison, Predictor, compare
-from replay.flights import OpenFlight
+from replay.flights import OpenFlight, check_effects
 
 Array = NDArray[np.float64]
 
@@ -216,7 +216,11 @@ def parse_outputs(text: str) -> tuple[str, ...]:
 
 
 def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = ()) -> Samples:
-    """Inputs and mismatches of all records, thinned to at least 1 / (2 f_c)."""
+    """Inputs and mismatches of all records, thinned to at least 1 / (2 f_c).
+
+    Raises FitError where an effect of the model, or a group of inputs, needs what a log lacks.
+    """
+    check_effects(model.effects, model, records)
     physics = Predictor("physics", model.wrench_model)
     inputs, outputs = [], []
     spacing = 0.0
