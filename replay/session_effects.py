@@ -200,11 +200,13 @@ class EffectsDesk:
         """Down to the model as it stands, on this flight and on those that it was not fitted to."""
         steps = self._steps()
         fitted = self._fitted_flights()
-        here = self._stairs(f"{flight} ({'fitted to it' if flight in fitted else 'not fitted to it'})", [flight], steps)
+        unseen = bool(self.bench.model.effects) and flight not in fitted
+        words = " (held out)" if unseen else " (fitted to it)" if flight in fitted else ""
+        here = self._stairs(f"{flight}{words}", [flight], steps, held_out=unseen)
         others = [n for n in self.bench.opened if n != flight and n not in fitted]
         if others:
             named = others[0] if len(others) == 1 else f"{len(others)} other flights"
-            return here, self._stairs(f"{named} (held out)", others, steps)
+            return here, self._stairs(f"{named} (held out)", others, steps, held_out=True)
         if flight in fitted or not self.bench.model.effects:
             blocks = self._held_out_blocks(flight)
             return (here,) if blocks is None else (here, blocks)
@@ -227,7 +229,7 @@ class EffectsDesk:
         used = {sha for e in self.bench.model.effects for _, sha in e.provenance.logs}
         return {name for name, one in self.bench.opened.items() if one.flight.content_hash in used}
 
-    def _stairs(self, title: str, flights: list[str], steps: list[tuple[str, Model]]) -> Staircase:
+    def _stairs(self, title: str, flights: list[str], steps: list[tuple[str, Model]], *, held_out: bool) -> Staircase:
         bench = self.bench
         weights = bench.data(flights[0]).weights
         stairs = []
@@ -236,7 +238,7 @@ class EffectsDesk:
             stairs.append(_stair(name, _rms(residual), weights))
         lengths = np.array([len(bench.data(f).measured) for f in flights], dtype=float)
         noise = np.sqrt(lengths @ np.array([bench.data(f).noise ** 2 for f in flights]) / lengths.sum())
-        return Staircase(title, tuple(stairs), _stair("sensor noise", noise, weights), title.endswith("(held out)"))
+        return Staircase(title, tuple(stairs), _stair("sensor noise", noise, weights), held_out)
 
     def _held_out_blocks(self, flight: str) -> Staircase | None:
         """Blocks of time of the only flight, each predicted by parameters that were fitted without it.

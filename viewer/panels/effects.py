@@ -12,6 +12,7 @@ from viewer import markup, ranking
 from viewer.analysis import Analysis, ModelState, NextFlight, Ranking, Staircase
 from viewer.links import Links
 from viewer.panel import Panel
+from viewer.session import Motion
 from viewer.sliders import EffectSliders
 from viewer.work import Work
 
@@ -188,9 +189,15 @@ class EffectsPanel(Panel):
         self.work.start(lambda report: self.effects.explain(flight, report), done)
 
     def _draw_plan(self, plan: NextFlight | None) -> None:
-        """Show a designed flight, in words and as a curve in the scene."""
+        """Show a designed flight: in words, as a curve in the scene, and as a ghost that flies it from the start."""
         self.designed = plan
         self.page.drawing.curve(NEXT, None if plan is None else plan.position_E, PATH)
+        if plan is not None:
+            start = float(self.page.scene.time[0])
+            motion = Motion(
+                plan.time + start, plan.position_E, plan.quat_ED, None, f"to tell {' from '.join(plan.names)}"
+            )
+            self.page.show_ghost(NEXT, motion)
         self.plan.content = "" if plan is None else ranking.plan(plan)
         shown = plan is not None
         self.plan_path.visible = self.plan_save.visible = shown and plan is not None and plan.separable
