@@ -59,7 +59,9 @@ class Work:
             self._ended()
 
     def _progress(self, share: float, words: str) -> None:
-        self.bar.value = 100.0 * min(max(share, 0.0), 1.0)
+        done = round(100.0 * min(max(share, 0.0), 1.0))
+        if self.bar.value != done:
+            self.bar.value = done
         if self.words.content != words:
             self.words.content = words
 

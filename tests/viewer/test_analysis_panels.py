@@ -1,5 +1,6 @@
 """The panels of the analysis without a browser: their handles are pressed and moved as viser does for a client."""
 
+import multiprocessing
 import re
 from dataclasses import replace
 from functools import partial
@@ -256,6 +257,14 @@ def test_a_cancelled_search_leaves_nothing_behind(page, effects, eventually):
     eventually(lambda: not any(job.is_alive() for job in page._jobs))
     assert effects.rankings == {}
     assert page.told == []
+
+
+def test_a_page_that_stops_leaves_no_search_running(flown, eventually):
+    page = Page(LogSession([flown[0]], MODEL), port=0)
+    press(panel_of(page, EffectsPanel).work.button)
+    eventually(multiprocessing.active_children)
+    page.stop()
+    eventually(lambda: not multiprocessing.active_children(), "the search goes on without its page")
 
 
 UNKNOWN = Ranking(
