@@ -27,8 +27,8 @@ HEIGHT = 128
 """Of a chart [px]."""
 X_AXIS, Y_AXIS, RIGHT = 24, 48, 10
 """Room for the axes' numbers and on the right [px]."""
-MARGIN, BORDER = 10, 1
-"""Around a chart, as viser sets it [px]."""
+MARGIN, BORDER = 9.25, 1.0
+"""Around a chart, as viser sets it [px]; its charts are wider than the room between the borders by one border."""
 TICKS = {"size": 4, "width": 1}
 READ_PERIOD = 0.1
 """Values at the cursor are renewed so often at most while it moves [s]: nobody reads faster."""
@@ -233,7 +233,7 @@ def _number(value: float) -> str:
 
 def _over(content: str) -> str:
     """Something drawn over the plotting area of the chart that follows, measured from its left in per cent."""
-    left, right = MARGIN + BORDER + Y_AXIS, MARGIN + BORDER + RIGHT
+    left, right = MARGIN + BORDER + Y_AXIS, MARGIN - BORDER + RIGHT
     return (
         '<div style="position:relative;height:0;z-index:3;pointer-events:none">'
         f'<div style="position:absolute;left:{left}px;right:{right}px;top:{MARGIN + BORDER + 4}px;'

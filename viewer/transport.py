@@ -22,6 +22,8 @@ ZOOMS = ("whole flight", "60 s", "30 s", "10 s", "5 s", "2 s", "A to B")
 NOWHERE = "-"
 STEPS = {"-1 s": -1.0, "< step": -1, "step >": 1, "+1 s": 1.0}
 """Labels, and by how many seconds (float) or instants (int) they move."""
+RESOLUTION = 0.001
+"""Of the slider [s]. It gets no finer number: its box would round that and send it back as if a user had typed it."""
 AHEAD = 0.05
 """Share of the range that lies behind the cursor after playing has turned the page."""
 
@@ -55,13 +57,16 @@ class Transport:
 
     def open(self, scene: Scene, *, keep: bool = False) -> None:
         """Take over a flight; with `keep`, it is the same one and marks stay."""
-        start, stop = float(scene.time[0]), float(scene.time[-1])
-        step = 10.0 ** np.floor(np.log10(max(float(np.median(np.diff(scene.time))), 1e-3)))
-        ticks = tuple((round(s.start, 3), "") for s in scene.worst)
+        start, stop = _rounded(float(scene.time[0])), _rounded(float(scene.time[-1]))
         self.slider.remove()
         with self._slot:
             self.slider = self._page.server.gui.add_slider(
-                "time [s]", start, max(stop, start + step), step, self._cursor.time, marks=ticks
+                "time [s]",
+                start,
+                max(stop, start + RESOLUTION),
+                RESOLUTION,
+                float(np.clip(_rounded(self._cursor.time), start, stop)),
+                marks=tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop),
             )
         self.slider.on_update(self._page.guarded(self._dragged))
         if not keep:
@@ -131,7 +136,7 @@ class Transport:
 
     def _moved(self, time: float) -> None:
         """The cursor moved: turn the page of the plots if it left their range."""
-        self.slider.value = time
+        self.slider.value = _rounded(time)
         left, right = self._range
         if not left <= time <= right and self.zoom.value.endswith(" s"):
             width = right - left
@@ -185,3 +190,7 @@ class Transport:
         command("Mark B here", lambda: self._mark("B"), "O")
         command("Loop between A and B", lambda: self._mark("loop"), "R")
         command("Clear marks", lambda: self._mark("clear"), "X")
+
+
+def _rounded(time: float) -> float:
+    return round(time, 3)
