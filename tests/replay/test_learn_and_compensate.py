@@ -1,0 +1,213 @@
+"""From learning to compensating with physics as the mean, with more inputs, and with what `learn` warned of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import flight
+from flight.errors import FitError, LogError
+from learn import store
+from learn.gp import FitSettings
+from plant import model_file
+from plant.model import make_effect
+from plant.simulate import simulate
+from plant.trajectory import named
+from replay import compensating, engine
+from replay.counterfactual_report import change
+from replay.flights import opened
+from replay.learning import TORQUE, Learnt, learn
+
+NAME = "tilt_hexarotor"
+MODEL = model_file.load(NAME)
+OFFSET = np.array([-0.004, 0.007, -0.005])
+KNOWN = MODEL.with_effects([make_effect(MODEL.vehicle, "com_offset", OFFSET)])
+SLOW = MODEL.with_effects([make_effect(MODEL.vehicle, "servo_lag", [0.06])])
+QUICK = FitSettings(points=40, restarts=0)
+FAST = ("--points", 40, "--restarts", 0, "--no-guard")
+LINES = ("constant offset", "linear in the command")
+
+
+def flown(
+    truth: Any, trajectory: str, seconds: float, name: str, excitation: float = 0.0, **more: Any
+) -> flight.Flight:
+    path = named(trajectory, 12.0, excitation=excitation, seed=1)
+    return simulate(truth, MODEL, path, seconds, rng=np.random.default_rng(5), name=name, **more)
+
+
+@pytest.fixture(scope="module")
+def files(logs: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a model that knows the displaced centre of mass, and a short flight of that vehicle."""
+    folder = tmp_path_factory.mktemp("known")
+    model_file.save(KNOWN, folder / "good.toml")
+    flight.write(flown(KNOWN, "figure8", 2.4, "short"), folder / "short.mcap")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def on_physics(logs: Any, files: Path) -> Learnt:
+    """A process on what the known centre of mass leaves: nothing but noise."""
+    model = model_file.load(str(files / "good.toml"))
+    flights = [opened(flight.load(path), model) for path in (logs.train, logs.test)]
+    learnt = learn(flights[:1], model, TORQUE, replace(QUICK, mean="physics"), validation=flights[1:])
+    store.save(learnt.gp, files / "rest.gp")
+    return learnt
+
+
+# --- physics as the mean ----------------------------------------------------------------------------------------------
+
+
+def test_learn_takes_the_effects_of_the_model_for_its_mean(logs: Any, files: Path, result_of: Any) -> None:
+    asked = ("learn", logs.train, "-m", files / "good.toml", "-o", "rest.gp", *FAST)
+    result = result_of(*asked)
+    assert (result["settings"]["mean"], result["physics"]) == ("physics", "com_offset")
+    training = {m["name"]: m["rms"][3:] for m in result["training"]["models"]}
+    assert list(training) == ["nominal", *LINES, "good", "good+GP"]
+    assert all(left < 0.05 * before for left, before in zip(training["good+GP"], training["nominal"], strict=True))
+    assert max(store.load("rest.gp").mismatch_max) < 0.05  # of 0.3 Nm
+    plain = result_of(*asked[:-1], "--mean", "zero", "--no-guard", "--force")
+    assert plain["physics"] == "nominal"
+    assert plain["training"]["models"][-1]["name"] == "nominal+GP"
+    assert max(store.load("rest.gp").mismatch_max) > 0.2
+
+
+def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_physics: Learnt, result_of: Any) -> None:
+    """And repeats what learn said: the offset was all there was, so the process on top is not worth it."""
+    asked = ("replay", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp", "--csv", "steps.csv")
+    result = result_of(*asked)
+    assert result["accepted"] == 1.0
+    assert max(result["error_after_mean_abs"]) < 1e-5 < 0.05 < max(result["error_before_mean_abs"])
+    table = pd.read_csv("steps.csv")
+    wanted = flight.load(files / "short.mcap").desired
+    assert wanted is not None
+    correction = table[[f"correction.torque_{k}" for k in "xyz"]].to_numpy()
+    lever = np.cross(OFFSET, wanted.wrench_B[:, :3])
+    assert np.abs(correction - lever).max() < 0.02 * np.abs(lever).max()
+    (said,) = on_physics.gp.provenance.warnings
+    assert said.startswith("on unseen flights the GP is not worth it for torque_x, torque_y, torque_z")
+    assert f"learn said of this GP: {said}" in result["notes"]
+
+
+def test_counterfactual_flies_with_the_physics_in_the_compensation(
+    files: Path, on_physics: Learnt, result_of: Any
+) -> None:
+    """Of the lean that the offset makes without an integral nearly nothing is left."""
+    asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
+    result = result_of(*asked, "--gains", "integral=0", "--start", 0.5, "--duration", 1)
+    tracking = result["tracking"]
+    before, after = (tracking[k]["attitude_error"]["mean_abs"] for k in ("uncompensated", "counterfactual"))
+    assert after[0] < 0.6 * before[0]
+    assert after[1] < 0.6 * before[1]
+    assert f"learn said of this GP: {on_physics.gp.provenance.warnings[0]}" in result["notes"]
+
+
+def test_another_version_of_the_physics_is_told(on_physics: Learnt) -> None:
+    other = KNOWN.with_effects([make_effect(MODEL.vehicle, "com_offset", 2 * OFFSET)])
+    (note,) = [n for n in compensating.notes(on_physics.gp, other) if "another version" in n]
+    assert "com_offset" in note
+    assert not any("another version" in n for n in compensating.notes(on_physics.gp, KNOWN))
+
+
+def test_physics_that_is_not_there_is_refused(files: Path, on_physics: Learnt, run: Any) -> None:
+    done = run("replay", files / "short.mcap", "-m", NAME, "--gp", files / "rest.gp")
+    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
+    assert "has no effects, but the GP is what com_offset left" in done.stderr
+    late = run("replay", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp", "--lead", 0)
+    assert (late.exit_code, len(late.stderr.splitlines())) == (2, 1)
+    assert "lead is 0.0 s" in late.stderr
+
+
+def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
+    """Thrust that follows the battery, W (1 + q V - k): the correction is the falling share of the weight."""
+    sag = MODEL.with_effects([make_effect(MODEL.vehicle, "battery_sag", {"sensitivity": 2.0, "per_volt": 0.08})])
+
+    def voltage(time: float) -> float:
+        return 25.0 - 1.0 * time
+
+    log = flown(sag, "hover", 2.5, "battery", excitation=1.0, voltage=voltage)
+    gp = learn([opened(log, sag)], sag, ("force_z",), replace(QUICK, mean="physics")).gp
+    steps = engine.replay(log, sag, gp).steps
+    assert log.desired is not None
+    share = 2.0 - 0.08 * np.array([voltage(t) for t in log.desired.time])
+    expected = log.desired.wrench_B[:, 2] * share / (1.0 - share)
+    assert np.abs(expected).max() > 2.0
+    assert steps.correction[:-20, 2] == pytest.approx(expected[:-20], abs=0.1)
+    blind = replace(log, battery=None)
+    for attempt in (
+        lambda: engine.replay(blind, sag, gp),
+        lambda: learn([opened(blind, sag)], sag, ("force_z",), replace(QUICK, mean="physics")),
+    ):
+        with pytest.raises(FitError, match="battery_sag needs the battery voltage; map it with --topic battery="):
+            attempt()
+
+
+# --- inputs beyond the command ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with flights of a vehicle whose servos lag by 60 ms."""
+    folder = tmp_path_factory.mktemp("slow")
+    for name, path, seconds, excitation in (("train", "multi_axis", 12.0, 1.5), ("test", "figure8", 4.0, 1.0)):
+        flight.write(flown(SLOW, path, seconds, name, excitation), folder / f"{name}.mcap")
+    return folder
+
+
+def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path, result_of: Any) -> None:
+    """What slow servos leave of a command is a function of its past, not of its value."""
+    asked = ("learn", slow / "train.mcap", "-m", NAME, "--validate", slow / "test.mcap", *FAST)
+    rms = {}
+    for name, more in (("plain", ()), ("past", ("--inputs", "past"))):
+        result = result_of(*asked, *more, "-o", f"{name}.gp")
+        rms[name] = {m["name"]: m["rms"][5] for m in result["validation"]["models"]}
+    assert result["settings"]["inputs"] == ["past"]
+    assert rms["past"]["nominal+GP"] < 0.6 * min(rms["plain"].values())
+    assert not any("torque_z" in w and "not worth it" in w for w in result["warnings"])
+
+    common = (slow / "test.mcap", "-m", NAME, "--gp", "past.gp")
+    compared = result_of("compare", *common)
+    assert compared["models"][-1]["rms"][5] == pytest.approx(rms["past"]["nominal+GP"])
+    replayed = result_of("replay", *common)
+    assert replayed["accepted"] > 0.9
+    assert replayed["error_after_mean_abs"][2] < 0.2 * replayed["error_before_mean_abs"][2]
+    reflown = result_of("counterfactual", *common, "--duration", 2)["tracking"]
+    before, after = (reflown[k]["attitude_error"]["rms"][2] for k in ("null_run", "counterfactual"))
+    assert after < 0.9 * before
+
+
+def test_log_without_pose_has_no_velocity_to_offer(slow: Path) -> None:
+    log = flight.load(slow / "train.mcap")
+    gp = learn([opened(log, MODEL)], MODEL, TORQUE, replace(QUICK, inputs=("velocity",))).gp
+    with pytest.raises(FitError, match="input velocity needs odometry"):
+        engine.replay(replace(log, odometry=None), MODEL, gp)
+    with pytest.raises(LogError, match="depends on the motion, and the log has neither IMU nor odometry"):
+        engine.replay(replace(log, imu=None, odometry=None), MODEL, gp)
+
+
+# --- whether it is worth it -------------------------------------------------------------------------------------------
+
+
+def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, result_of: Any) -> None:
+    """The torque of a displaced centre of mass, -c x F, is a straight line in the command."""
+    result = result_of("learn", logs.train, "-m", NAME, "--validate", logs.test, "-o", "zero.gp", *FAST)
+    rms = {m["name"]: np.array(m["rms"][3:]) for m in result["validation"]["models"]}
+    assert list(rms) == ["nominal", *LINES, "nominal+GP"]
+    assert (rms["linear in the command"] < 0.05 * rms["nominal"]).all()
+    assert (rms["constant offset"] > 5 * rms["linear in the command"]).all()
+    (said,) = [w for w in result["warnings"] if "not worth it" in w]
+    assert "torque_x, torque_y, torque_z" in said
+    assert said in store.load("zero.gp").provenance.warnings
+
+
+# --- what is asked of a compensation ----------------------------------------------------------------------------------
+
+
+def test_lead_is_said_among_the_changes(on_physics: Learnt) -> None:
+    asked = change(KNOWN, period=0.005, gp=("rest.gp", on_physics.gp), lead=0.05)
+    assert asked.words == ("compensated by rest.gp, lags led by 0.05 s",)
+    assert asked.compensator is not None
