@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from compensate import Settings
 from flight.errors import UsageError
-from flight.flight import AXES
 from learn.gp import GaussianProcess
 from plant.model import Model
 from replay import tables
@@ -75,11 +74,14 @@ class CompensationDesk:
         def plot(title: str, unit: str, values: dict[str, Array]) -> Series:
             return Series(title, unit, done.time, values, GROUP)
 
-        parts = [("correction, force", "N", AXES[:3], 0), ("correction, torque", "Nm", AXES[3:], 3)]
+        parts = [
+            ("correction, force", "N", done.correction[:, :3]),
+            ("correction, torque", "Nm", done.correction[:, 3:]),
+        ]
         out = [
-            plot(title, unit, {axis: done.correction[:, first + k] for k, axis in enumerate(axes)})
-            for title, unit, axes, first in parts
-            if np.any(done.correction[:, first : first + 3])
+            plot(title, unit, dict(zip("xyz", values.T, strict=True)))
+            for title, unit, values in parts
+            if np.any(values)
         ]
         threshold = np.full(len(done.time), self._setting.gating.sigma_threshold)
         sigma = {"sigma": done.sigma} | ({"threshold": threshold} if self._setting.gating.gated else {})

@@ -26,7 +26,7 @@ VERDICTS = {
 }
 MOST = 12
 """Candidates that are listed."""
-LINK = "color:#1c6fc4;font-weight:600;white-space:nowrap"
+LINK = "color:#1c6fc4;font-weight:600"
 
 
 class Acts(Protocol):
