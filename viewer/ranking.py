@@ -108,8 +108,8 @@ def _candidates(found: Ranking, inside: set[str], links: Links, acts: Acts) -> s
 
 
 def _about(candidate: Candidate) -> str:
-    mark = f" ({candidate.mark})" if candidate.mark else ""
-    return f"{candidate.values}{mark}"
+    falls = ", ".join(f"{axis} {-100 * f:+.0f} %" for axis, f in zip(AXES, candidate.falls, strict=True))
+    return f"{candidate.values}; {candidate.mark + '; ' if candidate.mark else ''}rms: {falls}"
 
 
 def _add(name: str, inside: set[str], links: Links, acts: Acts) -> str:

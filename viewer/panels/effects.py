@@ -47,6 +47,9 @@ class EffectsPanel(Panel):
             self._next()
             self._save()
             self.links = Links(page)
+        page.command("Undo the last change of the model", lambda: self._change(self.effects.undo))
+        page.command("Redo what was undone of the model", lambda: self._change(self.effects.redo))
+        page.command("Search for what is missing", self._explain)
 
     def _search(self) -> None:
         gui, page = self.page.server.gui, self.page

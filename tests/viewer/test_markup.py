@@ -1,0 +1,60 @@
+"""HTML of the panels: nothing from outside becomes markup, colours grow darker, numbers read well."""
+
+import re
+
+import numpy as np
+import pytest
+
+from viewer import markup
+
+
+def brightness(colour):
+    """Mean of the channels of an rgb(...)."""
+    return np.mean([int(v) for v in re.findall(r"\d+", colour)])
+
+
+def test_text_is_safe_in_html_and_in_attributes():
+    assert markup.text('<b onclick="x">&') == "&lt;b onclick=&quot;x&quot;&gt;&amp;"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_heat_grows_darker_and_letters_stay_readable(sign):
+    shades = [markup.heat(sign * share) for share in np.linspace(0.0, 1.0, 30)]
+    levels = np.array([brightness(back) for back, _ in shades])
+    assert levels[0] == 255
+    assert np.all(np.diff(levels) < 0.0)
+    for back, front in shades:
+        letters = 255.0 if front == "#fff" else 34.0
+        assert abs(brightness(back) - letters) > 80.0
+
+
+def test_heat_has_two_signs_and_ends():
+    assert markup.heat(0.5)[0] != markup.heat(-0.5)[0]
+    assert markup.heat(7.0) == markup.heat(1.0)
+    assert markup.heat(-7.0) == markup.heat(-1.0)
+
+
+def test_bar_is_as_wide_as_its_parts():
+    widths = re.findall(
+        r"width:([\d.]+)%;background", markup.bar([(0.25, "#111", "a"), (0.0, "#222", "b"), (0.5, "#333", "c")])
+    )
+    assert [float(w) for w in widths] == [100.0, 25.0, 50.0]  # the whole, and its parts that are there
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(2.6519, "2.65"), (0.04301, "0.0430"), (0.0, "0"), (123.4, "123"), (12345.0, "1.23e+04"), (4e-9, "4e-09")],
+)
+def test_numbers_have_three_digits(value, said):
+    assert markup.number(value) == said
+
+
+def test_what_is_unknown_is_a_dash():
+    assert markup.number(float("nan")) == "-"
+
+
+def test_table_has_a_row_for_each_and_styles_them():
+    made = markup.table(("a", "b"), [("1", "2"), ("3", "4")], lead=["color:red", ""])
+    assert made.count("<tr") == 3
+    assert made.count("color:red") == 1
+    assert "<th" not in markup.table(("", ""), [("1", "2")])
