@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-BOX = "padding:0 10px 8px 10px;font-size:12px;line-height:1.35;color:#222"
+BOX = "padding:0 10px 8px 10px;font-size:12px;line-height:1.35"
 HEAT = ((255, 255, 255), (255, 233, 190), (250, 160, 90), (214, 60, 50), (110, 10, 40))
 """Colours from nothing to the most, evenly spaced."""
 COLD = ((255, 255, 255), (205, 226, 243), (120, 175, 220), (50, 110, 180), (15, 45, 110))
@@ -41,7 +41,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1, 
         out = "".join(
             f'<{tag} style="padding:2px 3px;font-weight:inherit;'
             f"{'text-align:left' if k < left else 'text-align:right;white-space:nowrap'};"
-            f'border-bottom:1px solid #e4e4e4;vertical-align:top">{cell}</{tag}>'
+            f'border-bottom:1px solid rgba(128,128,128,0.25);vertical-align:top">{cell}</{tag}>'
             for k, cell in enumerate(cells)
         )
         return f'<tr style="{style}">{out}</tr>'
@@ -71,7 +71,7 @@ def bar(parts: Sequence[tuple[float, str, str]], *, height: int = 12) -> str:
         for share, colour, words in parts
         if share > 0.0
     )
-    return f'<div style="width:100%;background:#f1f1f1;white-space:nowrap;font-size:0;line-height:0">{pieces}</div>'
+    return f'<div style="width:100%;background:rgba(128,128,128,0.12);white-space:nowrap;font-size:0;line-height:0">{pieces}</div>'
 
 
 def wide(pixels: int) -> str:

@@ -139,7 +139,7 @@ class EffectsPanel(Panel):
     def _one(self, stairs: Staircase) -> str:
         last, first, noise = stairs.stairs[-1], stairs.stairs[0], stairs.noise
         most = max(s.in_all for s in stairs.stairs)
-        colour = "#2a7d2e" if last.in_all < 1.5 * noise.in_all else "#222"
+        colour = "#2a7d2e" if last.in_all < 1.5 * noise.in_all else "inherit"
         change = last.in_all / first.in_all - 1.0 if len(stairs.stairs) > 1 else 0.0
         fall = f" ({100 * change:+.0f} %)" if len(stairs.stairs) > 1 else ""
         top = (

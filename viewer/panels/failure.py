@@ -27,7 +27,7 @@ PARTS = (
 )
 SHOWN = ("rms", "mean")
 SHARE = "flex:1 1 0;min-width:0;overflow:hidden"
-CELL = "display:block;padding:3px 1px;text-align:center;border:1px solid #fff;font-size:11px;"
+CELL = "display:block;padding:3px 1px;text-align:center;margin:1px;font-size:11px;"
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class FailurePanel(Panel):
             self.links.to(
                 partial(self.page.cursor.go, 0.5 * (s.start + s.stop)),
                 f"<b>{s.start:.1f} s</b> &nbsp;{markup.text(s.words)}",
-                "display:block;padding:3px 4px;border-bottom:1px solid #e4e4e4",
+                "display:block;padding:3px 4px;border-bottom:1px solid rgba(128,128,128,0.25)",
                 "go there",
             )
             for s in failure.worst
