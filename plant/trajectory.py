@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from flight import so3
 from flight.errors import LogError, UsageError
 from flight.flight import ReferenceSeries
+from plant.state import Index
 from plant.vehicle import GRAVITY
 from plant.wrench_model import cross
 
@@ -48,18 +49,21 @@ class Reference:
     omega_D: Array
     omega_dot_D: Array
 
+    def take(self, index: Index) -> Reference:
+        """Some of the samples, in the order of `index`."""
+        return Reference(
+            self.time[index],
+            self.position_E[index],
+            self.velocity_E[index],
+            self.acceleration_E[index],
+            self.quat_ED[index],
+            self.omega_D[index],
+            self.omega_dot_D[index],
+        )
+
     def sample(self, index: int) -> Reference:
         """One sample, still with the sample axis (N = 1)."""
-        one = slice(index, index + 1)
-        return Reference(
-            self.time[one],
-            self.position_E[one],
-            self.velocity_E[one],
-            self.acceleration_E[one],
-            self.quat_ED[one],
-            self.omega_D[one],
-            self.omega_dot_D[one],
-        )
+        return self.take(slice(index, index + 1))
 
 
 class Trajectory(ABC):

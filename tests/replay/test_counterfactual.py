@@ -20,9 +20,11 @@ from plant.model import make_effect
 from plant.simulate import simulate
 from plant.trajectory import named
 from replay.cli import app
-from replay.counterfactual import Change, counterfactual, infer, read_recording, refly
+from replay.counterfactual import Change, counterfactual, read_recording
 from replay.counterfactual_report import believed_vehicle, changed_gains
 from replay.counterfactual_report import change as asked_change
+from replay.inference import infer
+from replay.reflight import refly
 
 MODEL = model_file.load("tilt_hexarotor")
 COM = make_effect(MODEL.vehicle, "com_offset", {"x": -0.004, "y": 0.007, "z": -0.005})
