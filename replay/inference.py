@@ -35,6 +35,7 @@ from plant.model import Model
 from plant.state import Commands, State
 from plant.vehicle import Body, Vehicle
 from plant.wrench_model import about_origin, measured_wrench
+from replay.flights import check_effects
 from replay.recorded_motion import CUTOFF_HZ, RecordedMotion
 from replay.recording import Recording
 from replay.stepping import Report, integrate
@@ -97,7 +98,11 @@ class Inference:
 def infer(
     recording: Recording, model: Model, *, cutoff_hz: float = CUTOFF_HZ, progress: Report | None = None
 ) -> Inference:
-    """Disturbance, pilot's and allocation's residual of a recording, as `model` (with its controller) sees it."""
+    """Disturbance, pilot's and allocation's residual of a recording, as `model` (with its controller) sees it.
+
+    Raises FitError where an effect of the model needs what the log lacks.
+    """
+    check_effects(model.effects, model, [recording.record])
     r, plant, window = recording, model.wrench_model, recording.window
     state, motion = r.motion.state, r.motion.motion
     ours, tilt_offset, speed_offset = _allocated(r, model.vehicle)

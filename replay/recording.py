@@ -11,7 +11,7 @@ import flight
 from flight.errors import LogError, UsageError
 from flight.flight import Flight, OdometrySeries, ReferenceSeries, Samples, Series
 from flight.resample import held_mean
-from learn.measurement import prepare
+from learn.measurement import Record, prepare
 from plant.state import Commands
 from plant.trajectory import Recorded, Reference
 from plant.vehicle import Vehicle
@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 class Recording:
     """One contiguous stretch of a flight on its control clock: N periods of `dt` [s] that begin at `time` (N,).
 
-    Commands are what was held over each period: `desired`, `commanded` (N, 6), and `commands` with the actuators.
+    Commands are what was held over each period: `desired`, `commanded` (N, 6), and `commands` with the actuators;
+    `record` is the same stretch as models are compared on it.
     `first` and `count` say which periods are to be flown again; those before warm up what has memory.
     """
 
@@ -32,6 +33,7 @@ class Recording:
     odometry: OdometrySeries
     reference: Reference
     motion: RecordedMotion
+    record: Record
     time: Array
     dt: float
     desired: Array
@@ -79,6 +81,7 @@ def read_recording(
         odometry=odometry,
         reference=knots.at(samples.time),
         motion=recorded_motion(samples, odometry, vehicle.imu_position_B, cutoff_hz=min(cutoff_hz, 0.3 / samples.dt)),
+        record=record,
         time=samples.time,
         dt=samples.dt,
         desired=commanded if samples.wrench_des_B is None else samples.wrench_des_B,

@@ -30,6 +30,7 @@ from plant.sensors import read_imu
 from plant.state import Commands, State
 from plant.vehicle import Vehicle
 from plant.wrench_model import about_origin
+from replay.flights import check_effects
 from replay.inference import Inference, with_offsets
 from replay.stepping import Flown, Report, integrate
 
@@ -130,8 +131,11 @@ def refly(
     gains        of the control law; the model's by default
     believed     vehicle that controller and allocation assume; the model's by default
     compensator  in the loop instead of the recorded correction
+
+    Raises FitError where an effect of the plant needs what the log lacks.
     """
     model = inference.model if plant is None else plant
+    check_effects(model.effects, model, [inference.recording.record])
     pilot = _Pilot(
         inference,
         inference.model.controller if gains is None else gains,

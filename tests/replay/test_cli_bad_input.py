@@ -14,6 +14,7 @@ import pytest
 
 import flight
 from plant import model_file
+from plant.model import make_effect
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -165,6 +166,50 @@ def unknown_outputs(folder: Path, logs: Any) -> tuple[Any, ...]:
     return ("learn", logs.test, "-m", MODEL, "--outputs", "torque_w", "-o", "out.gp")
 
 
+def physics_without_effects(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("learn", logs.test, "-m", MODEL, "--mean", "physics", "-o", "out.gp")
+
+
+def unknown_mean(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("learn", logs.test, "-m", MODEL, "--mean", "cubic", "-o", "out.gp")
+
+
+def unknown_inputs(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("learn", logs.test, "-m", MODEL, "--inputs", "past,weather", "-o", "out.gp")
+
+
+def inputs_twice(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("learn", logs.test, "-m", MODEL, "--inputs", "past,rates,past", "-o", "out.gp")
+
+
+def inputs_without_pose(folder: Path, logs: Any) -> tuple[Any, ...]:
+    log = changed(folder, logs, lambda f: replace(f, odometry=None))
+    return ("learn", log, "-m", MODEL, "--inputs", "velocity", "-o", "out.gp")
+
+
+def effects_without_voltage(folder: Path, logs: Any) -> tuple[Any, ...]:
+    sag = make_effect(model_file.load(MODEL).vehicle, "battery_sag", {"sensitivity": 2.0, "per_volt": 0.08})
+    model_file.save(model_file.load(MODEL).with_effects([sag]), folder / "sag.toml")
+    return ("learn", logs.test, "-m", "sag.toml", "-o", "out.gp")
+
+
+def counterfactual_without_voltage(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("counterfactual", logs.test, "-m", MODEL, "--with", "battery_sag=2,0.08", "--json", "out.json")
+
+
+def lead_without_physics(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("replay", logs.test, "-m", MODEL, "--gp", logs.folder / "some.gp", "--lead", 0.05, "-o", "out.mcap")
+
+
+def lead_of_a_counterfactual_without_physics(folder: Path, logs: Any) -> tuple[Any, ...]:
+    given = ("--gp", logs.folder / "some.gp", "--lead", 0.05, "-o", "out.mcap")
+    return ("counterfactual", logs.test, "-m", MODEL, "--duration", 1, *given)
+
+
+def lead_without_compensation(folder: Path, logs: Any) -> tuple[Any, ...]:
+    return ("counterfactual", logs.test, "-m", MODEL, "--lead", 0.05, "-o", "out.mcap")
+
+
 def negative_cutoff(folder: Path, logs: Any) -> tuple[Any, ...]:
     return ("compare", logs.test, "-m", MODEL, "--cutoff", -1, *OUT)
 
@@ -212,6 +257,16 @@ CASES: dict[Callable[[Path, Any], tuple[Any, ...]], tuple[str, ...]] = {
     topic_without_role: ("ROLE=/TOPIC",),
     topic_that_is_not_there: ("/nope", "/imu"),
     unknown_outputs: ("torque_w", "torque_x"),
+    physics_without_effects: ("--mean physics", MODEL, "wrenchgap explain", "--mean zero"),
+    unknown_mean: ("cubic", "physics", "zero"),
+    unknown_inputs: ("weather", "velocity, rates, position, past"),
+    inputs_twice: ("past", "twice"),
+    inputs_without_pose: ("velocity", "odometry", "--inputs"),
+    effects_without_voltage: ("battery_sag", "--topic battery", "wrenchgap remove battery_sag"),
+    counterfactual_without_voltage: ("battery_sag", "--topic battery"),
+    lead_without_physics: ("--lead", "without physics", "wrenchgap add"),
+    lead_of_a_counterfactual_without_physics: ("--lead", "without physics", "wrenchgap add"),
+    lead_without_compensation: ("--lead 0.05", "--gp"),
     negative_cutoff: ("--cutoff -1",),
     unknown_option: ("--colour", "wrenchgap compare --help"),
     missing_option: ("--model", "wrenchgap compare --help"),
