@@ -11,7 +11,7 @@ export MKL_NUM_THREADS = 1
 export NUMBA_NUM_THREADS = 1
 export MPLBACKEND = Agg
 
-.PHONY: help setup demo test check format bench docs lock wheel clean
+.PHONY: help setup demo test check format bench paper docs lock wheel clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -39,6 +39,9 @@ format: setup ## rewrite the sources in the house format
 bench: setup ## run benchmarks/*.py
 	@set -e; for name in $(filter-out __init__,$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
+
+paper: setup ## the paper's experiments: benchmarks/paper/results, docs/images/paper-*.png, docs/paper.md (PAPER=figure8: one)
+	$(VENV) -m benchmarks.paper$(if $(PAPER),.$(PAPER))
 
 docs: setup ## renew docs/effects/README.md, check every link, run every Python example
 	$(VENV) scripts/effects_index.py

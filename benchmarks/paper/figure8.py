@@ -32,7 +32,7 @@ POINTS = 200
 TRAINING, LENGTH, SETTLE = 80.0, 40.0, 3.0
 PAPER = (0.945, 0.879, 0.837)
 ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH)
-ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH)
+ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE)
 QUICK = (m.PD, m.LINEAR, m.GP)
 MODEL = ROOT / "models" / "tilt_hexarotor.toml"
 HIDDEN = (
@@ -82,7 +82,7 @@ def on_engine(index: int, quick: bool) -> dict[str, Array]:
             effects,
             [hidden[e] for e in effects],
             "figure8",
-            12.0 if quick else 30.0,
+            12.0 if quick else 20.0,
             seed=101 + index,
             integral=0.3 if method.integral else 0.0,
             compensate=None if compensator is None else compensate,

@@ -70,7 +70,7 @@ def error_figure(path: Path, errors: Mapping[str, tuple[Array, Array]]) -> None:
 def step_figure(path: Path, flights: Mapping[str, Mapping[str, Array]]) -> None:
     """e_R, torque correction and sigma after a step, one column per flight: keys pose_time, error, time, ..."""
     figure, panels = plt.subplots(
-        3, len(flights), figsize=(4 * len(flights), 7), sharex=True, sharey="row", layout="constrained", squeeze=False
+        3, len(flights), figsize=(3.2 * len(flights), 7), sharex=True, sharey="row", layout="constrained", squeeze=False
     )
     for column, (name, found) in zip(panels.T, flights.items(), strict=True):
         for k, colour in enumerate((BLUE, ORANGE, GREEN)):
@@ -80,7 +80,7 @@ def step_figure(path: Path, flights: Mapping[str, Mapping[str, Array]]) -> None:
         if "sigma" in found:
             column[2].plot(found["time"], found["sigma"], color="0.2")
             column[2].axhline(float(found["threshold"]), color="0.5", ls="--", lw=0.8)
-        column[0].set_title(name, fontsize=10)
+        column[0].set_title(name.replace(", ", "\n"), fontsize=9)
         column[2].set_xlabel("time [s]")
         for panel in column:
             panel.grid(alpha=0.3)
