@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-import viser
-
 from viewer.panel import Panel
 from viewer.session import Scene
 
@@ -27,7 +25,7 @@ class NotesPanel(Panel):
 
     def __init__(self, page: Any) -> None:
         super().__init__(page)
-        with page.tab("Notes", viser.Icon.NOTES) as self._tab:
+        with page.tab("Notes") as self._tab:
             pass
         self._content: list[Any] = []
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import viser
-
 from flight.errors import UsageError
 from viewer.background import Job
 from viewer.panel import Panel
@@ -27,23 +25,21 @@ class OutPanel(Panel):
         super().__init__(page)
         gui, guarded = page.server.gui, page.guarded
         self._job: Job | None = None
-        with page.tab("Out", viser.Icon.DOWNLOAD):
+        with page.tab("Out"):
             with gui.add_folder("download"):
-                self.png = gui.add_button("PNG of the view", icon=viser.Icon.PHOTO)
+                self.png = gui.add_button("PNG of the view")
                 self.png.on_click(self._picture)
-                self.csv = gui.add_button("CSV of what is plotted", icon=viser.Icon.TABLE, hint="in the range shown")
+                self.csv = gui.add_button("CSV of what is plotted", hint="in the range shown")
                 self.csv.on_click(guarded(self._table))
-                self.report = gui.add_button(
-                    REPORT, icon=viser.Icon.REPORT, visible=isinstance(page.session, HasReport)
-                )
+                self.report = gui.add_button(REPORT, visible=isinstance(page.session, HasReport))
                 self.report.on_click(guarded(self._report))
                 self.progress = gui.add_progress_bar(0.0, visible=False)
                 self.doing = gui.add_markdown("", visible=False)
             with gui.add_folder("view"):
                 gui.add_markdown("Flight, time, marks, switches, plots and camera: save them, open them elsewhere.")
-                self.save = gui.add_button("Save view", icon=viser.Icon.BOOKMARK)
+                self.save = gui.add_button("Save view")
                 self.save.on_click(guarded(self._save))
-                self.open = gui.add_upload_button("Open view", icon=viser.Icon.UPLOAD, mime_type="application/json")
+                self.open = gui.add_upload_button("Open view", mime_type="application/json")
                 self.open.on_upload(guarded(self._uploaded))
                 self.text = gui.add_text("as text", "", hint="copy it from here; paste another and press enter")
                 self.text.on_update(guarded(self._pasted))

@@ -8,7 +8,6 @@ from html import escape
 from typing import Any
 
 import numpy as np
-import viser
 from numpy.typing import NDArray
 
 from viewer.align import delay_between
@@ -31,7 +30,7 @@ class ScenePanel(Panel):
         super().__init__(page)
         self._hidden: set[str] = set()
         gui = page.server.gui
-        with page.tab("Scene", viser.Icon.CUBE):
+        with page.tab("Scene"):
             self._camera(gui)
             with gui.add_folder("arrows"):
                 self._wrenches_slot = gui.add_folder(None)
