@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flight.errors import FitError, ModelError, UsageError
+from learn import design
 from learn.fit import dataset, fit, with_fit
 from plant import model_file
 from replay import session_effects
@@ -201,7 +202,9 @@ def test_what_cannot_be_is_refused_in_one_line(session):
 
 
 def test_next_flight_is_drawn_within_the_room_and_says_what_it_tells_apart(session, monkeypatch):
-    monkeypatch.setattr(session_effects, "NEXT_SECONDS", 10.0)  # a short one is found sooner
+    monkeypatch.setattr(session_effects, "NEXT_SECONDS", 8.0)  # a short one, sought less thoroughly, is found sooner
+    monkeypatch.setattr(design, "AZIMUTHS", (0.0,))
+    monkeypatch.setattr(design, "SWEEPS", 1)
     found = session.effects.next_flight(("com_offset", "constant_wrench"), "train", lambda share, words: None)
     assert found.separable
     assert "tells" in found.sentence

@@ -25,6 +25,14 @@ def as_opened(page):
 
 
 @pytest.fixture
+def second(visitor, browser, page):
+    """Another client on the same page."""
+    found = type(visitor)(browser, page.url, 1000, 600, smooth=False)
+    yield found
+    found.close()
+
+
+@pytest.fixture
 def effects(page):
     return next(p for p in page.panels if isinstance(p, EffectsPanel))
 

@@ -3,16 +3,13 @@
 import multiprocessing
 import re
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from learn.budget import held_out_process
 from learn.gp import FitSettings
 from plant import model_file
-from replay import session_failure
 from replay.flights import open_flights
 from replay.learning import TORQUE, learn
 from replay.session import LogSession
@@ -126,13 +123,15 @@ def test_the_map_turns_white_when_the_effect_is_in(page, failure):
 
 
 def test_budget_asks_a_process_beside_the_page(page, failure, eventually, monkeypatch):
-    monkeypatch.setattr(session_failure, "held_out_process", partial(held_out_process, points=15))
+    def asked(flight, report):
+        report(0.5, f"asking about {flight}")
+        return tuple(replace(row, process=0.25, unexplained=row.unexplained - 0.25) for row in failure.budget)
+
+    monkeypatch.setattr(failure.failures, "full_budget", asked)
     assert "Gaussian process" not in failure.parts.content
     press(failure.work.button)
-    assert failure.work.running
-    assert failure.work.stop.visible
     eventually(lambda: not failure.work.running)
-    assert "a Gaussian process would explain" in failure.parts.content
+    assert "a Gaussian process would explain: 25&nbsp;%" in failure.parts.content
     assert failure.work.button.visible
     assert page.told == []
 
