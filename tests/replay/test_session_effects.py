@@ -204,6 +204,7 @@ def test_what_cannot_be_is_refused_in_one_line(session):
 def test_next_flight_is_drawn_within_the_room_and_says_what_it_tells_apart(session, monkeypatch):
     monkeypatch.setattr(session_effects, "NEXT_SECONDS", 8.0)  # a short one, sought less thoroughly, is found sooner
     monkeypatch.setattr(design, "AZIMUTHS", (0.0,))
+    monkeypatch.setattr(design, "VIGOURS", (0.6,))
     monkeypatch.setattr(design, "SWEEPS", 1)
     found = session.effects.next_flight(("com_offset", "constant_wrench"), "train", lambda share, words: None)
     assert found.separable
