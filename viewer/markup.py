@@ -71,7 +71,8 @@ def bar(parts: Sequence[tuple[float, str, str]], *, height: int = 12) -> str:
         for share, colour, words in parts
         if share > 0.0
     )
-    return f'<div style="width:100%;background:rgba(128,128,128,0.12);white-space:nowrap;font-size:0;line-height:0">{pieces}</div>'
+    back = "background:rgba(128,128,128,0.12)"
+    return f'<div style="width:100%;{back};white-space:nowrap;font-size:0;line-height:0">{pieces}</div>'
 
 
 def wide(pixels: int) -> str:

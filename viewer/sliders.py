@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import viser
 
 from viewer.analysis import Installed, Value
 
@@ -69,7 +68,7 @@ class EffectSliders:
         with folder:
             for value in item.values:
                 self._slider(item.name, value)
-            remove = gui.add_button(f"Remove {item.name}", icon=viser.Icon.MINUS, color="gray")
+            remove = gui.add_button(f"Remove {item.name}", color="gray")
             remove.on_click(self.page.guarded(lambda _: self.on_remove(item.name)))
 
     def _slider(self, effect: str, value: Value) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from viewer import background
 
@@ -16,10 +16,10 @@ T = TypeVar("T")
 class Work:
     """Controls of one kind of long work; at most one is running. `ask` is called when the button is pressed."""
 
-    def __init__(self, page: Page, label: str, ask: Callable[[], None], hint: str | None = None, icon: Any = None):
+    def __init__(self, page: Page, label: str, ask: Callable[[], None], hint: str | None = None):
         gui = page.server.gui
         self.page, self.label = page, label
-        self.button = gui.add_button(label, hint=hint, icon=icon)
+        self.button = gui.add_button(label, hint=hint)
         self.button.on_click(page.guarded(lambda _: ask()))
         self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
         self.words = gui.add_markdown("", visible=False)

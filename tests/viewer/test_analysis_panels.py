@@ -15,6 +15,7 @@ from replay.learning import TORQUE, learn
 from replay.session import LogSession
 from viewer.analysis import VIEWS, NextFlight, Ranking
 from viewer.page import Page
+from viewer.panels import failure as failure_panel
 from viewer.panels.compensation import CompensationPanel
 from viewer.panels.effects import NEXT, EffectsPanel
 from viewer.panels.failure import FailurePanel
@@ -120,6 +121,18 @@ def test_the_map_turns_white_when_the_effect_is_in(page, failure):
     assert int(shares[0]) > 90
     press(panel_of(page, EffectsPanel).back)
     assert whiteness() == before
+
+
+def test_a_long_flight_is_looked_at_beside_the_page(page, failure, eventually, monkeypatch):
+    monkeypatch.setattr(failure_panel, "LONG", 5.0)
+    page.open("test")
+    assert failure.failure is None
+    assert "looking at test" in failure.map.content
+    eventually(lambda: failure.failure is not None)
+    assert failure.failure.flight == "test"
+    assert "worst at" in failure.map.content
+    panel_of(page, EffectsPanel).add("com_offset")  # meanwhile the old map stays, and then the new one comes
+    eventually(lambda: "com_offset" in failure.failure.model)
 
 
 def test_budget_asks_a_process_beside_the_page(page, failure, eventually, monkeypatch):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import viser
-
 from viewer import markup
 from viewer.analysis import Analysis, Compensated, Compensation, Gating, Reflown
 from viewer.panel import Panel
@@ -34,7 +32,7 @@ class CompensationPanel(Panel):
         assert isinstance(page.session, Analysis)
         self.compensations = page.session.compensations
         self.ready = False
-        with page.tab("Compensation", viser.Icon.ADJUSTMENTS):
+        with page.tab("Compensation"):
             setting = self.compensations.setting
             if setting is None:
                 page.server.gui.add_markdown(NO_PROCESS)
@@ -92,7 +90,7 @@ class CompensationPanel(Panel):
         gui = self.page.server.gui
         with gui.add_folder("Replay on this flight"):
             hint = "Steps the compensator through the logged wrenches; the plots then show correction, sigma and beta."
-            self.work = Work(self.page, "Replay", self.replay, hint, viser.Icon.REPEAT)
+            self.work = Work(self.page, "Replay", self.replay, hint)
             self.done = gui.add_html("")
 
     def _refly(self) -> None:
@@ -101,7 +99,7 @@ class CompensationPanel(Panel):
             self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
             self.seconds = gui.add_number("for [s]", SECONDS, min=1.0, step=1.0)
             hint = "The recorded flight again, from its recorded start, with the compensation in the loop; the ghost."
-            self.again = Work(self.page, "Fly again", self.refly, hint, viser.Icon.GHOST)
+            self.again = Work(self.page, "Fly again", self.refly, hint)
             self.flown = gui.add_html("")
 
     # ------------------------------------------------------------ what is shown

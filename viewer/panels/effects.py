@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import viser
-
 from flight.errors import UsageError
 from viewer import markup, ranking
 from viewer.analysis import Analysis, ModelState, NextFlight, Ranking, Staircase
@@ -36,11 +34,11 @@ class EffectsPanel(Panel):
         self.rankings: dict[str, Ranking] = {}
         self.designed: NextFlight | None = None
         gui = page.server.gui
-        with page.tab("Effects", viser.Icon.STAIRS_DOWN):
+        with page.tab("Effects"):
             self.stairs = gui.add_html("")
-            self.back = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray", visible=False)
+            self.back = gui.add_button("Undo", color="gray", visible=False)
             self.back.on_click(page.guarded(lambda _: self._change(self.effects.undo)))
-            self.again = gui.add_button("Redo", icon=viser.Icon.ARROW_FORWARD_UP, color="gray", visible=False)
+            self.again = gui.add_button("Redo", color="gray", visible=False)
             self.again.on_click(page.guarded(lambda _: self._change(self.effects.redo)))
             self._search()
             self._installed()
@@ -59,11 +57,10 @@ class EffectsPanel(Panel):
                 "Search",
                 self._explain,
                 "Tries every effect of the catalogue on held-out time of this flight; the page stays usable.",
-                viser.Icon.SEARCH,
             )
             self.found = gui.add_html("")
             self.choice = gui.add_dropdown("by name", ("-",))
-            self.put = gui.add_button("Add effect", icon=viser.Icon.PLUS)
+            self.put = gui.add_button("Add effect")
             self.put.on_click(page.guarded(lambda _: self.add(self.choice.value)))
             self.lacking = gui.add_html("")
 
@@ -84,7 +81,6 @@ class EffectsPanel(Panel):
                 "Find the flight that tells them apart",
                 lambda: self.tell_apart(tuple(n.strip() for n in self.pair.value.split(",") if n.strip())),
                 "Searches for the reference, flies it in simulation and draws it in the scene; takes half a minute.",
-                viser.Icon.ROUTE,
             )
             self.plan = gui.add_html("")
             self.plan_path = gui.add_text("file", "separate.toml", visible=False)
@@ -100,7 +96,7 @@ class EffectsPanel(Panel):
                 "file", "fitted.toml", hint="Written into the folder in which the page was started."
             )
             self.overwrite = gui.add_checkbox("overwrite", False, hint="Replace the file if it is there.")
-            self.save = gui.add_button("Save model", icon=viser.Icon.DEVICE_FLOPPY)
+            self.save = gui.add_button("Save model")
             self.save.on_click(page.guarded(lambda _: self._saved()))
 
     @classmethod

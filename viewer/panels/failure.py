@@ -7,10 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import viser
 
 from viewer import markup
 from viewer.analysis import UNITS, VIEWS, Analysis, Budget, Cell, Failure
+from viewer.background import Job
 from viewer.links import Links
 from viewer.panel import Panel
 from viewer.work import Work
@@ -25,6 +25,8 @@ PARTS = (
     ("process", "#8e5fbf", "a Gaussian process would explain"),
     ("unexplained", "#d9483b", "unexplained"),
 )
+LONG = 120.0
+"""Flights longer than this are looked at beside the page [s]."""
 SHOWN = ("rms", "mean")
 SHARE = "flex:1 1 0;min-width:0;overflow:hidden"
 CELL = "display:block;padding:3px 1px;text-align:center;margin:1px;font-size:11px;"
@@ -50,8 +52,9 @@ class FailurePanel(Panel):
         self.failures = page.session.failures
         self.failure: Failure | None = None
         self.budget: tuple[Budget, ...] = ()
+        self._looking: Job | None = None
         self._most: dict[tuple[str, int], float] = {}
-        with page.tab("Failure", viser.Icon.GRID_DOTS):
+        with page.tab("Failure"):
             gui = page.server.gui
             self.view = gui.add_dropdown("error of", VIEWS, initial_value=VIEWS[0])
             self.view.on_update(page.guarded(lambda _: self._draw()))
@@ -73,12 +76,27 @@ class FailurePanel(Panel):
         return isinstance(session, Analysis)
 
     def opened(self, scene: Scene) -> None:
-        """Another flight, or another model."""
+        """Another flight, or another model. A long flight is looked at beside the page, which stands at once."""
         self.work.cancel()
-        self.failure = self.failures.of(scene.name)
-        self.budget = self.failure.budget
+        if self._looking is not None:
+            self._looking.cancel()
+            self._looking = None
+        name = scene.name
+        if scene.time[-1] - scene.time[0] <= LONG:
+            self._show(self.failures.of(name))
+            return
+        if self.failure is None or self.failure.flight != name:
+            self.failure, self.parts.content = None, ""
+            self.map.content = markup.box(markup.paragraph(f"looking at {markup.text(name)} ...", colour="#777"))
+        self._looking = self.page.background(
+            lambda report: self.failures.of(name), lambda share, words: None, self._show
+        )
+
+    def _show(self, failure: Failure) -> None:
+        """Draw what was found."""
+        self.failure, self.budget = failure, failure.budget
         for k in range(len(VIEWS)):
-            self._most.setdefault((scene.name, k), _largest(self.failure, k))
+            self._most.setdefault((failure.flight, k), _largest(failure, k))
         self._draw()
 
     def _ask(self) -> None:
