@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from compensate import Compensator, PhysicsMismatch, Settings
+from compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from flight.errors import FitError
 from flight.flight import AXES
 from learn.gp import GaussianProcess
+from learn.train import fit_linear
 from plant.mismatch_inputs import columns
 from plant.model import Model
 from plant.model_file import content_hash
+from replay.reflight import Compensates
+
+TORQUE = AXES[3:]
+OBSERVER_HZ = 1.0
+"""Bandwidth of the disturbance observer among the baselines [Hz]: fast enough for a reference, slow beside servos."""
 
 
 def compensator(
@@ -40,6 +46,22 @@ def physics(process: GaussianProcess, model: Model, lead: float | None = None) -
             "it was learnt on"
         )
     return PhysicsMismatch(model.wrench_model, process.outputs, lead)
+
+
+def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple[tuple[str, Compensates], ...]:
+    """What a process must be better than, by name: observer, the effects alone, a straight line through its points."""
+    found: list[tuple[str, Compensates]] = [
+        (f"disturbance observer, {OBSERVER_HZ:g} Hz", DisturbanceObserver(model.vehicle, dt, OBSERVER_HZ))
+    ]
+    outputs = TORQUE if process is None else process.outputs
+    if model.effects:
+        physics_alone = PhysicsMismatch(model.wrench_model, outputs)
+        found.append(("the effects of the model alone", Compensator(physics_alone, Settings(dt=dt))))
+    if process is not None and process.settings.mean == "zero" and not process.settings.inputs:
+        inputs = process.input_mean + process.input_scale * process.inputs
+        line = fit_linear(inputs, process.residuals * process.output_scale, outputs)
+        found.append(("a straight line through the GP's points", Compensator(line, Settings(dt=dt))))
+    return tuple(found)
 
 
 def notes(process: GaussianProcess, model: Model) -> tuple[str, ...]:

@@ -101,6 +101,7 @@ class Change:
     gains        of the control law
     believed     vehicle that controller and allocation assume
     compensator  in the loop
+    beside       others to compare it with, by name, each flown in its place
     words        the same for tables and provenance
     """
 
@@ -108,6 +109,7 @@ class Change:
     gains: ControllerGains | None = None
     believed: Vehicle | None = None
     compensator: Compensates | None = None
+    beside: tuple[tuple[str, Compensates], ...] = ()
     words: tuple[str, ...] = ()
 
 
@@ -116,7 +118,8 @@ class Counterfactual:
     """An inference, its null run, and the re-flight with the change (the null run itself where nothing changed).
 
     `uncompensated` is the re-flight with all of the change but its compensator: what the compensated one is to be
-    compared with. It is the null run where nothing else was changed, None where no compensator flew.
+    compared with. It is the null run where nothing else was changed, None where no compensator flew. `beside` are the
+    re-flights with other compensators in its place.
     """
 
     inference: Inference
@@ -124,6 +127,7 @@ class Counterfactual:
     changed: Reflight
     change: Change
     uncompensated: Reflight | None = None
+    beside: tuple[tuple[str, Reflight], ...] = ()
 
     @cached_property
     def null_run(self) -> dict[str, float]:
@@ -138,6 +142,11 @@ class Counterfactual:
         return {"recorded": tracking_of(self.inference), **of}
 
     @cached_property
+    def baselines(self) -> dict[str, dict[str, Any]]:
+        """Tracking errors with the other compensators, by name."""
+        return {name: tracking_of(self.inference, one) for name, one in self.beside}
+
+    @cached_property
     def content(self) -> dict[str, Any]:
         """The result as it goes into JSON (docs/json.md, wrenchgap.counterfactual/1)."""
         r = self.inference.recording
@@ -148,6 +157,7 @@ class Counterfactual:
             "start_s": float(r.time[r.first]),
             "null_run": self.null_run,
             "tracking": self.tracking,
+            "baselines": self.baselines,
             "axes": list(AXES),
             "disturbance": self.inference.statistics,
             "controller_explained": self.inference.explained.tolist(),
@@ -177,6 +187,7 @@ class Counterfactual:
             )
         if self.changed.flown.stopped and self.changed is not self.null:
             found.append(f"{r.flight.name}: {self.changed.flown.stopped}")
+        found += [f"{r.flight.name}, {name}: {one.flown.stopped}" for name, one in self.beside if one.flown.stopped]
         return tuple(dict.fromkeys(found))
 
     @property
@@ -216,21 +227,24 @@ def counterfactual(
     inference = infer(recording, model, cutoff_hz=cutoff_hz, progress=stage(0.0, 0.3, "inferring the disturbance"))
     null = refly(inference, progress=stage(0.3, 0.5, "null run"))
 
-    def fly(compensator: Compensates | None, begin: float, end: float) -> Reflight:
+    def fly(compensator: Compensates | None, begin: float, end: float, words: str = "counterfactual") -> Reflight:
         return refly(
             inference,
             change.plant,
             gains=change.gains,
             believed=change.believed,
             compensator=compensator,
-            progress=stage(begin, end, "counterfactual"),
+            progress=stage(begin, end, words),
         )
 
     others = any(item is not None for item in (change.plant, change.gains, change.believed))
-    plain = fly(None, 0.5, 0.7) if others else null
+    plain = fly(None, 0.5, 0.6) if others else null
+    share = 0.4 / (1 + len(change.beside))
+    beside = tuple((name, fly(one, 1.0 - share, 1.0, name)) for name, one in change.beside)
     if change.compensator is None:
-        return Counterfactual(inference, null, plain, change)
-    return Counterfactual(inference, null, fly(change.compensator, 0.7, 1.0), change, uncompensated=plain)
+        return Counterfactual(inference, null, plain, change, beside=beside)
+    changed = fly(change.compensator, 0.6, 0.6 + share)
+    return Counterfactual(inference, null, changed, change, plain, beside)
 
 
 __all__ = ["Change", "Counterfactual", "counterfactual", "null_error", "read_recording", "tracking", "tracking_of"]

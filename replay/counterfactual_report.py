@@ -72,6 +72,7 @@ def change(
     with_: Sequence[str] = (),
     gains: Sequence[str] = (),
     believe: Model | None = None,
+    baselines: bool = False,
 ) -> Change:
     """What the options of the command line ask for; `period` [s] is that of the control loop.
 
@@ -94,6 +95,7 @@ def change(
         gains=changed_gains(model.controller, gains) if gains else None,
         believed=None if believe is None else believed_vehicle(model, believe),
         compensator=compensator,
+        beside=compensating.baselines(None if gp is None else gp[1], model, period) if baselines else (),
         words=tuple(words),
     )
 
@@ -139,6 +141,9 @@ def show(result: Counterfactual) -> list[Table]:
     for key, values in errors.items():
         if names.get(key):
             third.add_row(escape(names[key]), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+    for name, one in result.baselines.items():
+        values = _errors(one)
+        third.add_row(escape(f"instead: {name}"), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
         third.add_row("change", *tables.fall(falls))

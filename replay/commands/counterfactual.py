@@ -41,6 +41,9 @@ def counterfactual(
         Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
     ] = None,
     lead: Lead = None,
+    baselines: Annotated[
+        bool, typer.Option("--baselines", help="Fly what a GP must be better than: observer, effects, straight line.")
+    ] = False,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -109,6 +112,7 @@ def counterfactual(
             period=recording.dt,
             gp=None if gp is None or process is None else (gp.name, process),
             lead=lead,
+            baselines=baselines,
             without=without or (),
             with_=with_ or (),
             gains=gains or (),

@@ -158,6 +158,20 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_counterfactual_flies_the_alternatives_beside_the_process(
+    files: Path, on_physics: Learnt, result_of: Any
+) -> None:
+    """Effects alone are all there is here: they do as well as with the process, and an observer does not have to."""
+    asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
+    result = result_of(*asked, "--duration", 1, "--baselines")
+    names = list(result["baselines"])
+    assert names == ["disturbance observer, 1 Hz", "the effects of the model alone"]
+    with_process = np.array(result["tracking"]["counterfactual"]["attitude_error"]["rms"])
+    alone = np.array(result["baselines"][names[1]]["attitude_error"]["rms"])
+    assert alone == pytest.approx(with_process, abs=1e-3)
+    assert result_of(*asked, "--duration", 1)["baselines"] == {}
+
+
 def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path, result_of: Any) -> None:
     """What slow servos leave of a command is a function of its past, not of its value."""
     asked = ("learn", slow / "train.mcap", "-m", NAME, "--validate", slow / "test.mcap", *FAST)
