@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from plant.model import Model
 from plant.vehicle import GRAVITY, Vehicle
 from plant.wrench_model import ModelEffect
 
+Loader = Callable[..., Flight]
 GROUNDED = 0.3
 """Share of the weight below which the commanded force cannot be what carries the vehicle."""
 MINIMUM_FLIGHT = 2.0
@@ -42,14 +43,15 @@ def open_flight(
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
     shifts: Mapping[str, float] | None = None,
+    load: Loader = flight.load,
 ) -> OpenFlight:
-    """Read one log for a model, or what lies `between` two of its times [s].
+    """Read one log for a model, or what lies `between` two of its times [s]; `load` reads as `flight.load` does.
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`).
     """
-    found = flight.shifted(flight.load(path, topics, preferred=model.topics), shifts or {})
+    found = flight.shifted(load(path, topics, preferred=model.topics), shifts or {})
     return opened(found, model, cutoff_hz=cutoff_hz, between=between)
 
 
@@ -180,11 +182,12 @@ def open_flights(
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
     shifts: Mapping[str, float] | None = None,
+    load: Loader = flight.load,
 ) -> list[OpenFlight]:
     """`open_flight` for several logs, in order, with names that differ; the same log twice is an error."""
     opened: list[OpenFlight] = []
     for path in paths:
-        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts)
+        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts, load=load)
         for other in opened:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")

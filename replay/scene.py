@@ -176,11 +176,13 @@ def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
     found = []
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T
-        found.append(Series("tilt", "deg", scene.time, {f"arm {i}": values for i, values in enumerate(tilt)}, "Actuators"))
+        arms = {f"arm {i}": values for i, values in enumerate(tilt)}
+        found.append(Series("tilt", "deg", scene.time, arms, "Actuators"))
     known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
     if known:
         speed = _pieces(scene.time, [t for t, _ in known], [v for _, v in known]).T
-        found.append(Series("rotor speed", "rad/s", scene.time, {f"rotor {i}": v for i, v in enumerate(speed)}, "Actuators"))
+        rotors = {f"rotor {i}": values for i, values in enumerate(speed)}
+        found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators"))
     return tuple(found)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import flight
 from flight.channels import Channel, channels
 from learn.gp import GaussianProcess
 from learn.measurement import CUTOFF_HZ
@@ -17,7 +18,7 @@ from plant.model import Model
 from plant.vehicle import Vehicle
 from replay.bench import Bench
 from replay.comparison import compare, predictors
-from replay.flights import open_flights
+from replay.flights import Loader, open_flights
 from replay.scene import Prediction, predicted, recorded
 from replay.session_compensation import CompensationDesk
 from replay.session_effects import EffectsDesk
@@ -32,7 +33,8 @@ PREDICTED = "predicted"
 class LogSession:
     """Implements `viewer.session.Session` and `viewer.analysis.Analysis` for logs, a model and, where given, a GP.
 
-    `against` are other models whose predictions are shown beside; `gp_name` is what the GP is called on the page.
+    `load` reads logs as `flight.load` does. `against` are other models whose predictions are shown beside; `gp_name` is
+    what the GP is called on the page.
     Models and trajectories that are saved on the page go into `folder`, by default where the command was started.
     """
 
@@ -45,12 +47,13 @@ class LogSession:
         topics: Mapping[str, str] | None = None,
         between: tuple[float, float] | None = None,
         shifts: Mapping[str, float] | None = None,
+        load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
         folder: Path | None = None,
     ) -> None:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
-        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts)
+        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts, load=load)
         self.bench = Bench({one.records[0].flight: one for one in opened}, model, gp, cutoff)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]

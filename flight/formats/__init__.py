@@ -76,6 +76,11 @@ def reader_of(path: Path) -> Reader:
     raise LogError(f"{path}: not a log: begins with {head[:8]!r}; expected {SUPPORTED}")
 
 
+def content_hash(path: Path) -> str:
+    """SHA-256 of the file(s) of a log. Raises LogError where there is none."""
+    return _hash(reader_of(path).data_files())
+
+
 def read_log(path: Path, selection: Selection) -> Log:
     """Read a log once: columns of the topics that `selection` wants, log times of all.
 

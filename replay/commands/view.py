@@ -64,6 +64,7 @@ def view(
     import threading
     import webbrowser
 
+    from flight import kept
     from learn import store
     from plant import model_file
     from replay.console import Printer, progress
@@ -85,6 +86,7 @@ def view(
             topics=parse_topics(topic),
             between=parse_between(between),
             shifts=parse_shifts(shift),
+            load=kept.load,
             against=others,
             gp_name="GP" if gp is None else gp.name,
         )

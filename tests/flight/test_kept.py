@@ -1,0 +1,93 @@
+"""A kept flight is the flight; whatever changes makes it be read anew; a damaged file is no disaster."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import flight
+from flight import kept
+from flight.channels import channels
+from flight.errors import LogError
+from plant import model_file
+from replay.simulation import Plan, fly
+
+
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / "short.mcap"
+    plan = Plan(model_file.load("tilt_hexarotor"), "figure8", 3.0, 0.0, 1, None, ())
+    flight.write(fly(plan, name="short"), path)
+    return path
+
+
+@pytest.fixture
+def reads(monkeypatch):
+    """Paths of the logs that were really read."""
+    seen = []
+    monkeypatch.setattr(kept, "read", lambda path, *rest: seen.append(path) or flight.load(path, *rest))
+    return seen
+
+
+def same(one, other):
+    for item in fields(one):
+        a, b = getattr(one, item.name), getattr(other, item.name)
+        if isinstance(a, flight.Series):
+            same(a, b)
+        elif isinstance(a, np.ndarray):
+            assert np.array_equal(a, b)
+            assert a.dtype == b.dtype
+        else:
+            assert a == b, item.name
+
+
+def test_the_second_time_it_is_not_read_and_yet_the_same(log, reads):
+    first = kept.load(log)
+    second = kept.load(log)
+    assert reads == [log]
+    same(first, flight.load(log))
+    same(second, first)
+
+
+def test_another_mapping_another_content_or_a_damaged_file_is_read_anew(log, reads):
+    kept.load(log)
+    kept.load(log, {"desired": "none"})
+    assert len(reads) == 2
+    for file in kept.folder().glob("*.npz"):
+        file.write_bytes(file.read_bytes()[:1000])
+    kept.load(log)
+    assert len(reads) == 3
+    plan = Plan(model_file.load("tilt_hexarotor"), "figure8", 4.0, 0.0, 1, None, ())
+    log.unlink()
+    flight.write(fly(plan, name="short"), log)
+    assert kept.load(log).imu.time[-1] > 3.5
+    assert len(reads) == 4
+
+
+def test_old_flights_make_room(log, reads, monkeypatch):
+    monkeypatch.setattr(kept, "BYTES", 1)
+    kept.load(log)
+    kept.load(log, {"desired": "none"})
+    assert len(list(kept.folder().glob("*"))) == 1
+
+
+def test_a_folder_that_cannot_be_written_keeps_nothing_and_breaks_nothing(log, reads, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    same(kept.load(log), flight.load(log))
+
+
+def test_a_log_that_is_none_is_told_as_ever(tmp_path):
+    with pytest.raises(LogError, match="no such file"):
+        kept.load(tmp_path / "none.mcap")
+
+
+def test_channels_are_everything_in_the_log_on_its_clock(log):
+    found = flight.load(log)
+    every = channels(log, found)
+    time, values = every["/imu.angular_velocity.x"]
+    assert time == pytest.approx(found.imu.time, abs=1e-9)
+    assert values == pytest.approx(found.imu.omega_B[:, 0])
+    assert len([name for name in every if name.startswith("/command/actuators.velocity[")]) == 12
+    assert not any("header" in name for name in every)
