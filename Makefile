@@ -11,11 +11,11 @@ export MKL_NUM_THREADS = 1
 export NUMBA_NUM_THREADS = 1
 export MPLBACKEND = Agg
 
-.PHONY: help setup demo test check format bench paper docs lock wheel clean
+.PHONY: help setup demo test check format bench paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## the environment in .venv, pinned by requirements.lock
 	@bash scripts/setup_env.sh
@@ -46,6 +46,9 @@ paper: setup ## the paper's experiments: benchmarks/paper/results, docs/images/p
 docs: setup ## renew docs/effects/README.md, check every link, run every Python example
 	$(VENV) scripts/effects_index.py
 	$(VENV) scripts/check_docs.py
+
+screenshots: setup ## renew the viewer's pictures in docs/images (needs Chromium)
+	PYTHONPATH=. $(VENV) scripts/screenshots.py
 
 lock: setup ## renew requirements.lock: newest versions that suit Python 3.11 and later
 	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \

@@ -2,9 +2,9 @@
 
 python -m benchmarks.viewer_speed [--browser] [--loops N]
 
-Targets on two cores (issue 5): from the command to the first picture 10 s on a ten-minute log that was never opened
-(5 s on one that was: nothing is kept on disk, so both are the same); a move of the cursor 50 ms at the server; 30
-updates a second while playing; memory flat. With --browser the picture is waited for in a headless Chromium, which
+Targets on two cores (issue 5): from the command to the first picture 10 s on a ten-minute log that was never opened, 5
+s on one that was (`flight.kept`); a move of the cursor 50 ms at the server; 30 updates a second while playing; memory
+flat. With --browser the picture is waited for in a headless Chromium, which
 here draws and compiles its shaders on the CPU; without it, for the page to be ready to be loaded.
 """
 
@@ -32,8 +32,8 @@ from replay.simulation import Plan, fly
 from viewer.page import Page
 
 MODEL = "tilt_hexarotor"
-FIRST_PICTURE, MOVE, RATE, GROWTH = 5.0, 0.050, 30.0, 8.0
-"""Targets [s], [s], [1/s], and megabytes that a thousand loops may leave behind."""
+NEW, KNOWN, MOVE, RATE, GROWTH = 10.0, 5.0, 0.050, 30.0, 8.0
+"""Targets [s], [s], [s], [1/s], and megabytes that a thousand loops may leave behind."""
 
 
 def main() -> int:
@@ -45,7 +45,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         long = log(Path(folder), "ten_minutes", 600.0)
         short = log(Path(folder), "one_minute", 60.0)
-        verdicts = [first_picture(long, chosen.browser), first_picture(long, chosen.browser)]
+        os.environ["XDG_CACHE_HOME"] = folder
+        verdicts = [
+            first_picture(long, chosen.browser, "new", NEW),
+            first_picture(long, chosen.browser, "known", KNOWN),
+        ]
         page = Page(LogSession([long], model_file.load(MODEL)), port=0)
         try:
             verdicts += [moves(page, "whole flight"), moves(page, "10 s"), bytes_per_move(page), playing(page)]
@@ -67,12 +71,12 @@ def said(what: str, value: float, unit: str, target: float, *, least: bool = Fal
     """Print a figure beside its target."""
     good = value >= target if least else value <= target
     print(
-        f"{what:44s} {value:9.2f} {unit:10s} target {'>=' if least else '<='} {target:g}  {'ok' if good else 'MISSED'}"
+        f"{what:50s} {value:9.2f} {unit:10s} target {'>=' if least else '<='} {target:g}  {'ok' if good else 'MISSED'}"
     )
     return good
 
 
-def first_picture(path: Path, browser: bool) -> bool:
+def first_picture(path: Path, browser: bool, state: str, target: float) -> bool:
     """From the command to the picture, or to the page that can be loaded."""
     begin = time.monotonic()
     command = [sys.executable, "-m", "replay.cli", "view", str(path), "-m", MODEL, "--port", "0"]
@@ -88,8 +92,8 @@ def first_picture(path: Path, browser: bool) -> bool:
             url = found.group() if found else ""
         served = time.monotonic() - begin
         if not browser:
-            return said("command to page, ten-minute log", served, "s", FIRST_PICTURE)
-        return said("command to first picture, ten-minute log", served + pictured(url), "s", FIRST_PICTURE)
+            return said(f"command to page, {state} ten-minute log", served, "s", target)
+        return said(f"command to first picture, {state} ten-minute log", served + pictured(url), "s", target)
     finally:
         process.terminate()
         process.wait(10.0)

@@ -45,14 +45,13 @@ class Scale:
 def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
     """Lengths that suit a vehicle of `size` [m] on a flight.
 
-    The weight is twice the size; the largest torque (99th percentile) once and a half; a rotor's share of the weight
-    half of it.
+    The weight is 1.7 times the size; the largest torque (99th percentile) 1.4 times; a rotor's share of the weight half.
     """
     weight = vehicle.body.mass * GRAVITY
     torques = [np.abs(w[:, 3:][np.isfinite(w[:, 3:])]) for w in scene.wrenches.values()]
     largest = max((float(np.percentile(t, 99.0)) for t in torques if t.size), default=0.0)
     rotors = 1 if vehicle.rotors is None else len(vehicle.rotors)
-    return Scale(2.0 * size / weight, 1.5 * size / largest if largest > 0 else size, 0.5 * size * rotors / weight)
+    return Scale(1.7 * size / weight, 1.4 * size / largest if largest > 0 else size, 0.5 * size * rotors / weight)
 
 
 def components(vector: Array, spread: float) -> Array:

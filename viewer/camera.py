@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DIRECTIONS: dict[str, tuple[float, float, float]] = {
-    "oblique": (-3.9, -4.5, 2.9),
+    "oblique": (-3.5, -4.0, 2.5),
     "top": (-0.001, 0.0, 6.6),
     "side": (0.0, -6.6, 0.4),
     "front": (6.6, 0.0, 0.4),

@@ -41,7 +41,7 @@ T = TypeVar("T")
 Kind = Literal["info", "warning", "error"]
 
 KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
-CONTROLS, PLOTS = 350, 465
+CONTROLS, PLOTS = 350, 505
 """Widths of the panels on the right and on the left [px]."""
 
 

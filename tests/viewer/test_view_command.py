@@ -1,0 +1,67 @@
+"""`wrenchgap view` as a command: what it refuses, what it says, what it serves."""
+
+import re
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from replay.cli import app
+from viewer.saved_view import SavedView
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.mcap", "-m", "tilt_hexarotor"], "none.mcap: no such file"),
+        (["LOG", "-m", "no_such_model"], "no_such_model"),
+        (["LOG", "-m", "tilt_hexarotor", "--against", "no_such_model"], "no_such_model"),
+        (["LOG", "-m", "tilt_hexarotor", "--gp", "none.gp"], "none.gp: no such file"),
+        (["LOG", "-m", "tilt_hexarotor", "--view", "none.json"], "none.json: cannot be read"),
+        (["LOG", "-m", "tilt_hexarotor", "--view", "BAD"], "not JSON"),
+        (["LOG", "-m", "tilt_hexarotor", "--between", "9:3"], "expected T0:T1"),
+        (["LOG", "-m", "tilt_hexarotor", "--host", "192.0.2.1"], "cannot listen there"),
+        (["LOG", "-m", "tilt_hexarotor", "--port", "70000"], "65535"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(flown, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "bad.json").write_text("{")
+    names = {"LOG": str(flown[0]), "BAD": str(tmp_path / "bad.json")}
+    done = CliRunner().invoke(app, ["view", *(names.get(a, a) for a in arguments)], prog_name="wrenchgap")
+    assert done.exit_code == 2
+    assert words in done.output
+    assert "Traceback" not in done.output
+
+
+def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
+    saved = tmp_path / "saved.view.json"
+    saved.write_text(SavedView(flight="another", time=5.0, zoom="10 s").to_text())
+    command = [sys.executable, "-m", "replay.cli", "view", *map(str, flown), "-m", "tilt_hexarotor", "--port", "0"]
+    process = subprocess.Popen(
+        [*command, "--view", str(saved)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        cwd=Path(__file__).parents[2],
+        env={"XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1", "PATH": "/usr/bin:/bin"},
+    )
+    try:
+        assert process.stdout is not None
+        url = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
+        assert url is not None
+        with urllib.request.urlopen(url.group(), timeout=10) as answer:
+            assert b"<html" in answer.read(2000).lower()
+        for path in ("/../pyproject.toml", "/%2e%2e/%2e%2e/etc/passwd", f"/{flown[0]}", "/saved.view.json"):
+            with pytest.raises(urllib.error.HTTPError):
+                urllib.request.urlopen(url.group() + path, timeout=10)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(15.0) in (0, 130)
+    finally:
+        process.kill()
+    assert list((tmp_path / "cache" / "wrenchgap").glob("*.npz")), "the logs were not kept"
