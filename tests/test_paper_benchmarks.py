@@ -1,0 +1,138 @@
+"""The paper's experiments: the plant, the judges and the page. The experiments themselves take minutes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmarks.paper import methods as m
+from benchmarks.paper.compute import ByGPy
+from benchmarks.paper.page import renewed
+from benchmarks.paper.pitch import summary
+from benchmarks.paper.plants import LegWake, vehicle
+from benchmarks.paper.prediction import PAPER, knowledge
+from benchmarks.paper.running import EXPERIMENTS, PAGE, Output, experiment, in_parallel, plain
+from learn.gp import FitSettings
+from learn.train import fit
+from plant.actuation import actuation
+from plant.effects import catalogue
+from plant.effects.effect import Context
+from plant.state import Actuation, Commands, State
+from replay.learning import TORQUE
+
+Array = NDArray[np.float64]
+
+
+def hovering(tilt: Array) -> tuple[Actuation, Context]:
+    """All rotors at hover speed, arms at `tilt` (N, 6)."""
+    believed = vehicle().believed.vehicle
+    count = len(tilt)
+    speed = np.full((count, 12), 676.0)
+    state = State(
+        np.zeros(count),
+        np.zeros((count, 3)),
+        np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        np.zeros((count, 3)),
+        np.zeros((count, 3)),
+    )
+    return actuation(believed, Commands(np.zeros((count, 6)), tilt, speed)), Context(believed, state)
+
+
+def wake(tilt: Array, theta: tuple[float, float, float]) -> Array:
+    act, context = hovering(tilt)
+    return LegWake().apply(act, np.zeros((len(tilt), 6)), np.array(theta), context)
+
+
+def test_a_leg_catches_most_where_the_wake_points_at_it_and_nothing_without_loss() -> None:
+    angles = np.radians(np.arange(-80.0, 81.0, 2.0))
+    tilt = np.zeros((len(angles), 6))
+    tilt[:, 0] = angles
+    push = wake(tilt, (0.1, np.radians(40.0), np.radians(15.0)))
+    rest = wake(np.zeros((1, 6)), (0.1, np.radians(40.0), np.radians(15.0)))
+    moved = np.linalg.norm(push[:, :3] - rest[:, :3], axis=1)
+    assert abs(np.degrees(angles[int(np.argmax(moved))]) - 40.0) <= 4.0
+    assert not wake(tilt, (0.0, 0.7, 0.3)).any()
+
+
+def test_the_push_on_a_leg_is_against_the_thrust() -> None:
+    act, _ = hovering(np.zeros((1, 6)))
+    push = wake(np.zeros((1, 6)), (0.1, 0.0, 0.3))[0]
+    assert push[2] < 0.0
+    assert abs(push[2]) < 0.1 * act.thrust.sum()
+    np.testing.assert_allclose(push[:2], 0.0, atol=1e-12)
+
+
+def test_the_truth_holds_something_that_the_catalogue_lacks() -> None:
+    names = {e.name for e in vehicle().truth.effects}
+    assert names - set(catalogue()) == {"leg_wake"}
+    assert not vehicle().believed.effects
+
+
+def test_vehicles_differ_and_repeat() -> None:
+    def numbers(k: int) -> Array:
+        return np.concatenate([e.theta for e in vehicle(k).truth.effects])
+
+    np.testing.assert_array_equal(numbers(3), numbers(3))
+    assert np.abs(numbers(3) - numbers(0)).max() > 1e-3
+
+
+@pytest.fixture(scope="module")
+def known() -> m.Knowledge:
+    return knowledge(0, seconds=12.0)
+
+
+def test_a_straight_line_learnt_from_a_flight_explains_most_of_that_flight(known: m.Knowledge) -> None:
+    record = known.flights[0].records[0]
+    z = (record.measured - m.nominal(known, record))[:, 3:]
+    assert m.LINEAR.predict is not None
+    assert m.CONSTANT.predict is not None
+    line, constant = (np.abs(z - p.predict(known, record)).mean(axis=0) for p in (m.LINEAR, m.CONSTANT) if p.predict)
+    assert (line < constant).all()
+    assert (line < 0.5 * np.abs(z).mean(axis=0)).all()
+
+
+def test_gpy_and_the_closed_form_say_the_same() -> None:
+    rng = np.random.default_rng(0)
+    inputs = rng.normal(size=(60, 6)) * (5.0, 5.0, 10.0, 0.3, 0.3, 0.3)
+    outputs = 0.3 * np.sin(inputs[:, 3:]) + 0.01 * rng.normal(size=(60, 3))
+    gp = fit(inputs, outputs, TORQUE, FitSettings(points=30, restarts=0))
+    other, asked = ByGPy(gp), inputs[:7] + 0.1
+    np.testing.assert_allclose(other.mean(asked), gp.mean(asked), atol=1e-6)
+    np.testing.assert_allclose(other.std(asked), gp.std(asked), rtol=1e-4)
+    np.testing.assert_allclose(other.jacobian(asked), gp.jacobian(asked), atol=1e-6)
+
+
+def test_parallel_results_keep_their_order() -> None:
+    said: list[float] = []
+    offset = 10
+    found = in_parallel(lambda k: k + offset, [3, 1, 2], lambda share, words: said.append(share), "adding")
+    assert found == [13, 11, 12]
+    assert said[-1] == 1.0
+
+
+def test_boxes_and_medians() -> None:
+    found = summary(np.tile(np.arange(101.0)[:, None], (1, 3)))
+    assert plain(found)["median"] == [50.0] * 3
+    assert plain(found)["box"] == [50.0] * 3
+    assert plain({"x": np.float64(1.23456), "n": np.int64(12345), "i": np.inf}) == {"x": 1.235, "n": 12345, "i": None}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_has_results_and_their_tables_are_on_the_page(name: str) -> None:
+    body = Output().read(name)
+    assert body is not None, f"run `make paper PAPER={name}`"
+    page = PAGE.read_text(encoding="utf-8")
+    assert experiment(name).tables(body) in page, "the page is not that of the results: python -m benchmarks.paper.page"
+
+
+def test_the_page_is_as_the_results_make_it() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert renewed(page, Output()) == page
+
+
+def test_nominal_errors_are_of_the_papers_size() -> None:
+    body = Output().read("prediction")
+    assert body is not None
+    for ours, paper in zip(body["errors"]["nominal"]["smooth mean"], PAPER["nominal"][0], strict=True):
+        assert 0.8 < ours / paper < 1.25
