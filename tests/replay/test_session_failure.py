@@ -1,11 +1,9 @@
 """The failure map of the viewer: its numbers are those of the library, its instants lie where the error is."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
-from learn.budget import budget, held_out_process
+from learn.budget import budget
 from learn.failure_map import failure_map
 from learn.fit import dataset
 from learn.quantities import quantities
@@ -101,14 +99,20 @@ def test_budget_adds_up_and_is_that_of_the_library(failure, direct):
 
 
 def test_full_budget_says_what_a_process_would_explain(session, failure, monkeypatch):
-    monkeypatch.setattr(session_failure, "held_out_process", partial(held_out_process, points=15))
+    """A process that predicts half of the residual leaves a quarter of its square."""
+
+    def half(data, residual, progress):
+        progress(0, 4)
+        return 0.5 * residual
+
+    monkeypatch.setattr(session_failure, "held_out_process", half)
     told = []
-    rows = session.failures.full_budget("train", lambda share, words: told.append((share, words)))
-    assert all(r.process is not None for r in rows)
+    rows = session.failures.full_budget("train", lambda share, words: told.append(words))
     for row, quick in zip(rows, failure.budget, strict=True):
-        assert row.noise + row.physics + row.process + row.unexplained == pytest.approx(1.0)
-        assert row.unexplained <= quick.unexplained + 1e-9
-    assert any("fold" in words for _, words in told)
+        assert row.process == pytest.approx(0.75)
+        assert row.noise + row.unexplained == pytest.approx(0.25)
+        assert row.unexplained < quick.unexplained
+    assert "Gaussian process, fold 1" in told
 
 
 def test_with_the_effect_in_the_map_falls_to_the_noise(logs):
