@@ -31,8 +31,9 @@ BLOCKS = 16
 FEWEST = 200
 """Samples below which nothing is left out."""
 LEVEL, NORMAL_QUANTILE = 0.95, 1.96
-SCALE = (0.5, 10.0)
-"""Bounds of the factor: what a few blocks say is not believed beyond these."""
+SCALE = (1.0, 10.0)
+"""Bounds of the factor. Never below one: blocks of the training flight are more like the rest of it than an unseen
+flight is, so that sigma may well prove too large on them."""
 
 
 def left_out(count: int, asked: Indices, predict: Predict) -> tuple[Array, Array]:

@@ -1,18 +1,19 @@
 """What a process should look at, and how: alternatives compared on blocks of time that were left out.
 
-Every alternative is fitted to the same samples, and predicts every block from the others (`learn.calibration`). Its
-error is put against that of what was asked for, block by block:
+Every alternative is fitted to the same samples, and predicts every block from the others (`learn.calibration`). Errors
+of two are compared block by block:
 
-    gain = 1 - rms(alternative) / rms(asked)        over outputs, each in units of its own mismatch's rms
+    gain = 1 - rms(b) / rms(a)                      over outputs, each in units of its own mismatch's rms
     t    = mean(d) / (std(d) / sqrt(B))             d (B,): difference of the blocks' mean squares
 
-An alternative is worth it where it gains at least `WORTH_IT` beyond chance.
+Groups of inputs are added one after the other, as long as one gains at least `WORTH_IT` beyond chance; then the other
+inference is tried.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ SIGNIFICANT = 2.0
 
 @dataclass(frozen=True)
 class Choice:
-    """An alternative: its settings, rms (L,) [N, Nm] on left-out blocks, and gain and t against what was asked for."""
+    """An alternative: its settings, rms (L,) [N, Nm] on left-out blocks, gain and t against what was asked for."""
 
     settings: FitSettings
     rms: Array
@@ -51,50 +52,83 @@ class Choice:
         return self.gain > WORTH_IT and self.t > SIGNIFICANT
 
 
-def alternatives(settings: FitSettings) -> list[FitSettings]:
-    """What was asked for, the other inference, and each further group of inputs, alone."""
-    more = [(*settings.inputs, name) for name in COLUMNS if name not in settings.inputs]
-    return [settings, other_inference(settings), *(replace(settings, inputs=groups) for groups in more)]
+@dataclass(frozen=True)
+class Choices:
+    """All that were tried, what was asked for first, and the settings that are best."""
+
+    tried: tuple[Choice, ...]
+    best: FitSettings
+
+    @property
+    def better(self) -> Choice | None:
+        """The best, where it is not what was asked for."""
+        asked = not self.tried or self.best == self.tried[0].settings
+        return None if asked else next(c for c in self.tried if c.settings == self.best)
 
 
-def other_inference(settings: FitSettings) -> FitSettings:
-    """Sparse for exact, exact for sparse."""
-    return replace(settings, inference="sparse" if settings.inference == "exact" else "exact")
+@dataclass
+class _Trials:
+    """Errors of settings, each fitted once."""
+
+    inputs: Inputs
+    outputs: Array
+    names: tuple[str, ...]
+    progress: Progress | None
+    errors: dict[FitSettings, Array] = field(default_factory=dict)
+
+    def fit(self, settings: FitSettings) -> bool:
+        """Whether this can be fitted, which it then is."""
+        if settings in self.errors:
+            return True
+        if self.progress is not None:
+            words = f"comparing inputs: {', '.join(('command', *settings.inputs))}, {settings.inference}"
+            self.progress(min(len(self.errors) / 10, 1.0), words)
+        quick = replace(settings, restarts=0, points=min(settings.points, POINTS))
+        try:
+            error = left_out_errors(self.inputs(settings.inputs), self.outputs, self.names, quick)
+        except FitError:
+            return False
+        if error is not None:
+            self.errors[settings] = error
+        return error is not None
+
+    def choice(self, settings: FitSettings, against: FitSettings) -> Choice:
+        """One against another, both fitted."""
+        scale = np.sqrt(np.mean(self.outputs**2, axis=0)) + 1e-12
+        error = self.errors[settings]
+        gain, t = _gain(self.errors[against] / scale, error / scale)
+        return Choice(settings, np.sqrt(np.mean(error**2, axis=0)), gain, t)
+
+    def better(self, current: FitSettings, others: list[FitSettings]) -> FitSettings:
+        """The best of the others that is worth it, else the current."""
+        found = [self.choice(s, current) for s in others if self.fit(s)]
+        best = max((c for c in found if c.worth_it), key=lambda c: c.gain, default=None)
+        return current if best is None else best.settings
 
 
-def best(found: Sequence[Choice]) -> Choice | None:
-    """The alternative that gains most, of those that are worth it."""
-    return max((c for c in found if c.worth_it), key=lambda c: c.gain, default=None)
-
-
-def choices(
+def choose(
     inputs: Inputs,
     outputs: Array,
     names: tuple[str, ...],
-    tried: Sequence[FitSettings],
+    asked: FitSettings,
     progress: Progress | None = None,
-) -> tuple[Choice, ...]:
-    """The first of `tried` and how the others compare with it, for mismatches (M, L) named `names`.
+) -> Choices:
+    """Whether other inputs or the other inference would predict mismatches (M, L) named `names` better than `asked`.
 
     Groups of inputs that the logs do not have are left out. Nothing is compared where the samples are too few.
     """
-    scale = np.sqrt(np.mean(outputs**2, axis=0)) + 1e-12
-    found: list[tuple[FitSettings, Array]] = []
-    for k, settings in enumerate(tried):
-        if progress is not None:
-            progress(k / len(tried), f"comparing inputs: {', '.join(('command', *settings.inputs))}")
-        try:
-            quick = replace(settings, restarts=0, points=min(settings.points, POINTS))
-            error = left_out_errors(inputs(settings.inputs), outputs, names, quick)
-        except FitError:
-            if k == 0:
-                raise
-            continue
-        if error is None:
-            return ()
-        found.append((settings, error))
-    first = found[0][1] / scale
-    return tuple(Choice(s, np.sqrt(np.mean(e**2, axis=0)), *_gain(first, e / scale)) for s, e in found)
+    trials = _Trials(inputs, outputs, names, progress)
+    if not trials.fit(asked):
+        return Choices((), asked)
+    best = asked
+    while True:
+        more = [replace(best, inputs=(*best.inputs, name)) for name in COLUMNS if name not in best.inputs]
+        better = trials.better(best, more)
+        if better == best:
+            break
+        best = better
+    best = trials.better(best, [replace(best, inference="sparse" if best.inference == "exact" else "exact")])
+    return Choices(tuple(trials.choice(s, asked) for s in trials.errors), best)
 
 
 def _gain(asked: Array, other: Array) -> tuple[float, float]:

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from flight.errors import UsageError
 from flight.flight import AXES
-from learn import choice
 from learn.absorbed import Absorbed, Absorption, absorbed
 from learn.calibration import Coverage
-from learn.choice import Choice
+from learn.choice import Choices, choose
 from learn.fit import dataset
 from learn.gp import FitSettings, GaussianProcess, LogSource, MeanKind, Provenance
 from learn.inputs import process_inputs
@@ -290,38 +289,29 @@ def alternatives(
     settings: FitSettings,
     *,
     progress: Callable[[float, str], None] | None = None,
-) -> tuple[Choice, ...]:
+) -> Choices:
     """How other inputs and the other inference would predict time of these flights that is left out."""
     records = [r for f in flights for r in f.records]
     base = physics_of(model, settings)
     targets = samples(records, base).outputs[:, output_indices(outputs)]
-
-    def compared(tried: Sequence[FitSettings]) -> tuple[Choice, ...]:
-        return choice.choices(lambda g: samples(records, base, g).inputs, targets, outputs, tried, progress)
-
-    found = compared(choice.alternatives(settings))
-    better = choice.best(found)
-    if better is None or better.settings.inputs == settings.inputs:
-        return found
-    return (*found, *compared((settings, choice.other_inference(better.settings)))[1:])
+    return choose(lambda groups: samples(records, base, groups).inputs, targets, outputs, settings, progress)
 
 
-def choice_words(found: Sequence[Choice]) -> str:
+def choice_words(found: Choices) -> str:
     """What would be better, in one sentence; empty where nothing is."""
-    better = choice.best(found)
+    better = found.better
     if better is None:
         return ""
-    asked = found[0].settings
+    asked = found.tried[0].settings
     options = []
     if better.settings.inputs != asked.inputs:
         options.append(f"--inputs {','.join(better.settings.inputs)}")
     if better.settings.inference != asked.inference:
         options.append(f"--inference {better.settings.inference}")
-    words = " ".join(options)
-    return f"with {words} the error on left-out time would be {100 * better.gain:.0f} % smaller."
+    return f"with {' '.join(options)} the error on left-out time would be {100 * better.gain:.0f} % smaller."
 
 
-def choices_json(found: Sequence[Choice]) -> list[dict[str, Any]]:
+def choices_json(found: Choices) -> list[dict[str, Any]]:
     """The key `alternatives` of the `learn` schema: the first is what was asked for."""
     return [
         {
@@ -330,9 +320,9 @@ def choices_json(found: Sequence[Choice]) -> list[dict[str, Any]]:
             "rms": c.rms,
             "gain": c.gain,
             "significance": c.t,
-            "worth_it": c.worth_it,
+            "best": c.settings == found.best,
         }
-        for c in found
+        for c in found.tried
     ]
 
 

@@ -20,7 +20,6 @@ from benchmarks.paper.running import Output, Report, in_parallel, main, table, t
 from compensate import Compensator
 from learn import train
 from learn.calibration import Coverage
-from learn.choice import best
 from learn.gp import FitSettings, GaussianProcess
 from learn.sparse import Kernel
 from learn.subsample import subsample
@@ -162,7 +161,7 @@ def inputs_of(which: tuple[str, int], quick: bool) -> dict[str, Any]:
             sigmas = [gp.std(given.data(f, groups)[0]) / gp.sigma_scale * scale for f in given.unseen.values()]
             shares.append(Coverage.of(np.concatenate(list(errors.values())), np.concatenate(sigmas)).within_95)
         after[name], before[name] = shares
-    better = best(alternatives([given.training], given.plant.believed, TORQUE, settings))
+    better = alternatives([given.training], given.plant.believed, TORQUE, settings).better
     advice = "nothing" if better is None else ", ".join((*better.settings.inputs, better.settings.inference))
     return {"rms": rms, "within_95_before": before, "within_95_after": after, "recommended": advice}
 

@@ -30,7 +30,7 @@ from replay.options import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from learn.choice import Choice
+    from learn.choice import Choices
     from replay.console import Printer
     from replay.learning import Learnt
 
@@ -130,7 +130,7 @@ def learn(
     """
     from flight.errors import UsageError
     from learn import store
-    from learn.choice import best
+    from learn.choice import Choices
     from learn.gp import FitSettings
     from plant import model_file
     from replay import comparison, learning
@@ -163,11 +163,11 @@ def learn(
             [*logs, *unseen], base, topics=topics, cutoff_hz=hz, between=parse_between(between), shifts=shifts
         )
         flights, tests = every[: len(logs)], every[len(logs) :]
-        choices: tuple[Choice, ...] = ()
+        choices = Choices((), settings)
         if inputs == "auto" or not no_guard:
             choices = learning.alternatives(flights, base, wanted, settings, progress=report)
-        if inputs == "auto" and (better := best(choices)) is not None:
-            settings = better.settings
+        if inputs == "auto":
+            settings = choices.best
         learnt = learning.learn(flights, base, wanted, settings, validation=tests, progress=report)
         absorbs = None if no_guard else learning.guard(flights, on, learnt.gp, progress=report)
     store.save(learnt.gp, output, force=force)
@@ -219,7 +219,7 @@ def _print(printer: Printer, learnt: Learnt) -> None:
     )
 
 
-def _alternatives(choices: Sequence[Choice], outputs: Sequence[str]) -> list[Table]:
+def _alternatives(choices: Choices, outputs: Sequence[str]) -> list[Table]:
     from replay import tables
 
     rows = [
@@ -228,11 +228,11 @@ def _alternatives(choices: Sequence[Choice], outputs: Sequence[str]) -> list[Tab
             c.settings.inference,
             *(tables.number(float(v)) for v in c.rms),
             f"{100 * c.gain:.0f} %" if k else "asked for",
-            "yes" if c.worth_it else "",
+            "best" if c.settings == choices.best else "",
         )
-        for k, c in enumerate(choices)
+        for k, c in enumerate(choices.tried)
     ]
-    heads = ("inputs", "inference", *outputs, "smaller by", "worth it")
+    heads = ("inputs", "inference", *outputs, "smaller by", "")
     return [tables.plain("rms on time that was left out, with other inputs", heads, rows, left=2)] if rows else []
 
 
