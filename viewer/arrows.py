@@ -45,7 +45,7 @@ class Scale:
 def scale_for(scene: Scene, vehicle: Vehicle, size: float) -> Scale:
     """Lengths that suit a vehicle of `size` [m] on a flight.
 
-    The weight is 1.7 times the size; the largest torque (99th percentile) 1.4 times; a rotor's share of the weight half.
+    The weight is 1.7 sizes, the largest torque (99th percentile) 1.4 sizes, a rotor's share of the weight half a size.
     """
     weight = vehicle.body.mass * GRAVITY
     torques = [np.abs(w[:, 3:][np.isfinite(w[:, 3:])]) for w in scene.wrenches.values()]

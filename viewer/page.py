@@ -55,11 +55,11 @@ class Page:
         self.server: Any = serve(host, port)
         self.lock = threading.RLock()
         self.cursor = Cursor(self.lock)
-        self.drawing = Drawing(self.server.scene, session.vehicle)
-        self.cameras = Cameras(self.server, self.drawing.size)
         self.ghosts: dict[str, dict[str, Motion]] = {}
         self._jobs: list[background.Job] = []
         with self.server.atomic():
+            self.drawing = Drawing(self.server.scene, session.vehicle)
+            self.cameras = Cameras(self.server, self.drawing.size)
             self._build([panel for panel in panels if panel.suits(session)])
             self.cursor.listeners.append(lambda _: self._show())
             self.open(session.flights[0])

@@ -174,6 +174,69 @@ def test_vehicle_of_which_only_the_wrench_is_known_is_drawn():
         made.stop()
 
 
+@pytest.mark.parametrize("name", ["asymmetric_quadrotor", "crazyflie", "variable_tilt_hexacopter", "voliro_x"])
+def test_vehicles_of_any_geometry_are_drawn_with_their_thrusts(name):
+    """Fixed or tilting, coaxial or not: one arrow per rotor, from its hub along its thrust, in newtons."""
+    vehicle = model_file.load(name).vehicle
+    arms, rotors = len(vehicle.arms or ()), len(vehicle.rotors or ())
+    thrust = np.outer(1.0 + TIME, np.arange(1.0, rotors + 1.0)) if rotors else None
+    session = Two(vehicle)
+    session.scene = lambda flight: replace(scene(flight), tilt=np.zeros((len(TIME), arms)), thrust=thrust)
+    made = Page(session, port=0)
+    try:
+        made.cursor.go(1.0)
+        assert len(made.drawing.craft.arms) == arms
+        if rotors:
+            points = made.drawing.arrows.thrusts.points
+            lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1) / made.drawing.scale.thrust
+            assert lengths == pytest.approx(2.0 * np.arange(1.0, rotors + 1.0), rel=1e-5)
+    finally:
+        made.stop()
+
+
+def test_ellipsoids_are_three_sigma_at_the_tips_and_ghosts_stand_where_they_flew(vehicle):
+    sigma = np.tile([np.nan, np.nan, np.nan, 0.02, 0.01, 0.03], (len(TIME), 1))
+    session = Two(vehicle)
+    session.scene = lambda flight: replace(scene(flight), sigma={"commanded": sigma})
+    made = Page(session, port=0)
+    try:
+        made.cursor.go(3.0)
+        cloud, arrow = (made.drawing.arrows.clouds["torque", "commanded"], made.drawing.arrows.handles)
+        scale = made.drawing.scale.torque
+        assert cloud.visible
+        assert np.asarray(cloud.scale) == pytest.approx(3.0 * scale * np.array([0.02, 0.01, 0.03]))
+        tip = scene().wrenches["commanded"][made.cursor.index, 3:] * scale + vehicle.body.com_B
+        assert np.asarray(cloud.position) == pytest.approx(tip)
+        assert arrow["torque", "commanded"].visible
+        assert not made.drawing.arrows.clouds["force", "commanded"].visible
+        made.show_ghost("late", replace(scene().motion, time=TIME + 1.0))
+        assert np.asarray(made.drawing.ghost.frame.position) == pytest.approx(scene().position_E[100])
+        made.cursor.go(0.5)
+        assert not made.drawing.ghost.frame.visible, "before it began"
+    finally:
+        made.stop()
+
+
+def test_following_moves_the_world_and_staying_does_not(page):
+    page.cursor.go(2.0)
+    assert np.asarray(page.drawing.world.position) == pytest.approx(-scene().position_E[page.cursor.index])
+    page.scene_panel.follow(False)
+    assert np.asarray(page.drawing.world.position) == pytest.approx(np.zeros(3))
+
+
+def test_playing_between_the_marks_stays_there(page):
+    page.transport.set_marks({"A": 1.0, "B": 2.0}, True)
+    page.cursor.go(1.9)
+    page.cursor.advance(0.05)
+    assert page.cursor.time == pytest.approx(1.95)
+    page.cursor.advance(0.2)
+    assert page.cursor.time == pytest.approx(1.0)
+    page.transport.set_marks({}, False)
+    page.cursor.go(3.95)
+    page.cursor.advance(0.2)
+    assert page.cursor.time == TIME[0]
+
+
 def test_address_that_cannot_be_had_is_told_in_one_line(vehicle):
     with pytest.raises(UsageError, match="cannot listen"):
         Page(Two(vehicle), host="192.0.2.1", port=0)
