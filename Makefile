@@ -24,7 +24,7 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 	$(VENV) -m replay.cli demo $(DEMO)
 
 test: setup ## the everyday test suite
-	$(VENV) -m pytest -m "not slow" $(TEST)
+	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile $(TEST)
 
 check: setup ## format, lint, types, layers
 	$(VENV) -m ruff format --check .
