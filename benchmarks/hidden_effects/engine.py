@@ -257,12 +257,13 @@ def fly(
 ) -> tuple[Flight, Truth]:
     """Fly `trajectory` with hidden `effect`(s); deterministic for equal arguments.
 
-    `size`: None (each effect's default), a number in the effect's unit (the rest is drawn from `seed`), or a mapping
-    of its parameters; one for all or a sequence with one per effect. `compensate` turns the desired wrench (6,) and
-    the state (13,) into the commanded wrench at every tick. `noise` scales all sensor noise. `pair_split` d swings the shares of upper and
-    lower rotors by up to +-d, in step on all arms and against each other on neighbours (0.37 and 0.23 Hz), without
-    changing the wrench: that separates effects of single rotors from those of pairs. `crisp` gives the vehicle
-    servos of 2.5 ms and nearly massless arms, so that without a hidden effect really nothing is missing.
+    `size`: None (each effect's default), a number in the effect's unit (the rest is drawn from `seed`), or a
+    mapping of its parameters; one for all or a sequence with one per effect. `compensate` turns the desired
+    wrench (6,) and the state (13,) into the commanded wrench at every tick. `noise` scales all sensor noise.
+    `pair_split` d swings the shares of upper and lower rotors by up to +-d, in step on all arms and against
+    each other on neighbours (0.37 and 0.23 Hz), without changing the wrench: that separates effects of single
+    rotors from those of pairs. `crisp` gives the vehicle servos of 2.5 ms and nearly massless arms, so that
+    without a hidden effect really nothing is missing.
     Raises UsageError for an unknown name or a flight that was lost.
     """
     tracks, truth = _fly(effect, size, trajectory, seconds, seed, integral, compensate, noise, pair_split, crisp)
