@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 EXCITATIONS = (0.0, 0.1, 1.0)
 POINTS = 100
-VEHICLES = 6
+VEHICLES = 3
 
 
 def one(job: tuple[int, float, float]) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def _warns(result: dict[str, Any]) -> bool:
 
 def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     """Eigenvalues and warnings of every excitation, and the figure of the first vehicle."""
-    excitations, vehicles, length = ((0.0,), 1, 20.0) if quick else (EXCITATIONS, VEHICLES, 60.0)
+    excitations, vehicles, length = ((0.0,), 1, 20.0) if quick else (EXCITATIONS, VEHICLES, 40.0)
     jobs = [(v, e, length) for e in excitations for v in range(vehicles)]
     found = in_parallel(one, jobs, report, "learn and replay")
     first = {f"excitation {e:g}": f for (v, e, _), f in zip(jobs, found, strict=True) if v == 0}
