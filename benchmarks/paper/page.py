@@ -19,9 +19,9 @@ def renewed(text: str, out: Output) -> str:
         body = out.read(name)
         if body is None:
             continue
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
+        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
         tables = experiment(name).tables(body)
-        text = pattern.sub(lambda m, tables=tables: m.group(1) + tables + m.group(2), text)  # type: ignore[misc]
+        text = pattern.sub(lambda m, tables=tables: f"{m.group(1)}{tables}\n{m.group(2)}", text)  # type: ignore[misc]
     return text
 
 
