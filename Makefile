@@ -21,7 +21,7 @@ setup: ## the environment in .venv, pinned by requirements.lock
 	@bash scripts/setup_env.sh
 
 demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show the error fall
-	$(VENV) -m replay.cli demo $(DEMO)
+	$(VENV) -m wrenchgap demo $(DEMO)
 
 test: setup ## the everyday test suite
 	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile $(TEST)

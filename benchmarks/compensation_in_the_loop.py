@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.engine import CONTROL_RATE, Truth, fly
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, reference
-from compensate import Compensator, Settings
-from flight import so3, write
-from flight.errors import WrenchgapError
-from learn.gp import FitSettings, GaussianProcess
-from plant.mismatch import conditioning
-from plant.model_file import load
-from replay.flights import open_flight
-from replay.learning import TORQUE, learn
+from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.flight import so3, write
+from wrenchgap.flight.errors import WrenchgapError
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
+from wrenchgap.learn.process.learning import TORQUE, learn
+from wrenchgap.plant.mismatch import conditioning
+from wrenchgap.plant.model_file import load
 
 Array = NDArray[np.float64]
 

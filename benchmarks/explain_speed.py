@@ -21,15 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
-import flight
-from learn.explain import explain
-from learn.fit import dataset
-from learn.parallel import cores
-from plant import model_file
-from plant.sensors import imu_errors
-from replay.console import progress
-from replay.flights import open_flight
-from replay.simulation import Plan, fly
+from wrenchgap import flight
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.learn.parallel import cores
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.plant.sensors import imu_errors
+from wrenchgap.replay.cli.console import progress
 
 HIDDEN = ("com_offset=x:-0.004,y:0.007,z:-0.005", "servo_lag=tau:0.03")
 MINUTE = 60.0

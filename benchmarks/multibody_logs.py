@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from learn.explain import explain
-from learn.fit import dataset, fit, with_fit
-from learn.gp import FitSettings
-from learn.train import fit as fit_gp
-from plant import model_file
-from replay.flights import open_flight
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.identify.fit import dataset, fit, with_fit
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.train import fit as fit_gp
+from wrenchgap.plant import model_file
 
 HIDDEN = {
     "ideal": "servo_lag",

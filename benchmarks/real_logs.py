@@ -26,15 +26,15 @@ from pathlib import Path
 
 import numpy as np
 
-import flight
-from flight import so3
-from flight.derivative import smooth
-from learn.explain import explain
-from learn.fit import dataset
-from plant import model_file
-from replay.explanation import validate
-from replay.flights import open_flight
-from replay.timing import barred, sentences, timing_of
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.flight.derivative import smooth
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.diagnose.timing import barred, sentences, timing_of
+from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.plant import model_file
+from wrenchgap.replay.present.explanation import validate
 
 DEFAULT = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
 PAYLOAD = 0.005  # kg

@@ -17,12 +17,12 @@ import tempfile
 import time
 from pathlib import Path
 
-import flight
-from plant import model_file
-from replay.session import LogSession
-from replay.simulation import Plan, fly, provenance
-from viewer.page import Page
-from viewer.panels.effects import EffectsPanel
+from wrenchgap import flight
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly, provenance
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.panels.effects import EffectsPanel
 
 HIDDEN = ("com_offset=x:-0.004,y:0.007,z:-0.005", "thrust_scale=scale:-0.04", "servo_lag=tau:0.03")
 EFFECTS = ("com_offset", "thrust_scale", "servo_lag", "rotor_thrust")

@@ -3,7 +3,7 @@
 python -m benchmarks.viewer_speed [--browser] [--loops N]
 
 Targets on two cores (issue 5): from the command to the first picture 10 s on a ten-minute log that was never opened, 5
-s on one that was (`flight.kept`); a move of the cursor 50 ms at the server; 30 updates a second while playing; memory
+s on one that was (`flight.cache`); a move of the cursor 50 ms at the server; 30 updates a second while playing; memory
 flat. With --browser the picture is waited for in a headless Chromium, which
 here draws and compiles its shaders on the CPU; without it, for the page to be ready to be loaded.
 """
@@ -25,11 +25,11 @@ from typing import Any
 
 import numpy as np
 
-import flight
-from plant import model_file
-from replay.session import LogSession
-from replay.simulation import Plan, fly
-from viewer.page import Page
+from wrenchgap import flight
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.page import Page
 
 MODEL = "tilt_hexarotor"
 NEW, KNOWN, MOVE, RATE, GROWTH = 10.0, 5.0, 0.050, 30.0, 8.0
@@ -79,7 +79,7 @@ def said(what: str, value: float, unit: str, target: float, *, least: bool = Fal
 def first_picture(path: Path, browser: bool, state: str, target: float) -> bool:
     """From the command to the picture, or to the page that can be loaded."""
     begin = time.monotonic()
-    command = [sys.executable, "-m", "replay.cli", "view", str(path), "-m", MODEL, "--port", "0"]
+    command = [sys.executable, "-m", "wrenchgap", "view", str(path), "-m", MODEL, "--port", "0"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         assert process.stdout is not None

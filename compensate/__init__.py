@@ -1,7 +1,7 @@
 """Turns a learned mismatch into a correction of the commanded wrench, sample by sample."""
 
-from compensate.compensator import Compensator, Result, Settings
-from compensate.observer import DisturbanceObserver
-from compensate.physics import PhysicsMismatch
+from wrenchgap.compensate.compensator import Compensator, Result, Settings
+from wrenchgap.compensate.observer import DisturbanceObserver
+from wrenchgap.compensate.physics import PhysicsMismatch
 
 __all__ = ["Compensator", "DisturbanceObserver", "PhysicsMismatch", "Result", "Settings"]

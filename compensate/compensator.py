@@ -19,13 +19,13 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compensate.optimiser import Optimiser, linearisation
-from compensate.physics import PhysicsMismatch
-from compensate.uncertainty import default_filter
-from flight.errors import UsageError
-from flight.flight import AXES
-from plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
-from plant.state import State
+from wrenchgap.compensate.optimiser import Optimiser, linearisation
+from wrenchgap.compensate.physics import PhysicsMismatch
+from wrenchgap.compensate.uncertainty import default_filter
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
+from wrenchgap.plant.state import State
 
 Array = NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flight.errors import UsageError
-from plant.state import State
-from plant.vehicle import Vehicle
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.state import State
+from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

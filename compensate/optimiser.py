@@ -19,8 +19,8 @@ import nlopt
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.flight import AXES
-from plant.mismatch import Linearises, MismatchModel, output_indices
+from wrenchgap.flight.flight import AXES
+from wrenchgap.plant.mismatch import Linearises, MismatchModel, output_indices
 
 Array = NDArray[np.float64]
 

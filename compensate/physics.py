@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import UsageError
-from flight.flight import AXES
-from plant.allocation import Allocation
-from plant.effects.effect import CommandEffect, SensorEffect
-from plant.mismatch import output_indices
-from plant.state import Commands, State
-from plant.vehicle import GRAVITY
-from plant.wrench_model import WrenchModel, about_origin, measured_wrench
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.effects.effect import CommandEffect, SensorEffect
+from wrenchgap.plant.mismatch import output_indices
+from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.vehicle import GRAVITY
+from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
 Array = NDArray[np.float64]
 

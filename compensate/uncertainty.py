@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from plant.mismatch import Follows, KnowsItsData, MismatchModel
+from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel
 
 Array = NDArray[np.float64]
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from learn.explain import explain
-from learn.fit import dataset
-from plant import model_file, simulate, trajectory
-from plant.model import make_effect
-from replay.flights import opened
+from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.plant import model_file, simulate, trajectory
+from wrenchgap.plant.model import make_effect
 
 
 def main() -> float:

@@ -8,9 +8,9 @@ attitude alone: three small angles, a PD controller, and a mismatch that the con
 
 import numpy as np
 
-from compensate import Compensator, Settings
-from learn.gp import FitSettings
-from learn.train import fit
+from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.train import fit
 
 DT = 0.01  # s
 INERTIA = np.array([0.10, 0.10, 0.19])  # kg m^2

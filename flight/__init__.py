@@ -1,7 +1,7 @@
 """What a flight is and how it is read and written; no physics of vehicles."""
 
-from flight.errors import FitError, LogError, ModelError, UsageError, WrenchgapError
-from flight.flight import (
+from wrenchgap.flight.errors import FitError, LogError, ModelError, UsageError, WrenchgapError
+from wrenchgap.flight.flight import (
     AXES,
     ROLES,
     ActuatorSeries,
@@ -15,11 +15,11 @@ from flight.flight import (
     Series,
     WrenchSeries,
 )
-from flight.inspection import Inspection, inspect
-from flight.load import load
-from flight.resample import Resampling, resample, uniform
-from flight.shift import shifted
-from flight.write import Named, write
+from wrenchgap.flight.inspection import Inspection, inspect
+from wrenchgap.flight.load import load
+from wrenchgap.flight.resample import Resampling, resample, uniform
+from wrenchgap.flight.shift import shifted
+from wrenchgap.flight.write import Named, write
 
 __all__ = [
     "AXES",

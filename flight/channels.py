@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flight.clocks import one_clock
-from flight.flight import Array, Flight
-from flight.formats import Table, read_log
+from wrenchgap.flight.clocks import one_clock
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.formats import Table, read_log
 
 COLUMNS = 64
 """Columns of an array that get a channel each, at most: an image is no signal."""

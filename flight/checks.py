@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
-from flight import so3
-from flight.derivative import angular_velocity, smooth
-from flight.flight import Array, Flight, Series
-from flight.stamps import jitter
+from wrenchgap.flight import so3
+from wrenchgap.flight.derivative import angular_velocity, smooth
+from wrenchgap.flight.flight import Array, Flight, Series
+from wrenchgap.flight.stamps import jitter
 
 GRAVITY = 9.81
 DEGREES = 180.0 / np.pi

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.flight import Array
-from flight.formats import Table
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats import Table
 
 Stamps = NDArray[np.int64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import savgol_filter
 
-from flight import so3
-from flight.flight import Array
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 
 
 def smooth(time: Array, values: Array, window: float = 0.15, derivative: int = 0) -> Array:

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from flight.checks import Check, checks
-from flight.clocks import Relation, relation
-from flight.errors import LogError
-from flight.flight import Flight
-from flight.formats import Log, Table, read_log
-from flight.load import build
-from flight.roles import Assignment, merged_topics, propose, selection
-from flight.stamps import gaps_of, jitter, nominal_period
+from wrenchgap.flight.checks import Check, checks
+from wrenchgap.flight.clocks import Relation, relation
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.formats import Log, Table, read_log
+from wrenchgap.flight.load import build
+from wrenchgap.flight.roles import Assignment, merged_topics, propose, selection
+from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
 
 SCHEMA_VERSION = 1
 

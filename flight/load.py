@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import so3
-from flight.clocks import Stamps, Timing, one_clock
-from flight.derivative import angular_velocity, smooth
-from flight.errors import LogError
-from flight.flight import (
+from wrenchgap.flight import so3
+from wrenchgap.flight.clocks import Stamps, Timing, one_clock
+from wrenchgap.flight.derivative import angular_velocity, smooth
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import (
     ActuatorSeries,
     Array,
     BatterySeries,
@@ -24,9 +24,9 @@ from flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-from flight.formats import Log, Table, read_log
-from flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, says_command, selection
-from flight.stamps import away_from_gaps, gaps_of, increasing, nearest
+from wrenchgap.flight.formats import Log, Table, read_log
+from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, says_command, selection
+from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, nearest
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from flight import so3
-from flight.derivative import angular_velocity, smooth
-from flight.errors import LogError, UsageError
-from flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
-from flight.stamps import nominal_period
+from wrenchgap.flight import so3
+from wrenchgap.flight.derivative import angular_velocity, smooth
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
+from wrenchgap.flight.stamps import nominal_period
 
 GRAVITY = 9.81  # m/s^2
 MAXIMUM_RATE = 250.0  # Hz

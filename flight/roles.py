@@ -23,9 +23,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from flight.errors import LogError, UsageError
-from flight.flight import ROLES
-from flight.formats import Table
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import ROLES
+from wrenchgap.flight.formats import Table
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from flight.errors import UsageError
-from flight.flight import Flight, Gap, Series
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Flight, Gap, Series
 
 SHIFTABLE = ("imu", "odometry", "reference", "battery")
 """Roles whose stamps may be moved. Not the commands: a response that lags them is a candidate effect."""

@@ -7,7 +7,7 @@ from bisect import bisect_left
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.flight import Array, Gap
+from wrenchgap.flight.flight import Array, Gap
 
 Stamps = NDArray[np.int64]
 

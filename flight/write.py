@@ -24,9 +24,9 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from flight import so3
-from flight.errors import UsageError
-from flight.flight import (
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import (
     ActuatorSeries,
     Array,
     BatterySeries,
@@ -36,7 +36,7 @@ from flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-from flight.formats.decode import ACTUATORS, DTYPES, layout_of
+from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
 
 PROVENANCE = "wrenchgap"
 """Name of the metadata record in which a file says where it comes from."""

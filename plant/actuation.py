@@ -17,8 +17,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.state import Actuation, Commands, Posture
-from plant.vehicle import Vehicle
+from wrenchgap.plant.state import Actuation, Commands, Posture
+from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.state import Commands
-from plant.vehicle import Arms, Rotors, Vehicle
+from wrenchgap.plant.state import Commands
+from wrenchgap.plant.vehicle import Arms, Rotors, Vehicle
 
 Array = NDArray[np.float64]
 

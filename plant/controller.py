@@ -21,12 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import ModelError
-from plant.state import State
-from plant.trajectory import Reference, attitude_of_thrust, yaw_of
-from plant.vehicle import GRAVITY, Body, Vehicle
-from plant.wrench_model import cross
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import Reference, attitude_of_thrust, yaw_of
+from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
+from wrenchgap.plant.wrench_model import cross
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import ModelError
-from flight.flight import AXES
-from plant.state import State
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.plant.state import State
 
 Array = NDArray[np.float64]
 

@@ -20,11 +20,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import UsageError
-from flight.flight import AXES
-from plant.effects.lag import LagMemory, first_order
-from plant.state import State
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.plant.effects.lag import LagMemory, first_order
+from wrenchgap.plant.state import State
 
 Array = NDArray[np.float64]
 

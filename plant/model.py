@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from flight.errors import ModelError
-from plant.controller import ControllerGains
-from plant.effects import find
-from plant.history import Snapshot, Value, Version
-from plant.sensors import SensorNoise
-from plant.vehicle import Vehicle
-from plant.wrench_model import ModelEffect, WrenchModel
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.history import Snapshot, Value, Version
+from wrenchgap.plant.sensors import SensorNoise
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 
 @dataclass(frozen=True)

@@ -19,19 +19,19 @@ import tomlkit
 from numpy.typing import NDArray
 from tomlkit.exceptions import ParseError
 
-from flight.errors import ModelError, UsageError
-from plant.controller import ControllerGains
-from plant.effects import Source, catalogue, sources
-from plant.history import BY_HAND, GIVEN, Snapshot, Trial, Value, Version
-from plant.model import Model, make_effect
-from plant.sensors import SensorNoise
-from plant.vehicle import Arms, Body, Rotors, Vehicle
-from plant.wrench_model import ModelEffect, Provenance
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.effects import Source, catalogue, sources
+from wrenchgap.plant.history import BY_HAND, GIVEN, Snapshot, Trial, Value, Version
+from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.sensors import SensorNoise
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
 Array = NDArray[np.float64]
 
 SCHEMA = 1
-_SHIPPED = (Path(__file__).parent / "models", Path(__file__).parent.parent / "models")
+_SHIPPED = Path(__file__).parent.parent / "models"
 
 
 def content_hash(model: Model) -> str:
@@ -46,7 +46,7 @@ def find_model(name_or_path: str | Path) -> Path:
         return path
     if path.is_dir():
         raise ModelError(f"{path}: is a folder, expected a model file (.toml)")
-    shipped = {p.stem: p for folder in reversed(_SHIPPED) if folder.is_dir() for p in sorted(folder.glob("*.toml"))}
+    shipped = {p.stem: p for p in sorted(_SHIPPED.glob("*.toml"))}
     if str(name_or_path) in shipped:
         return shipped[str(name_or_path)]
     raise ModelError(

@@ -24,10 +24,20 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import UsageError
-from plant.trajectory import Flat, Multisine, Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
-from plant.wrench_model import cross
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.trajectory import (
+    Flat,
+    Multisine,
+    Profile,
+    Reference,
+    Trajectory,
+    cosine,
+    euler_attitude,
+    quintic,
+    sine,
+)
+from wrenchgap.plant.wrench_model import cross
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]

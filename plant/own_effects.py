@@ -28,10 +28,10 @@ from typing import Any, NoReturn, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import ModelError
-from plant.actuation import actuation
-from plant.effects import (
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects import (
     AnyEffect,
     BodyEffect,
     CommandEffect,
@@ -46,8 +46,8 @@ from plant.effects import (
     forget,
     register,
 )
-from plant.state import Commands, Motion, Rates, State
-from plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.state import Commands, Motion, Rates, State
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
 
 Array = NDArray[np.float64]
 

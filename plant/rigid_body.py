@@ -25,9 +25,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.integrate import rk4
-from plant.state import State
-from plant.vehicle import GRAVITY, Body
+from wrenchgap.plant.integrate import rk4
+from wrenchgap.plant.state import State
+from wrenchgap.plant.vehicle import GRAVITY, Body
 
 Array = NDArray[np.float64]
 Floats = tuple[float, ...]

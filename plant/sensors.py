@@ -17,10 +17,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import ModelError
-from plant.state import Motion, State
-from plant.wrench_model import cross
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.state import Motion, State
+from wrenchgap.plant.wrench_model import cross
 
 Array = NDArray[np.float64]
 

@@ -24,9 +24,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import UsageError
-from flight.flight import (
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import (
     ActuatorSeries,
     BatterySeries,
     Flight,
@@ -35,15 +35,15 @@ from flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-from plant.allocation import Allocation
-from plant.controller import Controller
-from plant.model import Model
-from plant.rigid_body import RigidBody, pack, unpack
-from plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
-from plant.state import Commands, Motion, State
-from plant.trajectory import Reference, Trajectory
-from plant.vehicle import GRAVITY, Vehicle
-from plant.wrench_model import about_origin
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.controller import Controller
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
+from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
+from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.trajectory import Reference, Trajectory
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import about_origin
 
 Array = NDArray[np.float64]
 Feedback = Literal["measured", "true"]

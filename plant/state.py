@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]

@@ -18,12 +18,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from flight.errors import LogError, UsageError
-from flight.flight import ReferenceSeries
-from plant.state import Index
-from plant.vehicle import GRAVITY
-from plant.wrench_model import cross
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import ReferenceSeries
+from wrenchgap.plant.state import Index
+from wrenchgap.plant.vehicle import GRAVITY
+from wrenchgap.plant.wrench_model import cross
 
 Array = NDArray[np.float64]
 Profile = tuple[Array, Array, Array]

@@ -24,8 +24,8 @@ import tomlkit
 from numpy.typing import NDArray
 from tomlkit.exceptions import ParseError
 
-from flight.errors import UsageError
-from plant.moves import KINDS, Move, Moves
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.moves import KINDS, Move, Moves
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import ModelError
+from wrenchgap.flight.errors import ModelError
 
 Array = NDArray[np.float64]
 

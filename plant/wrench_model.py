@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.actuation import actuation, rotor_wrench
-from plant.effects.effect import (
+from wrenchgap.plant.actuation import actuation, rotor_wrench
+from wrenchgap.plant.effects.effect import (
     AnyEffect,
     BodyEffect,
     CommandEffect,
@@ -37,8 +37,8 @@ from plant.effects.effect import (
     ThrustEffect,
     WrenchEffect,
 )
-from plant.state import Actuation, Commands, Motion, Posture, Rates, State
-from plant.vehicle import Body, Vehicle
+from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, Rates, State
+from wrenchgap.plant.vehicle import Body, Vehicle
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from plant.effects import catalogue
+from wrenchgap.plant.effects import catalogue
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "effects"
 

@@ -23,7 +23,17 @@ SIMULATED = {
     "quadrotor": ("asymmetric_quadrotor", "hover", "hover", "thrust_scale=scale:-0.08"),
 }
 """Name: model, trajectory to fit, trajectory to judge, hidden effect."""
-IGNORED = {"version", "solve_mean_ms", "solve_p99_ms", "solve_max_ms", "notes", "words", "summary", "warnings", "message"}
+IGNORED = {
+    "version",
+    "solve_mean_ms",
+    "solve_p99_ms",
+    "solve_max_ms",
+    "notes",
+    "words",
+    "summary",
+    "warnings",
+    "message",
+}
 """Keys that may differ: times of the wall clock, and prose."""
 
 
@@ -45,7 +55,10 @@ class Runner:
         (self.folder / f"{name}.txt").write_text(run.stdout + run.stderr)
         if run.returncode:
             out.write_text(json.dumps({"exit_code": run.returncode}))
-        print(f"{time.monotonic() - start:6.1f} s  {name}  {run.stderr.strip()[:150] if run.returncode else ''}", flush=True)
+        print(
+            f"{time.monotonic() - start:6.1f} s  {name}  {run.stderr.strip()[:150] if run.returncode else ''}",
+            flush=True,
+        )
 
 
 def loop(run, name, train, test, model):

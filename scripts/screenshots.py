@@ -15,14 +15,14 @@ from typing import Any
 
 from PIL import Image
 
-import flight
-from learn.gp import FitSettings
-from plant import model_file
-from replay import learning
-from replay.flights import open_flights
-from replay.session import LogSession
-from replay.simulation import Plan, fly
-from viewer.page import Page
+from wrenchgap import flight
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.process import learning
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.page import Page
 
 MODEL = "tilt_hexarotor"
 HIDDEN = ("com_offset=x:-0.004,y:0.007,z:-0.005",)

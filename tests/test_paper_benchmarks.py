@@ -13,13 +13,13 @@ from benchmarks.paper.pitch import summary
 from benchmarks.paper.plants import LegWake, vehicle
 from benchmarks.paper.prediction import PAPER, knowledge
 from benchmarks.paper.running import EXPERIMENTS, PAGE, Output, experiment, in_parallel, plain
-from learn.gp import FitSettings
-from learn.train import fit
-from plant.actuation import actuation
-from plant.effects import catalogue
-from plant.effects.effect import Context
-from plant.state import Actuation, Commands, State
-from replay.learning import TORQUE
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.learning import TORQUE
+from wrenchgap.learn.process.train import fit
+from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.effects.effect import Context
+from wrenchgap.plant.state import Actuation, Commands, State
 
 Array = NDArray[np.float64]
 

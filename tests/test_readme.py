@@ -32,7 +32,7 @@ def test_commands_run_as_written(tmp_path):
     assert len(wrenchgap) + 2 == len(COMMANDS)
     for words in wrenchgap:
         done = subprocess.run(
-            [sys.executable, "-m", "replay.cli", *words[1:]],
+            [sys.executable, "-m", "wrenchgap", *words[1:]],
             cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             capture_output=True,

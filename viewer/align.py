@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from viewer.session import Motion
+from wrenchgap.flight import so3
+from wrenchgap.viewer.session import Motion
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.flight import AXES
-from viewer.session import Motion, Stretch
+from wrenchgap.flight.flight import AXES
+from wrenchgap.viewer.session import Motion, Stretch
 
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.vehicle import GRAVITY, Vehicle
-from viewer.colours import THRUST, Colour, colour_of
-from viewer.session import Scene
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.viewer.colours import THRUST, Colour, colour_of
+from wrenchgap.viewer.session import Scene
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from flight.errors import WrenchgapError
+from wrenchgap.flight.errors import WrenchgapError
 
 T = TypeVar("T")
 Report = Callable[[float, str], None]

@@ -16,10 +16,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from viewer.colours import CURSOR, GAP, MARKS, css
-from viewer.decimate import envelope
-from viewer.lines import Plot
-from viewer.session import Stretch
+from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
+from wrenchgap.viewer.decimate import envelope
+from wrenchgap.viewer.lines import Plot
+from wrenchgap.viewer.session import Stretch
 
 Array = NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from viewer.lines import CHANNELS, Plot, channel_plot
-from viewer.session import Array, HasChannels
+from wrenchgap.viewer.lines import CHANNELS, Plot, channel_plot
+from wrenchgap.viewer.session import Array, HasChannels
 
 if TYPE_CHECKING:
-    from viewer.page import Page
+    from wrenchgap.viewer.page import Page
 
 LISTED = 400
 """Names that the list offers at once, at most; the filter narrows it down."""

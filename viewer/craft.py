@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from plant.vehicle import Arms, Vehicle
-from viewer.colours import BODY, HULL, SPIN, Colour
+from wrenchgap.flight import so3
+from wrenchgap.plant.vehicle import Arms, Vehicle
+from wrenchgap.viewer.colours import BODY, HULL, SPIN, Colour
 
 Array = NDArray[np.float64]
 

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import so3
-from plant.vehicle import Vehicle
-from viewer.arrows import KINDS, Arrows, Scale, scale_for, thickness
-from viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
-from viewer.craft import Craft
-from viewer.session import Motion, Scene
+from wrenchgap.flight import so3
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, thickness
+from wrenchgap.viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
+from wrenchgap.viewer.craft import Craft
+from wrenchgap.viewer.session import Motion, Scene
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.colours import Colour, colour_of, line_colours
-from viewer.session import Scene, Series
+from wrenchgap.viewer.colours import Colour, colour_of, line_colours
+from wrenchgap.viewer.session import Scene, Series
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from viewer.page import Page
+    from wrenchgap.viewer.page import Page
 
 LAST = 1e6
 """Order of the buttons in their tab: behind everything that is seen."""

@@ -17,22 +17,22 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer import background
-from viewer.board import Board
-from viewer.camera import Cameras
-from viewer.channels import ChannelPicker
-from viewer.cursor import Cursor
-from viewer.drawing import Drawing
-from viewer.lines import GROUPS, plots_of
-from viewer.panel import Panel
-from viewer.panels import PANELS
-from viewer.panels.notes import NotesPanel
-from viewer.panels.out import OutPanel
-from viewer.panels.scene import ScenePanel
-from viewer.saved_view import SavedView
-from viewer.serving import exposed, serve
-from viewer.session import Motion, Scene, Session
-from viewer.transport import Transport
+from wrenchgap.viewer import background
+from wrenchgap.viewer.board import Board
+from wrenchgap.viewer.camera import Cameras
+from wrenchgap.viewer.channels import ChannelPicker
+from wrenchgap.viewer.cursor import Cursor
+from wrenchgap.viewer.drawing import Drawing
+from wrenchgap.viewer.lines import GROUPS, plots_of
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panels import PANELS
+from wrenchgap.viewer.panels.notes import NotesPanel
+from wrenchgap.viewer.panels.out import OutPanel
+from wrenchgap.viewer.panels.scene import ScenePanel
+from wrenchgap.viewer.saved_view import SavedView
+from wrenchgap.viewer.serving import exposed, serve
+from wrenchgap.viewer.session import Motion, Scene, Session
+from wrenchgap.viewer.transport import Transport
 
 __all__ = ["Page", "exposed"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from viewer.page import Page
-    from viewer.session import Scene
+    from wrenchgap.viewer.page import Page
+    from wrenchgap.viewer.session import Scene
 
 
 class Panel:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from viewer.colours import Colour
-from viewer.lines import Plot
+from wrenchgap.viewer.colours import Colour
+from wrenchgap.viewer.lines import Plot
 
 Array = NDArray[np.float64]
 

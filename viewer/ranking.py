@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.flight import AXES
-from viewer import markup
-from viewer.analysis import Candidate, ModelState, NextFlight, Ranking, Value
-from viewer.sliders import finer
+from wrenchgap.flight.flight import AXES
+from wrenchgap.viewer import markup
+from wrenchgap.viewer.analysis import Candidate, ModelState, NextFlight, Ranking, Value
+from wrenchgap.viewer.sliders import finer
 
 if TYPE_CHECKING:
-    from viewer.links import Links
+    from wrenchgap.viewer.links import Links
 
 Array = NDArray[np.float64]
 

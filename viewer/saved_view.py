@@ -16,8 +16,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from flight.errors import UsageError
-from viewer.drawing import Shown
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer.drawing import Shown
 
 SCHEMA = "wrenchgap.view/1"
 Point = tuple[float, float, float]

@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from flight.errors import UsageError
+from wrenchgap.flight.errors import UsageError
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 PORTS = 20

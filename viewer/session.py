@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.analysis import Installed, Value
+from wrenchgap.viewer.analysis import Installed, Value
 
 if TYPE_CHECKING:
-    from viewer.page import Page
+    from wrenchgap.viewer.page import Page
 
 FINER: dict[str, tuple[str, float]] = {
     "m": ("mm", 1e3),

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.board import View
-from viewer.session import Scene, Stretch
+from wrenchgap.viewer.board import View
+from wrenchgap.viewer.session import Scene, Stretch
 
 if TYPE_CHECKING:
-    from viewer.page import Page
+    from wrenchgap.viewer.page import Page
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
 ZOOMS = ("whole flight", "60 s", "30 s", "10 s", "5 s", "2 s", "A to B")

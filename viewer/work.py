@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from viewer import background
+from wrenchgap.viewer import background
 
 if TYPE_CHECKING:
-    from viewer.page import Page
+    from wrenchgap.viewer.page import Page
 
 T = TypeVar("T")
 

@@ -21,7 +21,7 @@ from rich.progress import Progress
 from benchmarks.hidden_effects import cases
 from benchmarks.hidden_effects.judge import run
 from benchmarks.hidden_effects.score import BY_HAND, page, score
-from plant import model_file
+from wrenchgap.plant import model_file
 
 Row = dict[str, Any]
 

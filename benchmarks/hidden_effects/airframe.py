@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import ModelError
+from wrenchgap.flight.errors import ModelError
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Turn the benchmark's rows into the numbers of `learn.confidence` and `learn.fit.MISFIT`, and check them.
+"""Turn the benchmark's rows into the numbers of `learn.identify.confidence` and `learn.identify.fit.MISFIT`, and check them.
 
     python -m benchmarks.hidden_effects.calibrate docs/hidden-effects.json
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from benchmarks.hidden_effects.engine import ALWAYS
-from learn.confidence import FAR, SUREST, features
+from wrenchgap.learn.identify.confidence import FAR, SUREST, features
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -59,7 +59,7 @@ def fit(X: Array, right: NDArray[np.bool_]) -> Array:
 
 
 def probability(X: Array, b: Array) -> Array:
-    """As `learn.confidence.probability`."""
+    """As `learn.identify.confidence.probability`."""
     return np.asarray(np.minimum(SUREST, 1.0 / (1.0 + np.exp(-X @ b))))
 
 

@@ -32,8 +32,8 @@ from benchmarks.hidden_effects.autopilot import Autopilot
 from benchmarks.hidden_effects.hidden import HIDDEN, Hidden
 from benchmarks.hidden_effects.recording import Tracks, to_flight, write_mcap
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, Reference, reference
-from flight.errors import UsageError
-from flight.flight import Flight
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Flight
 
 Array = NDArray[np.float64]
 Size = float | Mapping[str, Any] | None

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import flight
 from benchmarks.hidden_effects.cases import UNSEEN, Case
 from benchmarks.hidden_effects.engine import Truth, fly
 from benchmarks.hidden_effects.truths import true_values
-from flight.flight import Flight
-from learn.explain import Explanation, explain
-from learn.fit import Dataset, dataset
-from learn.measurement import prepare
-from plant.model import Model
-from replay import explanation
+from wrenchgap import flight
+from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.learn.identify.explain import Explanation, explain
+from wrenchgap.learn.identify.fit import Dataset, dataset
+from wrenchgap.plant.model import Model
+from wrenchgap.replay.present import explanation
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

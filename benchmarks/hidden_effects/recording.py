@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
-from flight.flight import (
+from wrenchgap.flight.flight import (
     ActuatorSeries,
     BatterySeries,
     Flight,

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.plants import Plant, vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, table, triple
-from compensate import Compensator
-from learn import train
-from learn.calibration import Coverage
-from learn.gp import FitSettings, GaussianProcess
-from learn.sparse import Kernel
-from learn.subsample import subsample
-from plant.model import make_effect
-from plant.trajectory import named
-from replay.flights import OpenFlight
-from replay.learning import TORQUE, alternatives, samples
+from wrenchgap.compensate import Compensator
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.process import train
+from wrenchgap.learn.process.calibration import Coverage
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
+from wrenchgap.learn.process.learning import TORQUE, alternatives, samples
+from wrenchgap.learn.process.sparse import Kernel
+from wrenchgap.learn.process.subsample import subsample
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.trajectory import named
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -1,7 +1,7 @@
 """Time of one solve, beside the same solve with GPy's own predict inside the optimiser; both in one run.
 
 The desired wrenches of a pitch flight, one after the other, through the same `Compensator` with two models: the GP in
-closed form of `learn.gp`, and GPy regressions with the same points and hyperparameters.
+closed form of `learn.process.gp`, and GPy regressions with the same points and hyperparameters.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from benchmarks.paper.methods import Knowledge
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
 from benchmarks.paper.running import Output, Report, main, table
-from compensate import Compensator
-from learn.gp import GaussianProcess
-from plant.state import State
-from plant.trajectory import named
+from wrenchgap.compensate import Compensator
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import named
 
 Array = NDArray[np.float64]
 

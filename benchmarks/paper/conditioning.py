@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import flight
 from benchmarks.paper.figures import eigenvalue_figure
 from benchmarks.paper.flying import fly
 from benchmarks.paper.plants import MODEL, vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, table
-from learn.store import load
-from plant.mismatch import conditioning
-from plant.trajectory import named
-from replay.flights import open_flight
-from replay.learning import NEARLY_SINGULAR
+from wrenchgap import flight
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.process.learning import NEARLY_SINGULAR
+from wrenchgap.learn.process.store import load
+from wrenchgap.plant.mismatch import conditioning
+from wrenchgap.plant.trajectory import named
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def one(job: tuple[int, float, float]) -> dict[str, Any]:
 def _command(folder: Path, command: str, *arguments: str) -> dict[str, Any]:
     """The JSON result of a command line."""
     result = folder / f"{command}.json"
-    line = [sys.executable, "-m", "replay.cli", command, *arguments, "-m", str(MODEL), "--json", str(result)]
+    line = [sys.executable, "-m", "wrenchgap", command, *arguments, "-m", str(MODEL), "--json", str(result)]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"{' '.join(line)}: {done.stderr.strip() or done.stdout.strip()}")

@@ -21,10 +21,10 @@ from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import Plant, vehicle
 from benchmarks.paper.running import ROOT, Output, Report, in_parallel, main, percent, table, triple
-from plant.model_file import load
-from plant.state import State
-from plant.trajectory import named
-from replay.flights import opened
+from wrenchgap.learn.data.opening import opened
+from wrenchgap.plant.model_file import load
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import named
 
 Array = NDArray[np.float64]
 

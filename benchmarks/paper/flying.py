@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.paper.plants import Plant
-from flight import so3
-from flight.flight import Flight
-from plant.controller import attitude_error
-from plant.simulate import physics_rate, simulate
-from plant.trajectory import Trajectory
-from replay.flights import OpenFlight, opened
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.data.opening import OpenFlight, opened
+from wrenchgap.plant.controller import attitude_error
+from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

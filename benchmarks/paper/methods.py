@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from learn.explain import Explanation, explain
-from learn.fit import dataset
-from learn.gp import FitSettings, GaussianProcess
-from learn.measurement import Record
-from learn.train import fit_linear
-from plant.effects.lag import first_order
-from plant.mismatch import LinearMismatch
-from plant.model import Model
-from replay.comparison import Predictor
-from replay.flights import OpenFlight
-from replay.learning import TORQUE, learn, samples
+from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.learn.data.comparison import Predictor
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.identify.explain import Explanation, explain
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
+from wrenchgap.learn.process.learning import TORQUE, learn, samples
+from wrenchgap.learn.process.train import fit_linear
+from wrenchgap.plant.effects.lag import first_order
+from wrenchgap.plant.mismatch import LinearMismatch
+from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
 

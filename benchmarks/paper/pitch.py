@@ -19,7 +19,7 @@ from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
 from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
-from plant.trajectory import named
+from wrenchgap.plant.trajectory import named
 
 Array = NDArray[np.float64]
 

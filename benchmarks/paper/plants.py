@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
-from plant.model import Model, make_effect
-from plant.model_file import load
-from plant.wrench_model import ModelEffect, cross
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model_file import load
+from wrenchgap.plant.wrench_model import ModelEffect, cross
 
 MODEL = Path(__file__).parents[2] / "models" / "voliro_x.toml"
 

@@ -23,8 +23,8 @@ from benchmarks.paper.methods import Knowledge
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import knowledge
 from benchmarks.paper.running import Output, Report, in_parallel, main, table
-from compensate import Compensator
-from plant.trajectory import Step
+from wrenchgap.compensate import Compensator
+from wrenchgap.plant.trajectory import Step
 
 Array = NDArray[np.float64]
 

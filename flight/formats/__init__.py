@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import LogError
-from flight.formats.decode import Columns, Decoder, UndecodableError, definitions_of, flat_fields
-from flight.formats.mcap import McapReader
-from flight.formats.reader import Channel, Reader
-from flight.formats.rosbag1 import Rosbag1Reader
-from flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
-from flight.formats.ulog import UlogReader
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.decode import Columns, Decoder, UndecodableError, definitions_of, flat_fields
+from wrenchgap.flight.formats.mcap import McapReader
+from wrenchgap.flight.formats.reader import Channel, Reader
+from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
+from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
+from wrenchgap.flight.formats.ulog import UlogReader
 
 READERS: tuple[type[Reader], ...] = (McapReader, Rosbag1Reader, Rosbag2FolderReader, Rosbag2SqliteReader, UlogReader)
 """Every format, in the order in which they are asked whether a file is theirs."""

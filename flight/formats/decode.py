@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
-from flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.reader import Channel, one_line
 
 Columns = dict[str, NDArray[Any]]
 Layout = dict[str, tuple[int, np.dtype[Any], int]]

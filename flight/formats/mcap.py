@@ -23,8 +23,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 
-from flight.errors import LogError
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
 
 LAST_TIME = 2**63 - 1  # ns, in the year 2262
 MAGIC = b"\x89MCAP0\r\n"

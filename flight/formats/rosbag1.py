@@ -10,8 +10,8 @@ from typing import ClassVar
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as BagReader
 
-from flight.errors import LogError
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line
 
 MAGIC = b"#ROSBAG V"
 

@@ -17,9 +17,18 @@ from typing import ClassVar
 
 import zstandard
 
-from flight.errors import LogError
-from flight.formats.mcap import McapReader
-from flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line, plain_payload
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.mcap import McapReader
+from wrenchgap.flight.formats.reader import (
+    Batch,
+    Channel,
+    Gatherer,
+    Reader,
+    Wanted,
+    normalised_type,
+    one_line,
+    plain_payload,
+)
 
 SQLITE_MAGIC = b"SQLite format 3\x00"
 STORAGE = {".db3": "sqlite3", ".mcap": "mcap"}

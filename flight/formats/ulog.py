@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from flight.errors import LogError
-from flight.formats.reader import Batch, Reader, Wanted
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.reader import Batch, Reader, Wanted
 
 MAGIC = b"ULog\x01\x12\x35"
 

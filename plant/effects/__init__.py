@@ -13,8 +13,8 @@ import pkgutil
 from functools import cache
 from importlib.metadata import entry_points
 
-from flight.errors import ModelError
-from plant.effects.effect import (
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import (
     AnyEffect,
     BodyEffect,
     CommandEffect,

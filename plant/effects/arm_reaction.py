@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flight.errors import ModelError
-from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
 
 class ArmReaction(WrenchEffect):

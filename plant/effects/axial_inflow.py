@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flight.so3 import rotate_inverse
-from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from wrenchgap.flight.so3 import rotate_inverse
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
 
 class AxialInflow(ThrustEffect):

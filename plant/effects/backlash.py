@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flight.errors import ModelError
-from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, Vehicle
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter, Vehicle
 
 
 class Backlash(CommandEffect):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from flight.so3 import rotate_inverse
-from plant.effects.com_offset import span
-from plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
-from plant.vehicle import Vehicle
+from wrenchgap.flight.so3 import rotate_inverse
+from wrenchgap.plant.effects.com_offset import span
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class BodyDrag(WrenchEffect):

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import ModelError
-from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
-from plant.vehicle import Rotors, Vehicle
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
+from wrenchgap.plant.vehicle import Rotors, Vehicle
 
 
 class CoaxialLoss(ThrustEffect):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from plant.effects.effect import Array, BodyEffect, Parameter
-from plant.vehicle import Body, Vehicle
+from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter
+from wrenchgap.plant.vehicle import Body, Vehicle
 
 
 class ComOffset(BodyEffect):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
-from plant.effects.lag import delay
-from plant.vehicle import Vehicle
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from wrenchgap.plant.effects.lag import delay
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class CommandDelay(CommandEffect):

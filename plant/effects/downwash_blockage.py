@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flight.errors import ModelError
-from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
-from plant.state import Posture
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from wrenchgap.plant.state import Posture
 
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Midpoints of five equal parts of a boom, as fractions of its length, at which the wake is looked at."""

@@ -24,8 +24,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.state import Actuation, Commands, Motion, State
-from plant.vehicle import Body, Vehicle
+from wrenchgap.plant.state import Actuation, Commands, Motion, State
+from wrenchgap.plant.vehicle import Body, Vehicle
 
 __all__ = [
     "Actuation",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from plant.effects.com_offset import span
-from plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
-from plant.wrench_model import cross
+from wrenchgap.plant.effects.com_offset import span
+from wrenchgap.plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
+from wrenchgap.plant.wrench_model import cross
 
 
 class ImuLeverArm(SensorEffect):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
-from plant.wrench_model import cross
+from wrenchgap.plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
+from wrenchgap.plant.wrench_model import cross
 
 
 class ImuMisalignment(SensorEffect):

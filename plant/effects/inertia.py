@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from flight.errors import ModelError
-from plant.effects.effect import Array, BodyEffect, Parameter
-from plant.vehicle import Body, Vehicle
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter
+from wrenchgap.plant.vehicle import Body, Vehicle
 
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 

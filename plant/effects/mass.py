@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle
+from wrenchgap.plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle
 
 
 class Mass(BodyEffect):

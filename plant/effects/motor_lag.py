@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
-from plant.effects.lag import first_order
-from plant.vehicle import Vehicle
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from wrenchgap.plant.effects.lag import first_order
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class MotorLag(CommandEffect):

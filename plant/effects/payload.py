@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plant.effects.com_offset import span
-from plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle
+from wrenchgap.plant.effects.com_offset import span
+from wrenchgap.plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle
 
 
 class Payload(BodyEffect):

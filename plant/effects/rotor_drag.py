@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from plant.effects.axial_inflow import hub_velocity_B
-from plant.effects.com_offset import span
-from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
+from wrenchgap.plant.effects.com_offset import span
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
 
 class RotorDrag(WrenchEffect):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
 
 class RotorGyroscopic(WrenchEffect):

@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import ModelError
-from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
-from plant.state import Posture
-from plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
+from wrenchgap.plant.state import Posture
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 
 class RotorInterference(ThrustEffect):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
-from plant.vehicle import Vehicle
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class RotorThrust(ThrustEffect):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from flight.errors import ModelError
-from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
-from plant.effects.lag import first_order
-from plant.vehicle import Vehicle
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from wrenchgap.plant.effects.lag import first_order
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class ServoLag(CommandEffect):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from flight.errors import ModelError
-from plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
-from plant.vehicle import Vehicle
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.effects.effect import Any, Array, CommandEffect, Commands, Context, Parameter
+from wrenchgap.plant.vehicle import Vehicle
 
 
 class TiltOffset(CommandEffect):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from plant.effects.axial_inflow import hub_velocity_B
-from plant.effects.body_drag import too_slow
-from plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
+from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
+from wrenchgap.plant.effects.body_drag import too_slow
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
 
 class TranslationalLift(ThrustEffect):

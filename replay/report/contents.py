@@ -1,6 +1,6 @@
 """All that a report says: the search for missing effects, the staircase, where the model fails, how to repeat it.
 
-Nothing here is HTML; `replay.report.page` writes it down.
+Nothing here is HTML; `replay.present.report.page` writes it down.
 """
 
 from __future__ import annotations
@@ -16,28 +16,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import WrenchgapError
-from flight.flight import AXES
-from learn.absorbed import Absorption
-from learn.budget import budget, held_out_process
-from learn.design import Design, design
-from learn.explain import Explanation, explain
-from learn.fit import Dataset, dataset, held_out, inapplicable
-from learn.gp import FitSettings, GaussianProcess
-from learn.parallel import cores
-from plant import trajectory_file
-from plant.effects import sources
-from plant.history import order_of
-from plant.model import Model
-from plant.model_file import content_hash, dumps, next_version, tool_version
-from replay import explanation, learning
-from replay.comparison import Comparison
-from replay.editing import Edited, add_fitted
-from replay.explanation import Validation
-from replay.flights import OpenFlight
-from replay.report.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
-from replay.timing import Timing, barred, timing_of
-from replay.where import Where, examine
+from wrenchgap.flight.errors import WrenchgapError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.comparison import Comparison
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.design.designer import Design, design
+from wrenchgap.learn.diagnose.budget import budget, held_out_process
+from wrenchgap.learn.diagnose.timing import Timing, barred, timing_of
+from wrenchgap.learn.diagnose.where import Where, examine
+from wrenchgap.learn.identify.absorption import Absorption
+from wrenchgap.learn.identify.add import Edited, add_fitted
+from wrenchgap.learn.identify.explain import Explanation, explain
+from wrenchgap.learn.identify.fit import Dataset, dataset, held_out, inapplicable
+from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
+from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.process import learning
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
+from wrenchgap.plant import trajectory_file
+from wrenchgap.plant.effects import sources
+from wrenchgap.plant.history import order_of
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import content_hash, dumps, next_version, tool_version
+from wrenchgap.replay.present import explanation
+from wrenchgap.replay.present.explanation import Validation
 
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
@@ -277,7 +278,7 @@ def _apart(found: Explanation, fitted: Model, data: Dataset, report: Report) -> 
 def _inputs(
     flights: Sequence[OpenFlight], tests: Sequence[OpenFlight], model: Model, gp_file: Path | None
 ) -> list[Input]:
-    from replay.results import sha256
+    from wrenchgap.replay.present.documents import sha256
 
     listed = [Input("log", str(f.flight.path), f.flight.content_hash) for f in flights]
     listed += [Input("unseen log", str(f.flight.path), f.flight.content_hash) for f in tests]

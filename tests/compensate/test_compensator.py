@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate import Compensator, Settings
-from flight.errors import UsageError
-from learn.gp import GaussianProcess
-from plant.mismatch import LinearMismatch
+from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.mismatch import LinearMismatch
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 HOVER = np.array([0.0, 0.0, 39.0, 0.0, 0.0, 0.0])

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate import DisturbanceObserver
-from flight import so3
-from flight.errors import UsageError
-from plant import model_file
-from plant.simulate import simulate
-from plant.state import State
-from plant.trajectory import named
+from wrenchgap.compensate import DisturbanceObserver
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant import model_file
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import named
 
 MODEL = model_file.load("tilt_hexarotor")
 J = MODEL.vehicle.body.inertia

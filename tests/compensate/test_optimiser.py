@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate.optimiser import Optimiser, _Search
-from plant.mismatch import LinearMismatch
+from wrenchgap.compensate.optimiser import Optimiser, _Search
+from wrenchgap.plant.mismatch import LinearMismatch
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 HOVER = np.array([0.0, 0.0, 39.0, 0.1, -0.2, 0.3])

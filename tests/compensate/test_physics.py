@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate import Compensator, PhysicsMismatch, Settings
-from flight import so3
-from flight.errors import ModelError, UsageError
-from flight.flight import AXES
-from learn.gp import GaussianProcess
-from plant import model_file
-from plant.mismatch import Follows, LinearMismatch
-from plant.mismatch_inputs import extra_inputs
-from plant.model import make_effect
-from plant.simulate import simulate
-from plant.state import State
-from plant.trajectory import Step
+from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant import model_file
+from wrenchgap.plant.mismatch import Follows, LinearMismatch
+from wrenchgap.plant.mismatch_inputs import extra_inputs
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import Step
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 MODEL = model_file.load("tilt_hexarotor")

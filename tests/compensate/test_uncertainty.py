@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate.uncertainty import UncertaintyFilter, default_filter
-from plant.mismatch import LinearMismatch
+from wrenchgap.compensate.uncertainty import UncertaintyFilter, default_filter
+from wrenchgap.plant.mismatch import LinearMismatch
 
 ONE = UncertaintyFilter(np.array([True]), np.zeros(1), np.ones(1), threshold=0.38, kappa=40.0, decay=0.9)
 

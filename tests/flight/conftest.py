@@ -14,7 +14,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from flight import so3
+from wrenchgap.flight import so3
 
 CUSTOM = {
     "actuator_msgs/msg/Actuators": (

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import flight
-from flight.clocks import clock_map, relation
+from wrenchgap import flight
+from wrenchgap.flight.clocks import clock_map, relation
 
 RNG = np.random.default_rng(5)
 

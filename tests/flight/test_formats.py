@@ -5,11 +5,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import flight
-from flight.errors import LogError
-from flight.formats import read_log
-from flight.formats.decode import Decoder, definitions_of
-from flight.formats.reader import Channel
+from wrenchgap import flight
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats import read_log
+from wrenchgap.flight.formats.decode import Decoder, definitions_of
+from wrenchgap.flight.formats.reader import Channel
 
 FORMS = [
     ("mcap-zstd", "log.mcap"),

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-import flight
-from flight import so3
-from flight.checks import checks
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.flight.checks import checks
 
 IMU = "sensor_msgs/msg/Imu"
 

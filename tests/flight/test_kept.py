@@ -5,12 +5,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-import flight
-from flight import kept
-from flight.channels import channels
-from flight.errors import LogError
-from plant import model_file
-from replay.simulation import Plan, fly
+from wrenchgap import flight
+from wrenchgap.flight import cache as kept
+from wrenchgap.flight.channels import channels
+from wrenchgap.flight.errors import LogError
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import flight
-from flight import so3
-from flight.errors import LogError
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"

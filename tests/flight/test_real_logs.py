@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-import flight
+from wrenchgap import flight
 
 REAL = Path("/work/shared/data/real")
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="shared logs are not here")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight import (
+from wrenchgap.flight import (
     ActuatorSeries,
     BatterySeries,
     Flight,
@@ -16,9 +16,9 @@ from flight import (
     resample,
     uniform,
 )
-from flight.errors import LogError, UsageError
-from flight.resample import held_mean
-from flight.stamps import gaps_of
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.resample import held_mean
+from wrenchgap.flight.stamps import gaps_of
 
 
 def grid(rate, seconds=10.0, start=0.0):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-import flight
-from flight.errors import LogError, UsageError
-from flight.formats import Table
-from flight.roles import parse_source, propose
+from wrenchgap import flight
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.formats import Table
+from wrenchgap.flight.roles import parse_source, propose
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flight import load, shifted
-from flight.errors import UsageError
+from wrenchgap.flight import load, shifted
+from wrenchgap.flight.errors import UsageError
 
 
 def test_only_the_named_topic_moves_and_it_is_on_record(plain):

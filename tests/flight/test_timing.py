@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight import timing
-from flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
-from flight.timing import Signal, offset
+from wrenchgap.flight import offsets as timing
+from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
+from wrenchgap.flight.offsets import Signal, offset
 
 FINE = 2000.0
 

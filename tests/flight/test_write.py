@@ -9,8 +9,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-import flight
-from flight import (
+from wrenchgap import flight
+from wrenchgap.flight import (
     ActuatorSeries,
     BatterySeries,
     Flight,
@@ -22,8 +22,8 @@ from flight import (
     so3,
     write,
 )
-from flight.errors import UsageError
-from flight.write import provenance
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.write import provenance
 
 RNG = np.random.default_rng(3)
 

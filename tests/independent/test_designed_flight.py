@@ -7,12 +7,12 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("mujoco", reason="the independent engine needs MuJoCo (a development dependency)")
 
 from benchmarks.hidden_effects import engine, trajectories
-from flight import uniform
-from learn.fit import dataset
-from learn.measurement import prepare
-from learn.separability import measured_separation
-from plant import model_file
-from plant.moves import Moves, Tilt, Turn
+from wrenchgap.flight import uniform
+from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.learn.design.separability import measured_separation
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.plant import model_file
+from wrenchgap.plant.moves import Moves, Tilt, Turn
 
 LEAN_AND_TURN = Moves(
     16.0,

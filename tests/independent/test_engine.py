@@ -32,8 +32,8 @@ from benchmarks.hidden_effects.hidden import (  # noqa: E402
     TiltOffset,
     Wake,
 )
-from flight.errors import ModelError, UsageError  # noqa: E402
-from flight.load import load  # noqa: E402
+from wrenchgap.flight.errors import ModelError, UsageError  # noqa: E402
+from wrenchgap.flight.load import load  # noqa: E402
 
 Array = NDArray[np.float64]
 HOVER = np.sqrt(MASS * GRAVITY / 12 / C_F)
@@ -98,7 +98,7 @@ def test_engine_shares_no_code_with_what_it_judges() -> None:
         imported = {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
         imported |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
         assert not {i for i in imported if i.split(".")[0] in {"plant", "learn", "compensate", "replay", "viewer"}}
-        assert {i for i in imported if i.startswith("flight")} <= {"flight.errors", "flight.flight"}
+        assert {i for i in imported if i.startswith("flight")} <= {"wrenchgap.flight.errors", "flight.flight"}
 
 
 def test_totals_at_zero_tilt_are_as_stated() -> None:

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.hidden_effects import cases
 from benchmarks.hidden_effects.judge import run
 from benchmarks.hidden_effects.score import GOOD, score
-from plant import model_file
+from wrenchgap.plant import model_file
 
 CASES = {case.name: case for case in cases.fast()}
 

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import flight
-from learn.fit import dataset
-from learn.measurement import prepare
-from learn.search import Candidate, Member, Rival
-from plant import model_file
-from plant.effects import Parameter
+from wrenchgap import flight
+from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.learn.identify.search import Candidate, Member, Rival
+from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import Parameter
 
 
 @pytest.fixture(scope="session")

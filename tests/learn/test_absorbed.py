@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from learn.absorbed import absorbed
-from learn.gp import FitSettings
-from learn.train import fit
-from plant.mismatch import LinearMismatch
-from plant.model import make_effect
+from wrenchgap.learn.identify.absorption import absorbed
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.train import fit
+from wrenchgap.plant.mismatch import LinearMismatch
+from wrenchgap.plant.model import make_effect
 
 TORQUE = ("torque_x", "torque_y", "torque_z")
 SOME = ("com_offset", "constant_wrench", "rotor_thrust", "servo_lag", "thrust_scale", "inertia", "tether")

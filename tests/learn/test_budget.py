@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from learn.budget import budget, held_out_process
+from wrenchgap.learn.diagnose.budget import budget, held_out_process
 
 
 @pytest.fixture

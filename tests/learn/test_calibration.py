@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from learn.calibration import BLOCKS, FOLDS, SCALE, Coverage, left_out, sigma_scale
-from learn.gp import FitSettings
-from learn.train import fit
+from wrenchgap.learn.process.calibration import BLOCKS, FOLDS, SCALE, Coverage, left_out, sigma_scale
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.train import fit
 
 TORQUES = ("torque_x", "torque_y")
 

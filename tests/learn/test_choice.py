@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from flight.errors import FitError
-from learn.choice import choose
-from learn.gp import FitSettings
-from plant.mismatch_inputs import COLUMNS
+from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.process.alternatives import choose
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.plant.mismatch_inputs import COLUMNS
 
 COUNT = 480
 TORQUE = ("torque_z",)

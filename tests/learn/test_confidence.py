@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from learn import confidence
-from learn.confidence import FAR, SUREST, nearest, probability
+from wrenchgap.learn.identify import confidence
+from wrenchgap.learn.identify.confidence import FAR, SUREST, nearest, probability
 
 SEPARATIONS = (-2.0, 0.0, 1.0, 3.0, 6.0, 8.0, 20.0)
 EXAMPLE = (0.5, 0.4, 1.0, 0.8, -0.6, -1.2)

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flight.errors import FitError, UsageError
-from learn import design as search
-from learn.design import advice, design, rehearse
-from learn.manoeuvres import Limits, available, extent, space, usual, violations
-from learn.separability import separability
-from plant import model_file
-from plant.model import make_effect
-from plant.moves import Moves, Swing, Tilt, Turn
-from plant.simulate import simulate
-from plant.state import Commands
-from plant.trajectory_file import dumps, loads
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.design import designer as search
+from wrenchgap.learn.design.designer import advice, design, rehearse
+from wrenchgap.learn.design.manoeuvres import Limits, available, extent, space, usual, violations
+from wrenchgap.learn.design.separability import separability
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.moves import Moves, Swing, Tilt, Turn
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.state import Commands
+from wrenchgap.plant.trajectory_file import dumps, loads
 
 LIMITS = Limits((3.0, 3.5, 2.6), float(np.radians(50.0)), 1.5)
 
@@ -196,6 +196,6 @@ def test_a_size_with_which_nothing_can_hover_is_halved(few):
 
 
 def _parameters(model):
-    from plant.effects import find
+    from wrenchgap.plant.effects import find
 
     return find("constant_wrench").parameters(model.vehicle)

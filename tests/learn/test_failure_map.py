@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from learn.failure_map import failure_map
-from learn.fit import dataset
-from learn.measurement import derivative, low_pass
-from learn.quantities import quantities
+from wrenchgap.learn.data.measurement import derivative, low_pass
+from wrenchgap.learn.diagnose.failure_map import failure_map
+from wrenchgap.learn.diagnose.quantities import quantities
+from wrenchgap.learn.identify.fit import dataset
 
 
 def noise(data, rng):

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.errors import FitError
-from learn.fit import fit, held_out, inapplicable, with_fit
-from plant.effects import find
-from plant.wrench_model import ModelEffect, WrenchModel
+from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.identify.fit import fit, held_out, inapplicable, with_fit
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 
 def fall(data, model, fitted):

@@ -5,9 +5,9 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from flight.errors import FitError, ModelError
-from learn.gp import BLOCK, GaussianProcess, Provenance
-from plant.mismatch import KnowsItsData, Linearises
+from wrenchgap.flight.errors import FitError, ModelError
+from wrenchgap.learn.process.gp import BLOCK, GaussianProcess, Provenance
+from wrenchgap.plant.mismatch import KnowsItsData, Linearises
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 

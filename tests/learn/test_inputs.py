@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight import so3
-from flight.errors import FitError, UsageError
-from flight.flight import Samples
-from learn.gp import FitSettings
-from learn.inputs import groups, pooled_inputs, process_inputs
-from learn.measurement import prepare
-from learn.train import fit
-from plant import model_file
-from plant.mismatch import LinearMismatch
-from plant.mismatch_inputs import PAST_SECONDS
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.flight import Samples
+from wrenchgap.learn.data.inputs import groups, pooled_inputs, process_inputs
+from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.train import fit
+from wrenchgap.plant import model_file
+from wrenchgap.plant.mismatch import LinearMismatch
+from wrenchgap.plant.mismatch_inputs import PAST_SECONDS
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 VEHICLE = model_file.load("tilt_hexarotor").vehicle

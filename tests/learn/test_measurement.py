@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from flight.errors import FitError
-from flight.flight import Samples
-from learn.measurement import Evaluator, derivative, low_pass, predict, prepare
-from plant import model_file
-from plant.effects import find
-from plant.vehicle import Body, Vehicle
-from plant.wrench_model import ModelEffect, WrenchModel
+from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Samples
+from wrenchgap.learn.data.measurement import Evaluator, derivative, low_pass, predict, prepare
+from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.vehicle import Body, Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 DT = 0.005
 BODY = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
@@ -140,7 +140,7 @@ def test_allocates_where_the_log_has_no_actuators():
 
 def test_window_of_a_record_predicts_what_the_record_does():
     """Away from the ends, a piece cut out of a flight says the same as the whole flight there."""
-    from learn.measurement import window
+    from wrenchgap.learn.data.measurement import window
 
     m = model_file.load("tilt_hexarotor")
     s = samples(

@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from learn.explain import explain
-from learn.parallel import cores, each
+from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.parallel import cores, each
 
 
 def test_answers_come_in_the_order_of_the_questions():

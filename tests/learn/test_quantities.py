@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from learn.fit import dataset
-from learn.quantities import NO_ARMS, NO_POSE, NO_VOLTAGE, heading, input_groups, quantities
+from wrenchgap.learn.diagnose.quantities import NO_ARMS, NO_POSE, NO_VOLTAGE, heading, input_groups, quantities
+from wrenchgap.learn.identify.fit import dataset
 
 
 @pytest.fixture

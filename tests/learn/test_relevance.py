@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from learn.quantities import input_groups
-from learn.relevance import relevance
+from wrenchgap.learn.diagnose.quantities import input_groups
+from wrenchgap.learn.diagnose.relevance import relevance
 
 
 def group(data, name):

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import flight
-from flight.flight import Flight, ImuSeries, WrenchSeries
-from learn.measurement import prepare
-from learn.timing import FEEDBACK, responses
-from plant import model_file
+from wrenchgap import flight
+from wrenchgap.flight.flight import Flight, ImuSeries, WrenchSeries
+from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.learn.diagnose.response import FEEDBACK, responses
+from wrenchgap.plant import model_file
 
 RATE = 250.0
 

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from learn.contest import contrast, energy
-from learn.search import (
+from wrenchgap.learn.data.blocks import contrast, energy
+from wrenchgap.learn.identify.search import (
     INDISTINCT,
     LEAST_EVIDENCE,
     LIKE,
@@ -21,7 +21,7 @@ from learn.search import (
     beyond_chance,
     material,
 )
-from plant.effects import Parameter
+from wrenchgap.plant.effects import Parameter
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")
 CARRIED = ("payload", "mass", "com_offset", "inertia", "thrust_scale", "tether", "servo_lag", "arm_reaction")
@@ -211,8 +211,8 @@ def test_an_effect_that_is_not_there_is_dropped_again(fly, hexarotor):
 
 def test_the_models_own_effects_are_fitted_along_and_not_tried(fly, hexarotor):
     """A model that knows of the offset, with wrong numbers: they are put right, and something else is looked for."""
-    from plant.effects import find
-    from plant.wrench_model import ModelEffect
+    from wrenchgap.plant.effects import find
+    from wrenchgap.plant.wrench_model import ModelEffect
 
     data, truth = fly("com_offset", None, "train", seconds=25, seed=21)
     wrong = hexarotor.with_effects((ModelEffect(find("com_offset"), np.array([0.02, 0.0, 0.0])),))

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from learn.contest import contrast
-from learn.design import rehearse
-from learn.fit import dataset
-from learn.manoeuvres import Limits
-from learn.screening import Screen
-from learn.separability import expected_separation, separability, sized, typical
-from plant.model import make_effect
-from plant.moves import Moves, Shake, Tilt, Turn
+from wrenchgap.learn.data.blocks import contrast
+from wrenchgap.learn.design.designer import rehearse
+from wrenchgap.learn.design.manoeuvres import Limits
+from wrenchgap.learn.design.screening import Screen
+from wrenchgap.learn.design.separability import expected_separation, separability, sized, typical
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.moves import Moves, Shake, Tilt, Turn
 
 HOME = (0.0, 0.0, 1.5)
 LIMITS = Limits((5.0, 5.0, 3.0))

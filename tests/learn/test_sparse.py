@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from learn.gp import FitSettings
-from learn.sparse import Kernel, maximise, posterior
-from learn.train import BOUNDS, fit
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.sparse import Kernel, maximise, posterior
+from wrenchgap.learn.process.train import BOUNDS, fit
 
 TORQUES = ("torque_x", "torque_y")
 KERNEL = Kernel(np.array([0.8, 1.5, 3.0]), 1.7, 0.05)

@@ -7,10 +7,10 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from flight.errors import FitError, UsageError
-from learn.gp import FitSettings, GaussianProcess, LogSource, Provenance
-from learn.store import load, save
-from learn.train import fit
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, LogSource, Provenance
+from wrenchgap.learn.process.store import load, save
+from wrenchgap.learn.process.train import fit
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight.errors import FitError, UsageError
-from learn.subsample import squared_distances, standardised, subsample, thin
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.process.subsample import squared_distances, standardised, subsample, thin
 
 METHODS = ("fasterpam", "pyclustering")
 

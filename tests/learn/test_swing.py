@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from learn.swing import LEAST_SHARE, LOOSE, Swing, swing
+from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, LOOSE, Swing, swing
 
 G = 9.81
 

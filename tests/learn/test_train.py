@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from flight.errors import FitError, UsageError
-from learn.gp import FitSettings, LogSource, Provenance
-from learn.train import fit, fit_linear
-from plant.mismatch import conditioning
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.process.gp import FitSettings, LogSource, Provenance
+from wrenchgap.learn.process.train import fit, fit_linear
+from wrenchgap.plant.mismatch import conditioning
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 NOISE = np.array([0.02, 0.03, 0.04])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from learn.measurement import derivative, low_pass
-from learn.quantities import InputGroup
-from learn.whiteness import autocorrelation, crosscorrelation, noise_autocorrelation, whiteness
+from wrenchgap.learn.data.measurement import derivative, low_pass
+from wrenchgap.learn.diagnose.quantities import InputGroup
+from wrenchgap.learn.diagnose.whiteness import autocorrelation, crosscorrelation, noise_autocorrelation, whiteness
 
 DT, STEP, CUTOFF = 0.005, 5, 8.0
 KEPT = DT * STEP

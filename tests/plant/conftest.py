@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
 
 
 def star(

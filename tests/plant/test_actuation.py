@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from plant.actuation import actuation, nominal_wrench, rotor_wrench
-from plant.state import Commands
-from plant.vehicle import GRAVITY
+from wrenchgap.plant.actuation import actuation, nominal_wrench, rotor_wrench
+from wrenchgap.plant.state import Commands
+from wrenchgap.plant.vehicle import GRAVITY
 
 
 def commands(tilt, speed):

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant import model_file
-from plant.actuation import nominal_wrench
-from plant.allocation import HOLD_THRUST, Allocation
+from wrenchgap.plant import model_file
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.allocation import HOLD_THRUST, Allocation
 
 HEXAROTOR = model_file.load("tilt_hexarotor").vehicle
 WRENCHES = st.lists(st.floats(-1, 1), min_size=6, max_size=6)

@@ -3,12 +3,19 @@
 import numpy as np
 import pytest
 
-from flight import so3
-from flight.errors import ModelError
-from plant.controller import Controller, ControllerGains, attitude_error, evaluate, integrate_error, pushes_along_z_only
-from plant.state import State
-from plant.trajectory import Reference
-from plant.vehicle import GRAVITY, Arms, Body, Vehicle
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.controller import (
+    Controller,
+    ControllerGains,
+    attitude_error,
+    evaluate,
+    integrate_error,
+    pushes_along_z_only,
+)
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import Reference
+from wrenchgap.plant.vehicle import GRAVITY, Arms, Body, Vehicle
 
 BODY = Body(4.0, np.array([[0.10, 0.004, 0.0], [0.004, 0.11, -0.003], [0.0, -0.003, 0.19]]), np.zeros(3))
 GAINS = ControllerGains()

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import flight
-from flight import so3
-from plant.controller import ControllerGains, evaluate, integrate_error
-from plant.state import State
-from plant.trajectory import recorded
-from plant.vehicle import Body
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.plant.controller import ControllerGains, evaluate, integrate_error
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import recorded
+from wrenchgap.plant.vehicle import Body
 
 LOGS = Path("/work/shared/data/multibody")
 BODY = Body(4.0, np.diag([0.1035, 0.1045, 0.1914]), np.zeros(3))

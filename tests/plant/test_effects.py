@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from plant import model_file
-from plant.effects import catalogue, find
-from plant.model import make_effect
-from plant.state import Commands, Motion, State
-from plant.wrench_model import ModelEffect, WrenchModel, forward_dynamics, measured_wrench
+from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, forward_dynamics, measured_wrench
 
 VEHICLE = model_file.load("tilt_hexarotor").vehicle
 MASS, G = 4.0, 9.80665
@@ -182,7 +182,7 @@ def test_drag_opposes_the_motion_and_dissipates():
     q = rng.normal(size=4)
     x = state(1, velocity=(2.0, -1.0, 0.5), quat=q / np.linalg.norm(q))
     W = model(body_drag=[0.1, 0.2, 0.3, 0.05, 0.05, 0.1, 0, 0, 0]).wrench(hover(), x) - model().wrench(hover(), x)
-    from flight.so3 import rotate
+    from wrenchgap.flight.so3 import rotate
 
     force_E = rotate(x.quat_EB, W[:, :3])
     assert float(np.sum(force_E * x.velocity_E)) < 0

@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import quad, solve_ivp
 
-from flight.so3 import exp, matrix, multiply, rotate, rotate_inverse
-from plant import model_file
-from plant.actuation import actuation
-from plant.effects import find
-from plant.effects.effect import Context
-from plant.model import make_effect
-from plant.state import Actuation, Commands, Motion, Rates, State
-from plant.vehicle import Arms, Body, Rotors, Vehicle
-from plant.wrench_model import WrenchModel
+from wrenchgap.flight.so3 import exp, matrix, multiply, rotate, rotate_inverse
+from wrenchgap.plant import model_file
+from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects.effect import Context
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.state import Actuation, Commands, Motion, Rates, State
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.wrench_model import WrenchModel
 
 VEHICLE = model_file.load("tilt_hexarotor").vehicle
 BODY = VEHICLE.body

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight.errors import ModelError
-from plant import history, model_file
-from plant.effects.effect import Source
-from plant.history import Change, Trial, Value
-from plant.model import make_effect
-from plant.wrench_model import Provenance
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant import history, model_file
+from wrenchgap.plant.effects.effect import Source
+from wrenchgap.plant.history import Change, Trial, Value
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.wrench_model import Provenance
 
 TRIAL = Trial(np.full(6, 0.4), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.04]), np.full(6, 0.01), "better: much")
 

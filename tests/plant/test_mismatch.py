@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight.errors import ModelError
-from plant.mismatch import LinearMismatch, conditioning
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.mismatch import LinearMismatch, conditioning
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 

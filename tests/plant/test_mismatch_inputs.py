@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from flight import so3
-from flight.errors import UsageError
-from plant.mismatch_inputs import COLUMNS, PAST_SECONDS, checked, columns, extra_inputs
-from plant.state import State
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS, checked, columns, extra_inputs
+from wrenchgap.plant.state import State
 
 DT = 0.005
 

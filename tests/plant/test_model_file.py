@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from flight.errors import ModelError, UsageError
-from plant import model_file
-from plant.model import make_effect
-from plant.wrench_model import Provenance
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.wrench_model import Provenance
 
 TEXT = """# my vehicle
 schema = 1
@@ -131,13 +131,13 @@ def test_never_overwrites_without_force(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 
 
-@pytest.mark.parametrize("name", sorted(p.stem for p in model_file._SHIPPED[1].glob("*.toml")))
+@pytest.mark.parametrize("name", sorted(p.stem for p in model_file._SHIPPED.glob("*.toml")))
 def test_shipped_models_are_usable(name):
     model = model_file.load(name)
     assert model.vehicle.body.mass > 0
     if model.vehicle.has_rotors:
-        from plant.allocation import Allocation
-        from plant.vehicle import GRAVITY
+        from wrenchgap.plant.allocation import Allocation
+        from wrenchgap.plant.vehicle import GRAVITY
 
         hover = np.array([[0, 0, model.vehicle.body.mass * GRAVITY, 0, 0, 0]])
         _, saturation = Allocation(model.vehicle).allocate(hover)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flight.errors import UsageError
-from plant.moves import KINDS, Moves, Shake, Shift, Swing, Tilt, Turn
-from plant.vehicle import GRAVITY
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.moves import KINDS, Moves, Shake, Shift, Swing, Tilt, Turn
+from wrenchgap.plant.vehicle import GRAVITY
 
 HOME = (0.1, -0.2, 1.5)
 EVERYTHING = (

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight.errors import ModelError
-from plant import effects, model_file, own_effects
-from plant.model import make_effect
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant import effects, model_file, own_effects
+from wrenchgap.plant.model import make_effect
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects" / "your-own.md"
 EXAMPLE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from flight import so3
-from plant.rigid_body import RigidBody, pack, unpack
-from plant.state import State
-from plant.vehicle import Body
-from plant.wrench_model import forward_dynamics
+from wrenchgap.flight import so3
+from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
+from wrenchgap.plant.state import State
+from wrenchgap.plant.vehicle import Body
+from wrenchgap.plant.wrench_model import forward_dynamics
 
 ASYMMETRIC = Body(
     3.0, np.array([[0.10, 0.01, -0.02], [0.01, 0.14, 0.015], [-0.02, 0.015, 0.2]]), np.array([0.05, -0.08, 0.03])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from flight import so3
-from flight.errors import ModelError
-from plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
-from plant.state import Motion, State
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
+from wrenchgap.plant.state import Motion, State
 
 
 def test_an_accelerometer_off_the_axis_feels_the_centripetal_acceleration():

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight import so3
-from flight.errors import UsageError
-from plant.controller import ControllerGains
-from plant.model import Model, make_effect
-from plant.sensors import SensorNoise
-from plant.simulate import simulate
-from plant.state import Motion, State
-from plant.trajectory import Hover, Tilts, named
-from plant.vehicle import GRAVITY, Arms, Body, Rotors, Vehicle
-from plant.wrench_model import measured_wrench
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.sensors import SensorNoise
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.state import Motion, State
+from wrenchgap.plant.trajectory import Hover, Tilts, named
+from wrenchgap.plant.vehicle import GRAVITY, Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.wrench_model import measured_wrench
 
 J = np.array([0.10, 0.11, 0.19])
 MASS = 4.0

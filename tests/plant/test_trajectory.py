@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flight import so3
-from flight.errors import UsageError
-from flight.flight import ReferenceSeries
-from plant.trajectory import (
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import ReferenceSeries
+from wrenchgap.plant.trajectory import (
     TRAJECTORIES,
     Excited,
     FigureEight,
@@ -21,7 +21,7 @@ from plant.trajectory import (
     recorded,
     yaw_of,
 )
-from plant.vehicle import GRAVITY
+from wrenchgap.plant.vehicle import GRAVITY
 
 SMOOTH = [name for name in TRAJECTORIES if name != "step"]
 

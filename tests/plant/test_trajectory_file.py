@@ -5,9 +5,9 @@ import csv
 import numpy as np
 import pytest
 
-from flight.errors import UsageError
-from plant.moves import Moves, Shake, Shift, Swing, Tilt, Turn
-from plant.trajectory_file import COLUMNS, TrajectoryFile, dumps, load, loads, write_csv
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.moves import Moves, Shake, Shift, Swing, Tilt, Turn
+from wrenchgap.plant.trajectory_file import COLUMNS, TrajectoryFile, dumps, load, loads, write_csv
 
 MOVES = (
     Tilt(0.5, 6.0, np.radians(55.27), np.radians(30.0), 1.8),

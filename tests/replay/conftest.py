@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-import flight
-from plant import model_file
-from replay.cli import app
-from replay.simulation import Plan, fly, provenance
+from wrenchgap import flight
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly, provenance
+from wrenchgap.replay.cli.main import app
 
 OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
 

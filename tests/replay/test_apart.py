@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight.errors import FitError
-from learn.parallel import each
-from replay.apart import apart
+from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.parallel import each
+from wrenchgap.replay.session.worker import apart
 
 
 def silent(share, words):

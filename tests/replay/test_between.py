@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flight.errors import LogError, UsageError
-from plant import model_file
-from replay.flights import open_flight
-from replay.options import parse_between
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.plant import model_file
+from wrenchgap.replay.cli.options import parse_between
 
 
 def test_only_the_part_between_the_times_is_used(logs):

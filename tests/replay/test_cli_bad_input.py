@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flight
-from plant import model_file
-from plant.model import make_effect
+from wrenchgap import flight
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -277,10 +277,10 @@ CASES: dict[Callable[[Path, Any], tuple[Any, ...]], tuple[str, ...]] = {
 @pytest.fixture(scope="session")
 def with_gp(logs: Any) -> Any:
     """The logs, and a GP beside them."""
-    from learn import store
-    from learn.gp import FitSettings
-    from replay.flights import open_flights
-    from replay.learning import TORQUE, learn
+    from wrenchgap.learn.data.opening import open_flights
+    from wrenchgap.learn.process import store
+    from wrenchgap.learn.process.gp import FitSettings
+    from wrenchgap.learn.process.learning import TORQUE, learn
 
     model = model_file.load(MODEL)
     learnt = learn(open_flights([logs.ideal], model), model, TORQUE, FitSettings(points=20, restarts=0))
@@ -305,7 +305,7 @@ def test_bad_input_gets_one_line_and_leaves_nothing(case: Any, with_gp: Any, run
 
 
 def test_a_real_process_says_one_line_too(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "replay.cli", "compare", str(tmp_path / "gone.mcap"), "-m", MODEL]
+    command = [sys.executable, "-m", "wrenchgap", "compare", str(tmp_path / "gone.mcap"), "-m", MODEL]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
 

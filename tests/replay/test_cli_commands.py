@@ -14,15 +14,16 @@ from typing import Any
 
 import pytest
 
-import flight
-from flight.flight import AXES
-from flight.roles import ROLE_PARTS
-from flight.write import provenance as log_provenance
-from learn import store
-from plant import model_file
-from plant.effects import catalogue
-from plant.trajectory import TRAJECTORIES
-from replay import cli, options
+from wrenchgap import flight
+from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.roles import ROLE_PARTS
+from wrenchgap.flight.write import provenance as log_provenance
+from wrenchgap.learn.process import store
+from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.trajectory import TRAJECTORIES
+from wrenchgap.replay.cli import main as cli
+from wrenchgap.replay.cli import options
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -252,7 +253,7 @@ def test_help_of_every_command_has_an_example(run: Any, command: str) -> None:
 def in_process(
     *arguments: str, env: dict[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "replay.cli", *arguments]
+    command = [sys.executable, "-m", "wrenchgap", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=cwd)
 

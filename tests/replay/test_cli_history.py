@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from plant import effects, model_file
+from wrenchgap.plant import effects, model_file
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]

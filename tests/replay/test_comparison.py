@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flight.errors import ModelError, UsageError
-from learn.measurement import predict
-from plant import model_file
-from plant.model import make_effect
-from plant.vehicle import Body
-from replay import comparison, editing
-from replay.explanation import ranges
-from replay.flights import distinct, open_flights
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.learn.data import comparison
+from wrenchgap.learn.data.measurement import predict
+from wrenchgap.learn.data.opening import distinct, open_flights
+from wrenchgap.learn.identify import add as editing
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.vehicle import Body
+from wrenchgap.replay.present.explanation import ranges
 
 
 def test_errors_of_a_known_residual() -> None:
@@ -112,9 +113,9 @@ def test_time_on_the_ground_is_left_out(tmp_path):
     """Two seconds with idle rotors before the flight say nothing about the model."""
     import numpy as np
 
-    import flight
-    from plant import model_file
-    from replay.flights import opened
+    from wrenchgap import flight
+    from wrenchgap.learn.data.opening import opened
+    from wrenchgap.plant import model_file
 
     model = model_file.load("crazyflie")
     weight = 0.0419 * 9.81

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import flight
-from compensate import Compensator, Settings
-from flight import so3
-from flight.errors import LogError, ModelError, UsageError
-from flight.write import provenance
-from plant import model_file
-from plant.controller import ControllerGains
-from plant.mismatch import LinearMismatch
-from plant.model import make_effect
-from plant.simulate import simulate
-from plant.trajectory import named
-from replay.cli import app
-from replay.counterfactual import Change, counterfactual, read_recording
-from replay.counterfactual_report import believed_vehicle, changed_gains
-from replay.counterfactual_report import change as asked_change
-from replay.inference import infer
-from replay.reflight import refly
+from wrenchgap import flight
+from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError, ModelError, UsageError
+from wrenchgap.flight.write import provenance
+from wrenchgap.learn.identify.disturbance import infer
+from wrenchgap.plant import model_file
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.mismatch import LinearMismatch
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.trajectory import named
+from wrenchgap.replay.cli.main import app
+from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual, read_recording
+from wrenchgap.replay.counterfactual.reflight import refly
+from wrenchgap.replay.present.counterfactual import believed_vehicle, changed_gains
+from wrenchgap.replay.present.counterfactual import change as asked_change
 
 MODEL = model_file.load("tilt_hexarotor")
 COM = make_effect(MODEL.vehicle, "com_offset", {"x": -0.004, "y": 0.007, "z": -0.005})

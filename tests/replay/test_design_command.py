@@ -6,10 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-import flight
-from learn import design as search
-from plant.trajectory_file import load
-from replay.design import next_flight
+from wrenchgap import flight
+from wrenchgap.learn.design import designer as search
+from wrenchgap.plant.trajectory_file import load
+from wrenchgap.replay.present.design import next_flight
 
 
 @pytest.fixture(autouse=True)

@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from learn.explain import Explanation, explain
-from learn.fit import Dataset, dataset
-from learn.relevance import GroupRelevance, Relevance
-from learn.swing import Swing
-from plant import model_file
-from plant.effects import find
-from replay import tables
-from replay.explanation import not_tried, sentence, to_json, what_next
-from replay.flights import open_flights
-from replay.results import VERSIONS
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
+from wrenchgap.learn.diagnose.resonance import Swing
+from wrenchgap.learn.identify.explain import Explanation, explain
+from wrenchgap.learn.identify.fit import Dataset, dataset
+from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import find
+from wrenchgap.replay.present import tables
+from wrenchgap.replay.present.documents import VERSIONS
+from wrenchgap.replay.present.explanation import not_tried, sentence, to_json, what_next
 
 MODEL = "tilt_hexarotor"
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "json.md"

@@ -10,18 +10,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import flight
-from flight.errors import FitError, LogError
-from learn import store
-from learn.gp import FitSettings
-from plant import model_file
-from plant.model import make_effect
-from plant.simulate import simulate
-from plant.trajectory import named
-from replay import compensating, engine
-from replay.counterfactual_report import change
-from replay.flights import opened
-from replay.learning import TORQUE, Learnt, learn
+from wrenchgap import flight
+from wrenchgap.flight.errors import FitError, LogError
+from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.process import store
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.learning import TORQUE, Learnt, learn
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.trajectory import named
+from wrenchgap.replay.compensation import compensators as compensating
+from wrenchgap.replay.compensation import replay as engine
+from wrenchgap.replay.present.counterfactual import change
 
 NAME = "tilt_hexarotor"
 MODEL = model_file.load(NAME)

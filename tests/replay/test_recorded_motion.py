@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import flight
-from flight import so3
-from flight.errors import LogError
-from flight.flight import OdometrySeries
-from plant import model_file
-from plant.simulate import simulate
-from plant.trajectory import named
-from replay.recorded_motion import integrate_rate, recorded_motion
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import OdometrySeries
+from wrenchgap.learn.data.recorded_motion import integrate_rate, recorded_motion
+from wrenchgap.plant import model_file
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.trajectory import named
 
 LEVER = np.array([0.05, -0.03, 0.02])
 BIAS, ACCEL_BIAS = (0.01, -0.02, 0.005), (0.05, 0.08, -0.1)

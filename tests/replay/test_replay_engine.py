@@ -7,20 +7,21 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-import flight
-from compensate import Compensator, Settings
-from flight import Gap, WrenchSeries
-from flight.errors import FitError, LogError, UsageError
-from learn import store
-from learn.gp import FitSettings, GaussianProcess, Provenance
-from learn.train import fit
-from plant import model_file
-from plant.model import make_effect
-from plant.simulate import simulate
-from plant.trajectory import named
-from replay import engine, replay_report
-from replay.cli import app
-from replay.flights import opened
+from wrenchgap import flight
+from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.flight import Gap, WrenchSeries
+from wrenchgap.flight.errors import FitError, LogError, UsageError
+from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.process import store
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
+from wrenchgap.learn.process.train import fit
+from wrenchgap.plant import model_file
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.trajectory import named
+from wrenchgap.replay.cli.main import app
+from wrenchgap.replay.compensation import replay as engine
+from wrenchgap.replay.present import replay as replay_report
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 

@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from learn.explain import explain
-from learn.fit import dataset
-from plant import model_file, trajectory_file
-from plant.moves import Moves, Turn
-from plant.trajectory_file import TrajectoryFile
-from replay import where
-from replay.cli import app
-from replay.flights import open_flights
-from replay.report import charts, markup
-from replay.report import contents as gathering
-from replay.report.contents import Contents, gather
-from replay.report.page import page
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.diagnose import where
+from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.plant import model_file, trajectory_file
+from wrenchgap.plant.moves import Moves, Turn
+from wrenchgap.plant.trajectory_file import TrajectoryFile
+from wrenchgap.replay.cli.main import app
+from wrenchgap.replay.present.report import charts, markup
+from wrenchgap.replay.present.report.page import page
+from wrenchgap.replay.report import contents as gathering
+from wrenchgap.replay.report.contents import Contents, gather
 
 MODEL = "tilt_hexarotor"
 TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")

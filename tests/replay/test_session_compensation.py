@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate import Settings
-from flight.errors import UsageError
-from learn.gp import FitSettings
-from plant import model_file
-from replay.engine import replay
-from replay.flights import open_flights
-from replay.learning import TORQUE, learn
-from replay.session import LogSession
+from wrenchgap.compensate import Settings
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.learning import TORQUE, learn
+from wrenchgap.plant import model_file
+from wrenchgap.replay.compensation.replay import replay
+from wrenchgap.replay.session.log_session import LogSession
 
 MODEL = model_file.load("tilt_hexarotor")
 

@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from flight.errors import FitError, ModelError, UsageError
-from learn import design
-from learn.fit import dataset, fit, with_fit
-from plant import model_file
-from replay import session_effects
-from replay.flights import open_flight
-from replay.session import LogSession
-from viewer.analysis import Analysis
+from wrenchgap.flight.errors import FitError, ModelError, UsageError
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.design import designer as design
+from wrenchgap.learn.identify.fit import dataset, fit, with_fit
+from wrenchgap.plant import model_file
+from wrenchgap.replay.session import effects as session_effects
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.analysis import Analysis
 
 MODEL = model_file.load("tilt_hexarotor")
 TRUTH = (-0.004, 0.007, -0.005)

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from learn.budget import budget
-from learn.failure_map import failure_map
-from learn.fit import dataset
-from learn.quantities import quantities
-from plant import model_file
-from replay import session_failure
-from replay.flights import open_flight
-from replay.session import LogSession
-from replay.session_failure import PERMUTATIONS, SMOOTH
-from viewer.analysis import UNITS, VIEWS
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.diagnose.budget import budget
+from wrenchgap.learn.diagnose.failure_map import failure_map
+from wrenchgap.learn.diagnose.quantities import quantities
+from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.plant import model_file
+from wrenchgap.replay.session import failure as session_failure
+from wrenchgap.replay.session.failure import PERMUTATIONS, SMOOTH
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.analysis import UNITS, VIEWS
 
 MODEL = model_file.load("tilt_hexarotor")
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plant import model_file
-from plant.actuation import nominal_wrench
-from plant.allocation import Allocation
-from plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant import model_file
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = sorted(path.stem for path in (ROOT / "models").glob("*.toml"))

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-import flight
-from flight.errors import UsageError
-from plant import model_file
-from replay import timing
-from replay.flights import open_flight
-from replay.options import parse_shifts
+from wrenchgap import flight
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.diagnose import timing
+from wrenchgap.plant import model_file
+from wrenchgap.replay.cli.options import parse_shifts
 
 LATE = 0.15
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flight.flight import AXES
-from plant import model_file
-from replay.flights import open_flights
-from replay.where import Where, examine, summary
-from replay.where_figures import budget_figure, correlation_figure, grid_figure, maps_figure
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.diagnose.where import Where, examine, summary
+from wrenchgap.plant import model_file
+from wrenchgap.replay.present.where_figures import budget_figure, correlation_figure, grid_figure, maps_figure
 
 MODEL = "tilt_hexarotor"
 

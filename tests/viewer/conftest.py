@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flight
-from plant import model_file
-from replay.session import LogSession
-from replay.simulation import Plan, fly, provenance
-from viewer.page import Page
+from wrenchgap import flight
+from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly, provenance
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.page import Page
 
 OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

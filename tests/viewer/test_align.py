@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flight import so3
-from viewer.align import delay_between
-from viewer.session import Motion
+from wrenchgap.flight import so3
+from wrenchgap.viewer.align import delay_between
+from wrenchgap.viewer.session import Motion
 
 
 def flown(start, stop, shift=0.0, noise=0.0):

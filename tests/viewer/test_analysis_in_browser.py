@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from viewer.panels.effects import EffectsPanel
-from viewer.panels.failure import FailurePanel
+from wrenchgap.viewer.panels.effects import EffectsPanel
+from wrenchgap.viewer.panels.failure import FailurePanel
 
 pytestmark = pytest.mark.browser
 

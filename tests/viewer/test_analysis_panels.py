@@ -8,18 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from learn.gp import FitSettings
-from plant import model_file
-from replay.flights import open_flights
-from replay.learning import TORQUE, learn
-from replay.session import LogSession
-from viewer.analysis import VIEWS, NextFlight, Ranking
-from viewer.page import Page
-from viewer.panels import failure as failure_panel
-from viewer.panels.compensation import CompensationPanel
-from viewer.panels.effects import NEXT, EffectsPanel
-from viewer.panels.failure import FailurePanel
-from viewer.sliders import tidy
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.learning import TORQUE, learn
+from wrenchgap.plant import model_file
+from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer.analysis import VIEWS, NextFlight, Ranking
+from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.panels import failure as failure_panel
+from wrenchgap.viewer.panels.compensation import CompensationPanel
+from wrenchgap.viewer.panels.effects import NEXT, EffectsPanel
+from wrenchgap.viewer.panels.failure import FailurePanel
+from wrenchgap.viewer.sliders import tidy
 
 MODEL = model_file.load("tilt_hexarotor")
 

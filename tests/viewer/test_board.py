@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from viewer.board import View, _head
-from viewer.lines import Line, Plot, plots_of
-from viewer.picture import png, table
-from viewer.session import Scene, Series
+from wrenchgap.viewer.board import View, _head
+from wrenchgap.viewer.lines import Line, Plot, plots_of
+from wrenchgap.viewer.picture import png, table
+from wrenchgap.viewer.session import Scene, Series
 
 TIME = np.arange(0.0, 10.0, 0.02)
 

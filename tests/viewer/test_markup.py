@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from viewer import markup
+from wrenchgap.viewer import markup
 
 
 def brightness(colour):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import flight
-from flight import so3
-from viewer.saved_view import parse
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.viewer.saved_view import parse
 
 pytestmark = pytest.mark.browser
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight.errors import UsageError
-from viewer.drawing import Shown
-from viewer.saved_view import SavedView, parse, read
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer.drawing import Shown
+from wrenchgap.viewer.saved_view import SavedView, parse, read
 
 times = st.floats(-1e6, 1e6)
 points = st.tuples(times, times, times)

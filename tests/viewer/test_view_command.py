@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from replay.cli import app
-from viewer.saved_view import SavedView
+from wrenchgap.replay.cli.main import app
+from wrenchgap.viewer.saved_view import SavedView
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_bad_input_is_one_line_and_exit_code_2(flown, tmp_path, monkeypatch, arg
 def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
     saved = tmp_path / "saved.view.json"
     saved.write_text(SavedView(flight="another", time=5.0, zoom="10 s").to_text())
-    command = [sys.executable, "-m", "replay.cli", "view", *map(str, flown), "-m", "tilt_hexarotor", "--port", "0"]
+    command = [sys.executable, "-m", "wrenchgap", "view", *map(str, flown), "-m", "tilt_hexarotor", "--port", "0"]
     process = subprocess.Popen(
         [*command, "--view", str(saved)],
         stdout=subprocess.PIPE,

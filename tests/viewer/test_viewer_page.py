@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight import so3
-from flight.errors import UsageError
-from plant import model_file
-from plant.state import Actuation
-from plant.vehicle import Body, Vehicle
-from viewer.craft import arm_pose
-from viewer.page import Page, exposed
-from viewer.session import Scene, Stretch
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant import model_file
+from wrenchgap.plant.state import Actuation
+from wrenchgap.plant.vehicle import Body, Vehicle
+from wrenchgap.viewer.craft import arm_pose
+from wrenchgap.viewer.page import Page, exposed
+from wrenchgap.viewer.session import Scene, Stretch
 
 TIME = np.arange(0.0, 4.0, 0.02)
 

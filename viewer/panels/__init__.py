@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from viewer.panel import Panel
-from viewer.panels.compensation import CompensationPanel
-from viewer.panels.effects import EffectsPanel
-from viewer.panels.failure import FailurePanel
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panels.compensation import CompensationPanel
+from wrenchgap.viewer.panels.effects import EffectsPanel
+from wrenchgap.viewer.panels.failure import FailurePanel
 
 PANELS: tuple[type[Panel], ...] = (FailurePanel, EffectsPanel, CompensationPanel)

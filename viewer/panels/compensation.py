@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from viewer import markup
-from viewer.analysis import Analysis, Compensated, Compensation, Gating, Reflown
-from viewer.panel import Panel
-from viewer.sliders import tidy
-from viewer.work import Work
+from wrenchgap.viewer import markup
+from wrenchgap.viewer.analysis import Analysis, Compensated, Compensation, Gating, Reflown
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.sliders import tidy
+from wrenchgap.viewer.work import Work
 
 if TYPE_CHECKING:
-    from viewer.page import Page
-    from viewer.session import Scene
+    from wrenchgap.viewer.page import Page
+    from wrenchgap.viewer.session import Scene
 
 NO_PROCESS = (
     "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"

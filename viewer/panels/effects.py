@@ -5,18 +5,18 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from flight.errors import UsageError
-from viewer import markup, ranking
-from viewer.analysis import Analysis, ModelState, NextFlight, Ranking, Staircase
-from viewer.links import Links
-from viewer.panel import Panel
-from viewer.session import Motion
-from viewer.sliders import EffectSliders
-from viewer.work import Work
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer import markup, ranking
+from wrenchgap.viewer.analysis import Analysis, ModelState, NextFlight, Ranking, Staircase
+from wrenchgap.viewer.links import Links
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.session import Motion
+from wrenchgap.viewer.sliders import EffectSliders
+from wrenchgap.viewer.work import Work
 
 if TYPE_CHECKING:
-    from viewer.page import Page
-    from viewer.session import Scene
+    from wrenchgap.viewer.page import Page
+    from wrenchgap.viewer.session import Scene
 
 NEXT = "next flight"
 """Name of the designed trajectory in the scene."""

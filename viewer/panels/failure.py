@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer import markup
-from viewer.analysis import UNITS, VIEWS, Analysis, Budget, Cell, Failure
-from viewer.background import Job
-from viewer.links import Links
-from viewer.panel import Panel
-from viewer.work import Work
+from wrenchgap.viewer import markup
+from wrenchgap.viewer.analysis import UNITS, VIEWS, Analysis, Budget, Cell, Failure
+from wrenchgap.viewer.background import Job
+from wrenchgap.viewer.links import Links
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.work import Work
 
 if TYPE_CHECKING:
-    from viewer.page import Page
-    from viewer.session import Scene
+    from wrenchgap.viewer.page import Page
+    from wrenchgap.viewer.session import Scene
 
 PARTS = (
     ("noise", "#b9b9b9", "sensor noise"),

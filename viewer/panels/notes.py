@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from viewer.panel import Panel
-from viewer.session import Scene
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.session import Scene
 
 KEYS = (
     ("space", "play, pause"),

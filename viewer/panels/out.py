@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from flight.errors import UsageError
-from viewer.background import Job
-from viewer.panel import Panel
-from viewer.picture import png, table
-from viewer.saved_view import parse
-from viewer.session import HasReport
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer.background import Job
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.picture import png, table
+from wrenchgap.viewer.saved_view import parse
+from wrenchgap.viewer.session import HasReport
 
 RENDER_SECONDS = 30.0
 """A client that has not rendered by then does not any more."""

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.align import delay_between
-from viewer.camera import DIRECTIONS
-from viewer.colours import BODY, GHOST, REFERENCE, THRUST, Colour, colour_of, css
-from viewer.drawing import NOTHING, Shown
-from viewer.panel import Panel
-from viewer.session import Motion, Scene
+from wrenchgap.viewer.align import delay_between
+from wrenchgap.viewer.camera import DIRECTIONS
+from wrenchgap.viewer.colours import BODY, GHOST, REFERENCE, THRUST, Colour, colour_of, css
+from wrenchgap.viewer.drawing import NOTHING, Shown
+from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.session import Motion, Scene
 
 Array = NDArray[np.float64]
 

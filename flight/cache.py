@@ -1,0 +1,135 @@
+"""Flights that were read once, kept in the user's cache folder, so that a long log opens at once the next time.
+
+A kept flight is found again by what it was made of: the log's content, the mapping of topics, and the source of this
+package; whoever changes any of them reads the log anew. A file is arrays and JSON in a zip; loading it runs no code.
+What cannot be written or read is not kept, and that is all that happens.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.flight import (
+    ActuatorSeries,
+    BatterySeries,
+    Flight,
+    Gap,
+    ImuSeries,
+    OdometrySeries,
+    ReferenceSeries,
+    Series,
+    WrenchSeries,
+)
+from wrenchgap.flight.formats import content_hash
+from wrenchgap.flight.load import load as read
+
+TYPES: dict[str, type[Series]] = {
+    "commanded": WrenchSeries,
+    "desired": WrenchSeries,
+    "actuators": ActuatorSeries,
+    "imu": ImuSeries,
+    "odometry": OdometrySeries,
+    "reference": ReferenceSeries,
+    "battery": BatterySeries,
+}
+"""What plays each role."""
+BYTES = 2_000_000_000
+"""Of all kept flights together; the oldest go first."""
+UNREADABLE = (OSError, zipfile.BadZipFile, KeyError, ValueError, TypeError)
+
+
+def folder() -> Path:
+    """Where flights are kept: $XDG_CACHE_HOME/wrenchgap, by default ~/.cache/wrenchgap."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "wrenchgap"
+
+
+def load(
+    path: str | Path, topics: Mapping[str, str] | None = None, preferred: Mapping[str, str] | None = None
+) -> Flight:
+    """As `flight.load`, from the cache where the flight is there, else from the log, and then it is kept."""
+    path = Path(path)
+    digest = content_hash(path)
+    asked = json.dumps([digest, dict(topics or {}), dict(preferred or {}), path.name, _source()], sort_keys=True)
+    file = folder() / f"{hashlib.sha256(asked.encode()).hexdigest()[:32]}.npz"
+    try:
+        found = _unpacked(file, path)
+        file.touch()
+    except UNREADABLE:
+        found = read(path, topics, preferred)
+        _keep(found, file)
+    return found
+
+
+def _keep(found: Flight, file: Path) -> None:
+    """Write a flight, whole or not at all, and make room for it."""
+    partial = file.with_name(f".{file.stem}.{os.getpid()}.part")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as stream:
+            np.savez(stream, **_packed(found))
+        partial.replace(file)
+        left = BYTES
+        for old in sorted(file.parent.glob("*.npz"), key=lambda p: p.stat().st_mtime, reverse=True):
+            left -= old.stat().st_size
+            if left < 0 and old != file:
+                old.unlink()
+    except OSError:
+        with suppress(OSError):
+            partial.unlink()
+
+
+def _packed(found: Flight) -> dict[str, Any]:
+    arrays: dict[str, Any] = {}
+    roles: dict[str, Any] = {}
+    for role, series in found.series().items():
+        roles[role] = {
+            "topic": series.topic,
+            "gaps": [[gap.start, gap.stop] for gap in series.gaps],
+            "dropped": series.dropped,
+        }
+        for item in fields(series):
+            value = getattr(series, item.name)
+            if isinstance(value, np.ndarray):
+                arrays[f"{role}.{item.name}"] = value
+    about = {"name": found.name, "content_hash": found.content_hash, "start_ns": found.start_ns}
+    text = json.dumps({**about, "notes": found.notes, "roles": roles})
+    return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}
+
+
+def _unpacked(file: Path, path: Path) -> Flight:
+    with np.load(file, allow_pickle=False) as archive:
+        about = json.loads(archive["about"].tobytes())
+        series: dict[str, Any] = {}
+        for role, said in about["roles"].items():
+            values = {name.partition(".")[2]: archive[name] for name in archive.files if name.startswith(f"{role}.")}
+            gaps = tuple(Gap(*gap) for gap in said["gaps"])
+            series[role] = TYPES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **values)
+    return Flight(
+        name=about["name"],
+        path=path,
+        content_hash=about["content_hash"],
+        start_ns=about["start_ns"],
+        notes=tuple(about["notes"]),
+        **series,
+    )
+
+
+@lru_cache(maxsize=1)
+def _source() -> str:
+    """Hash of this package's source."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()

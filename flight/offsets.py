@@ -1,0 +1,543 @@
+"""By how much one topic lags another: fractional delays from the phase of what two signals have in common.
+
+Two signals that show one motion, y(t) = x(t - d) + noise, have a cross-spectrum with the phase -2 pi f d. The delay
+that fits the phases of all frequencies and axes best maximises
+
+    R(d) = sum_f w(f) Re[ G_xy(f) exp(2 pi i f d) ] / |G_xy(f)|,      w = C^2 / (1 - C^2)
+
+with C^2 the coherence: the maximum-likelihood weight, which listens where the two agree and is deaf where they do not
+(Knapp and Carter, "The generalized correlation method for estimation of time delay", IEEE Trans. ASSP 24(4), 1976).
+A peak of the correlation, interpolated between samples, would answer too; but it hears all frequencies at their power,
+so the slowest and loudest motion decides, and its accuracy is tied to the clock onto which both were interpolated.
+
+Here nothing is interpolated. Each topic keeps its own stamps and rate: the Fourier integral of every block of time is
+summed over the samples where they are (trapezoid rule, Hann taper, linear trend removed). Then one topic's stamps are
+moved by the delay found, and the integrals are taken again, until nothing is left to move: at that point both see the
+same piece of motion through the same window, and leakage and tapering cancel.
+
+Only frequencies whose coherence is beyond chance count, so that signals with nothing in common give no number. The
+standard deviation is a sandwich over the blocks (scores' scatter, neighbours that overlap included: Newey and West,
+Econometrica 1987), which holds for coloured noise; intervals use Student's t with half as many degrees of freedom as
+there are blocks. A slope of the delay over the flight is estimated along with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm as normal
+from scipy.stats import t as student
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import AXES, Array, Flight, Gap, OdometrySeries, ReferenceSeries
+from wrenchgap.flight.stamps import nominal_period
+
+Complex = NDArray[np.complex128]
+Intervals = Sequence[tuple[float, float]]
+
+EVERYWHERE: Intervals = ((-np.inf, np.inf),)
+
+LOWEST_HZ, HIGHEST_HZ = 0.5, 20.0
+"""Frequencies that are listened to: motion of the vehicle, not drift of a bias and not vibration."""
+BANDS_HZ = ((0.5, 2.0), (2.0, 5.0), (5.0, 10.0), (10.0, 20.0))
+"""In these the delay is told apart: a delay is the same in all of them, a lag shrinks with frequency."""
+OF_NYQUIST = 0.8
+"""Share of the slower topic's Nyquist frequency up to which its samples show a phase."""
+BLOCK_SECONDS, SHORTEST_BLOCK = 2.0, 1.0
+FEWEST_BLOCKS, MOST_BLOCKS = 7, 120
+"""Overlapping blocks below which nothing is said; blocks, spread over the log, beyond which no more are taken."""
+CHANCE = 1e-3
+"""Probability that noise alone passes for something in common, over all frequencies and axes together."""
+COHERENCE_CAP = 0.99
+"""Coherence beyond which a frequency gets no more weight: what is left there is not noise but systematic."""
+LOUDEST = 3.0
+"""What is louder than this many times the median over blocks is turned down to it, so that a crash does not decide."""
+ALIKE = (0.5, 1.25)
+"""Gains between which two sensors of one motion must be. With noise on both, the gain seen from the first,
+|S_xy| / S_xx, is too small, and that seen from the second, S_yy / |S_xy|, too large: the true one is between. Where
+both are beyond, it is no common motion: one sensor's noise has moved the vehicle through the controller."""
+ANY_GAIN = (0.0, np.inf)
+RIVAL, TWIN = 0.9, 0.98
+"""Height of another peak, relative to the highest, at which the delay may not be unique, and at which it is not."""
+WIDEST = 0.05
+"""Half width of the 95 % interval [s] beyond which a delay is not worth printing."""
+NUDGE = 1e-3
+"""By how much stamps are moved to see how the phase of each bin turns [s]."""
+HEARD = (0.0, 1.5)
+"""Bounds on the frequency that a bin is found to listen to, relative to its own."""
+SAME = 1e-6
+"""Offset and standard deviation [s] below which two series are copies of each other."""
+NOTHING_IN_COMMON = "nothing in common beyond chance: too little motion, or too much noise"
+CERTAIN = 3.0
+"""Standard deviations beyond which a difference is not chance."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """`values` (N, C) at `time` (N,) [s], increasing; nothing is known inside `gaps`. `axes` name the C columns."""
+
+    name: str
+    time: Array
+    values: Array
+    axes: tuple[str, ...] = ("x", "y", "z")
+    gaps: tuple[Gap, ...] = ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """The delay [s] seen on one axis (`name` x) or in one band (`name` "2-5 Hz"); None where nothing is in common."""
+
+    name: str
+    seconds: float | None
+    std: float | None
+
+
+@dataclass(frozen=True)
+class Offset:
+    """By how much `second` lags `first`: `seconds` +- `std` [s], negative where it leads.
+
+    `interval` is the half width of the 95 % interval, `drift` the slope of the delay over the flight [s/s] (None where
+    blocks are too few), `halves` the delays of first and second half of the flight. `coherence` is the mean over the
+    frequencies in use, which reach from `lowest_hz` to `highest_hz`; `blocks` is how many were taken. `problem` says
+    why there is no number; then `seconds` is None.
+    """
+
+    first: str
+    second: str
+    seconds: float | None = None
+    std: float | None = None
+    interval: float | None = None
+    drift: float | None = None
+    drift_std: float | None = None
+    halves: tuple[Part, ...] = ()
+    axes: tuple[Part, ...] = ()
+    bands: tuple[Part, ...] = ()
+    coherence: float | None = None
+    lowest_hz: float | None = None
+    highest_hz: float | None = None
+    blocks: int = 0
+    problem: str | None = None
+    correlated: Correlated | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def same(self) -> bool:
+        """Whether the two are copies of one series."""
+        return self.seconds is not None and abs(self.seconds) < SAME and (self.std or 0.0) < SAME
+
+    @property
+    def certain(self) -> bool:
+        """Whether the offset differs from zero beyond chance."""
+        return self.seconds is not None and abs(self.seconds) > self._doubt * (self.std or 0.0) and not self.same
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the offset changes over the flight beyond chance."""
+        return self.drift is not None and abs(self.drift) > self._doubt * (self.drift_std or 0.0) and not self.same
+
+    @property
+    def _doubt(self) -> float:
+        """Standard deviations that mean with these few blocks what `CERTAIN` means with many."""
+        chance = 2.0 * float(normal.sf(CERTAIN))
+        return float(student.isf(0.5 * chance, max(2.0, 0.5 * self.blocks)))
+
+
+def offset(
+    first: Signal,
+    second: Signal,
+    *,
+    band: tuple[float, float] = (LOWEST_HZ, HIGHEST_HZ),
+    within: Intervals = EVERYWHERE,
+    gains: tuple[float, float] = ANY_GAIN,
+) -> Offset:
+    """By how much the second signal lags the first, from the frequencies in `band` [Hz] and the times `within` [s].
+
+    Frequencies at which the size of the second relative to the first cannot be within `gains` do not count. Delays up
+    to a quarter of a block (0.5 s) are searched, twice that with alignment. Both signals have the same axes.
+    """
+    none = Offset(first.name, second.name)
+    moving = (np.ptp(first.values, axis=0) > 0) & (np.ptp(second.values, axis=0) > 0)
+    if not moving.any():
+        return replace(none, problem=f"{_still(first, second)} never changes")
+    first, second = (
+        replace(s, values=s.values[:, moving], axes=tuple(np.array(s.axes)[moving])) for s in (first, second)
+    )
+    slower = max((first, second), key=lambda s: nominal_period(s.time))
+    top = min(band[1], OF_NYQUIST * 0.5 / nominal_period(slower.time))
+    if top < max(2.0, 2.0 * band[0]):
+        return replace(none, problem=f"{slower.name} comes at {1.0 / nominal_period(slower.time):.1f} Hz: too slowly")
+    pair = _Pair(first, second, (band[0], top), within, gains)
+    if len(pair.starts) < FEWEST_BLOCKS:
+        least = 0.5 * (FEWEST_BLOCKS + 1) * SHORTEST_BLOCK
+        return replace(none, problem=f"less than {least:g} s that both have without a gap")
+    return pair.estimate(none)
+
+
+def _still(first: Signal, second: Signal) -> str:
+    return first.name if not (np.ptp(first.values, axis=0) > 0).any() else second.name
+
+
+@dataclass(frozen=True)
+class Correlated:
+    """Weighted cross-spectra after alignment: `u` (B, C, F), their phase that of what is left to move.
+
+    Summed over blocks |u| is the weight w of each axis and frequency. `omega` (F,) [rad/s], `when` (B,) block centres.
+    `heard` (C, F) [rad/s] is by how much the phase really turns when the stamps move: in the steep spectrum of a slow
+    motion, a bin is filled from the slower ones beside it. `gain` (C, F) is the size of second over first, as far as
+    they go together.
+    """
+
+    u: Complex
+    omega: Array
+    heard: Array
+    when: Array
+    coherence: Array
+    gain: Array
+    seconds: float
+
+    def curve(self, delays: Array) -> Array:
+        """R (D,) at remaining delays (D,) [s]."""
+        total = self.u.sum(axis=0)
+        used = total != 0
+        turned = total[used][:, None] * np.exp(1j * np.outer(self.heard[used], delays))
+        return np.asarray(turned.real.sum(axis=0))
+
+    def by_block(self, delay: float) -> Array:
+        """R (B,) at a remaining delay [s]."""
+        return np.asarray(np.sum((self.u * np.exp(1j * self.heard * delay)).real, axis=(1, 2)))
+
+    def newton(self, u: Complex | None = None, rounds: int = 4) -> tuple[float, Array, Array]:
+        """Remaining delay (NaN where R has no top), and by block scores (B,) and curvatures (B,) of R at it."""
+        chosen = self.u if u is None else u
+        delay = 0.0
+        for _ in range(rounds):
+            turned = chosen * np.exp(1j * self.heard * delay)
+            score = -np.sum(turned.imag * self.heard, axis=(1, 2))
+            curvature = np.sum(turned.real * self.heard**2, axis=(1, 2))
+            if not curvature.sum() > 0:
+                return np.nan, score, curvature
+            delay += score.sum() / curvature.sum()
+        return float(delay), score - curvature * (score.sum() / curvature.sum()), curvature
+
+    def part(self, name: str, u: Complex) -> Part:
+        """The delay of some axes or frequencies alone."""
+        delay, score, curvature = self.newton(u)
+        if not abs(delay) < 0.25 * BLOCK_SECONDS:
+            return Part(name, None, None)
+        return Part(name, self.seconds + delay, scatter(score) / float(curvature.sum()))
+
+
+def scatter(score: Array) -> float:
+    """Standard deviation of a sum of scores (B,) of overlapping blocks (Newey and West, one neighbour)."""
+    count = len(score)
+    centred = score - score.mean()
+    variance = float(centred @ centred + centred[1:] @ centred[:-1])
+    return float(np.sqrt(max(variance, float(centred @ centred)) * count / (count - 1)))
+
+
+class _Pair:
+    """Two signals and the blocks of time in which they are compared."""
+
+    def __init__(
+        self, first: Signal, second: Signal, band: tuple[float, float], within: Intervals, gains: tuple[float, float]
+    ) -> None:
+        self.first, self.second, self.gains = first, second, gains
+        common = [(max(a, c, e), min(b, d, f)) for a, b in _runs(first) for c, d in _runs(second) for e, f in within]
+        common = [(a, b) for a, b in common if b - a >= SHORTEST_BLOCK]
+        total = sum(b - a for a, b in common)
+        self.length = float(np.clip(total / 8.0, SHORTEST_BLOCK, BLOCK_SECONDS))
+        self.reach = 0.25 * self.length
+        starts = [self._starts(a, b) for a, b in common]
+        every = np.asarray(np.concatenate(starts) if starts else np.zeros(0), dtype=np.float64)
+        if len(every) > MOST_BLOCKS:  # spread, in pairs of neighbours
+            every = every[np.linspace(0, len(every) - 1, MOST_BLOCKS).astype(int)]
+        self.starts = every
+        lowest = max(1, int(np.ceil(band[0] * self.length - 1e-9)))
+        self.harmonics = np.arange(lowest, int(np.floor(band[1] * self.length + 1e-9)) + 1)
+        self.omega = np.asarray(2.0 * np.pi * self.harmonics / self.length, dtype=np.float64)
+
+    def _starts(self, start: float, stop: float) -> Array:
+        """Starts of blocks that overlap by half and fill an interval."""
+        count = int((stop - start) / (0.5 * self.length) + 1e-9) - 1
+        if count < 1:
+            return np.zeros(0)
+        return np.asarray(np.linspace(start, stop - self.length, count))
+
+    def estimate(self, none: Offset) -> Offset:
+        """Search, align, and say how sure."""
+        x = self._integrals(self.first, self.starts)
+        seconds, slope = 0.0, 0.0
+        middle = float(np.mean(self.starts)) + 0.5 * self.length
+        grid = np.linspace(-self.reach, self.reach, 1 + 2 * int(np.ceil(self.reach * self.omega[-1] * 2)))
+        spread = np.inf
+        found: Correlated | None = None
+        for round_ in range(12):
+            time = self.second.time - seconds - slope * (self.second.time - middle)
+            moved, nudged = (self._integrals(replace(self.second, time=time - by), self.starts) for by in (0.0, NUDGE))
+            found = self._correlate(x, moved, nudged, seconds)
+            if found is None:
+                return replace(none, blocks=len(self.starts), problem=NOTHING_IN_COMMON)
+            coarse = float(grid[np.argmax(found.curve(grid))])
+            if round_ < 2 and coarse != 0.0:
+                seconds += coarse
+                continue
+            step, score, curvature = found.newton()
+            if not abs(seconds + step) < 2.0 * self.reach:
+                return replace(none, blocks=len(self.starts), problem="the two do not match at any offset")
+            spread = scatter(score) / float(curvature.sum())
+            seconds += step
+            turn, turn_std = _slope(found.when, score, curvature)
+            slope += turn if len(self.starts) >= 2 * FEWEST_BLOCKS and abs(turn) > CERTAIN * turn_std else 0.0
+            if abs(step) < max(0.05 * spread, 1e-9) and abs(turn) < max(turn_std, 1e-9):
+                break
+        assert found is not None
+        return self._told(none, found, seconds, slope, spread)
+
+    def _told(self, none: Offset, found: Correlated, seconds: float, slope: float, spread: float) -> Offset:
+        """The result, or why there is none."""
+        none = replace(none, blocks=len(self.starts))
+        if self._rivalled(found):
+            return replace(none, problem="the motion repeats itself: several offsets match equally well")
+        interval = float(student.ppf(0.975, max(2.0, 0.5 * len(self.starts)))) * spread
+        if interval > WIDEST:
+            words = f"no better than {1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms: too little motion in common"
+            return replace(none, problem=words)
+        _, score, curvature = found.newton()
+        turn, turn_std = _slope(found.when, score, curvature)
+        enough = len(self.starts) >= 2 * FEWEST_BLOCKS
+        used = np.abs(found.u).sum(axis=0) > 0
+        hz = found.omega[used.any(axis=0)] / (2.0 * np.pi)
+        frequency = found.omega / (2.0 * np.pi)
+        late = found.when > np.median(found.when)
+        return replace(
+            none,
+            seconds=seconds,
+            std=spread,
+            interval=interval,
+            drift=slope + turn if enough else None,
+            drift_std=turn_std if enough else None,
+            halves=tuple(
+                found.part(name, np.where(rows[:, None, None], found.u, 0.0))
+                for name, rows in (("first half", ~late), ("second half", late))
+            )
+            if enough and not slope
+            else (),
+            axes=tuple(
+                found.part(a, np.where(np.arange(len(self.first.axes))[:, None] == c, found.u, 0.0))
+                for c, a in enumerate(self.first.axes)
+            ),
+            bands=tuple(
+                found.part(f"{low:g}-{high:g} Hz", np.where((frequency >= low) & (frequency < high), found.u, 0.0))
+                for low, high in BANDS_HZ
+                if low < frequency[-1]
+            ),
+            coherence=float(found.coherence[used].mean()),
+            lowest_hz=float(hz[0]),
+            highest_hz=float(hz[-1]),
+            correlated=found,
+        )
+
+    def _rivalled(self, found: Correlated) -> bool:
+        """Whether another peak within reach is nearly as high, and not lower beyond chance."""
+        delays = np.linspace(-self.reach, self.reach, 801)
+        curve = found.curve(delays)
+        other = _rival(curve)
+        if other is None or curve[other] < RIVAL * curve[len(curve) // 2]:
+            return False
+        if curve[other] > TWIN * curve[len(curve) // 2]:
+            return True
+        difference = found.by_block(0.0) - found.by_block(float(delays[other]))
+        return float(difference.sum()) < CERTAIN * scatter(difference)
+
+    def _integrals(self, signal: Signal, starts: Array) -> Complex:
+        """Fourier integrals (B, C, F) of the tapered blocks, each over the samples that lie in it."""
+        out = np.zeros((len(starts), signal.values.shape[1], len(self.omega)), dtype=complex)
+        first = np.searchsorted(signal.time, starts)
+        last = np.searchsorted(signal.time, starts + self.length)
+        for b, (start, i, j) in enumerate(zip(starts, first, last, strict=True)):
+            if j - i < 8:
+                continue
+            x = (signal.time[i:j] - start) / self.length
+            width = np.gradient(x)
+            weight = np.sin(np.pi * x) ** 2 * width
+            tapered = _without_trend(x, signal.values[i:j], weight) * weight[:, None]
+            turn = np.exp(-2j * np.pi * x)
+            wave = turn ** int(self.harmonics[0])
+            for k in range(len(self.harmonics)):
+                out[b, :, k] = wave @ tapered
+                wave = wave * turn
+        return out
+
+    def _correlate(self, x: Complex, y: Complex, nudged: Complex, seconds: float) -> Correlated | None:
+        """Weighted cross-spectra, or None where nothing is in common; `nudged` is y with stamps `NUDGE` earlier."""
+        loud = np.abs(x) * np.abs(y)
+        usual = np.median(loud, axis=0) * LOUDEST**2
+        down = np.minimum(1.0, np.divide(usual, loud, out=np.ones_like(loud), where=loud > usual))
+        cross = down * np.conj(x) * y
+        total = cross.sum(axis=0)
+        first, second = (np.sum(down * np.abs(z) ** 2, axis=0) for z in (x, y))
+        power = first * second
+        coherence: Array = np.divide(np.abs(total) ** 2, power, out=np.zeros_like(power), where=power > 0)
+        least = _chance(len(x), coherence.size)
+        gain: Array = np.divide(np.abs(total), first, out=np.zeros_like(power), where=first > 0)
+        alike = (gain < self.gains[1]) & (gain > self.gains[0] * coherence)
+        w = np.where(alike & (coherence > least), coherence / (1.0 - np.minimum(coherence, COHERENCE_CAP)), 0.0)
+        if not w.any():
+            return None
+        u = cross * np.divide(w, np.abs(total), out=np.zeros_like(w), where=w > 0)
+        turn = np.angle(np.sum(down * np.conj(x) * nudged, axis=0) * np.conj(total)) / NUDGE
+        heard = np.clip(turn, HEARD[0] * self.omega, HEARD[1] * self.omega)
+        return Correlated(u, self.omega, heard, self.starts + 0.5 * self.length, coherence, gain, seconds)
+
+
+def _chance(blocks: int, tried: int) -> float:
+    """Coherence that noise stays below, with `blocks` Hann blocks that overlap by half, at `tried` places at once.
+
+    For n independent blocks the coherence of noise exceeds c with probability (1 - c)^(n-1) (Carter, "Coherence and
+    time delay estimation", Proc. IEEE 75(2), 1987); overlapping Hann blocks count 0.95 each (Welch 1967).
+    """
+    return float(1.0 - (CHANCE / tried) ** (1.0 / max(0.95 * blocks - 1.0, 1.0)))
+
+
+def _slope(when: Array, score: Array, curvature: Array) -> tuple[float, float]:
+    """Slope of the delay over time [s/s] and its standard deviation, from scores at the best constant delay."""
+    middle = float(when @ curvature / curvature.sum())
+    lever = when - middle
+    information = float(curvature @ lever**2)
+    if information <= 0:
+        return 0.0, np.inf
+    slope = float(score @ lever) / information
+    return slope, scatter((score - slope * curvature * lever) * lever) / information
+
+
+def _rival(curve: Array) -> int | None:
+    """Index of the highest peak of `curve` (ends included) beside the one nearest to its middle."""
+    rising = np.diff(curve, prepend=-np.inf) > 0
+    falling = np.diff(curve, append=-np.inf) <= 0
+    peaks = np.flatnonzero(rising & falling)
+    others = np.delete(peaks, np.argmin(np.abs(peaks - len(curve) // 2)))
+    return int(others[np.argmax(curve[others])]) if others.size else None
+
+
+def _runs(signal: Signal) -> list[tuple[float, float]]:
+    """Intervals of a signal between its gaps."""
+    edges = [float(signal.time[0])]
+    for gap in signal.gaps:
+        edges += [gap.start, gap.stop]
+    edges.append(float(signal.time[-1]))
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+
+
+def _without_trend(x: Array, values: Array, weight: Array) -> Array:
+    """Values (n, C) less their weighted straight line over x.
+
+    With the taper as weight: samples at the ends, of which the one topic has more than the other, then do not tilt it.
+    """
+    share = weight / weight.sum()
+    lever = x - share @ x
+    mean = share @ values
+    slope = (share * lever) @ values / float((share * lever) @ lever)
+    return np.asarray(values - mean - np.outer(lever, slope))
+
+
+GRAVITY_E = np.array([0.0, 0.0, 9.80665])
+"""What an accelerometer at rest reads, in E [m/s^2]."""
+
+
+def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:
+    """Offsets between the sensor topics: IMU to odometry, and odometry's pose to its own twist.
+
+    Rates and accelerations are differences of neighbouring samples, stamped half-way: exactly the mean over the
+    interval, so without any phase. What the accelerometer should read is made from the odometry alone, attitude and
+    velocity, so that its clock is in one of the two signals only.
+    """
+    return tuple(offset(first, second, within=within, gains=ALIKE) for first, second in _sensor_pairs(flight))
+
+
+def tracking_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:
+    """By how much the odometry follows the reference late: the controller's doing, for information."""
+    odometry, reference = flight.odometry, flight.reference
+    if odometry is None or reference is None:
+        return ()
+    pairs = (
+        (_velocity("reference position", reference), _velocity("odometry position", odometry)),
+        (
+            _rate("reference attitude", reference, reference.quat_ED),
+            _rate("odometry attitude", odometry, odometry.quat_EB),
+        ),
+    )
+    return tuple(offset(first, second, within=within) for first, second in pairs)
+
+
+def controller_offset(flight: Flight, within: Intervals = EVERYWHERE) -> Offset | None:
+    """By how much the commanded wrench lags the desired one; None where the log lacks one of them."""
+    desired, commanded = flight.desired, flight.commanded
+    if desired is None or commanded is None:
+        return None
+    first, second = (
+        Signal(name, series.time, series.wrench_B, AXES, series.gaps)
+        for name, series in (("desired wrench", desired), ("commanded wrench", commanded))
+    )
+    return offset(first, second, within=within)
+
+
+def _sensor_pairs(flight: Flight) -> Iterator[tuple[Signal, Signal]]:
+    imu, odometry = flight.imu, flight.odometry
+    if odometry is None:
+        return
+    attitude = _rate("odometry attitude", odometry, odometry.quat_EB)
+    if imu is not None:
+        gyroscope = Signal("gyroscope", imu.time, imu.omega_B, gaps=imu.gaps)
+        yield gyroscope, attitude
+        if odometry.omega_B is not None:
+            yield gyroscope, Signal("odometry rate", odometry.time, odometry.omega_B, gaps=odometry.gaps)
+        if odometry.velocity_E is not None:
+            accelerometer = Signal("accelerometer", imu.time, imu.specific_force_B, gaps=imu.gaps)
+            yield accelerometer, _felt(odometry, odometry.time, odometry.velocity_E)
+    if odometry.omega_B is not None:
+        yield Signal("odometry rate", odometry.time, odometry.omega_B, gaps=odometry.gaps), attitude
+    if odometry.velocity_E is not None:
+        velocity = Signal("odometry velocity", odometry.time, odometry.velocity_E, gaps=odometry.gaps)
+        yield velocity, _velocity("odometry position", odometry)
+
+
+def odometry_motion(odometry: OdometrySeries) -> tuple[Signal, Signal]:
+    """Body rates and specific force that an odometry alone amounts to."""
+    rate = _rate("rate", odometry, odometry.quat_EB)
+    if odometry.omega_B is not None:
+        rate = Signal("rate", odometry.time, odometry.omega_B, gaps=odometry.gaps)
+    if odometry.velocity_E is not None:
+        return rate, _felt(odometry, odometry.time, odometry.velocity_E)
+    mean = _velocity("velocity", odometry)
+    return rate, _felt(odometry, mean.time, mean.values)
+
+
+def _rate(name: str, series: OdometrySeries | ReferenceSeries, quat: Array) -> Signal:
+    """Mean body rates between neighbouring attitudes, log(q_k^-1 q_k+1) / dt."""
+    q = so3.continuous(quat)
+    turned = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
+    return differences(name, series.time, turned, series.gaps)
+
+
+def _velocity(name: str, series: OdometrySeries | ReferenceSeries) -> Signal:
+    """Mean velocities between neighbouring positions."""
+    return differences(name, series.time, np.diff(series.position_E, axis=0), series.gaps)
+
+
+def _felt(odometry: OdometrySeries, time: Array, velocity_E: Array) -> Signal:
+    """R_EB^T (dv_E/dt + g e_z): what an accelerometer at the odometry's origin would read."""
+    mean = differences("odometry velocity", time, np.diff(velocity_E, axis=0), odometry.gaps)
+    quat_EB = so3.interpolate(mean.time, odometry.time, so3.continuous(odometry.quat_EB))
+    return replace(mean, values=so3.rotate_inverse(quat_EB, mean.values + GRAVITY_E))
+
+
+def differences(name: str, time: Array, steps: Array, gaps: tuple[Gap, ...]) -> Signal:
+    """Steps (N-1, C) between samples at `time` (N,) as rates at the middles of the intervals, none over a gap."""
+    interval = np.diff(time)
+    middle = 0.5 * (time[1:] + time[:-1])
+    keep = np.ones(len(middle), dtype=bool)
+    for gap in gaps:
+        keep &= (middle < gap.start) | (middle > gap.stop)
+    return Signal(name, middle[keep], steps[keep] / interval[keep, None], gaps=gaps)

@@ -1,0 +1,325 @@
+"""From an IMU to a measured wrench, and from commands to what a model says that wrench should have been.
+
+    F_meas = m [f_O + domega x c + omega x (omega x c)],    M_meas = J domega + omega x J omega
+    f_O    = f_imu - domega x r - omega x (omega x r)                                   r: place of the IMU
+
+One zero-phase filter acts on both sides: on gyroscope and accelerometer, and on the wrench that the model makes of the
+commands. Filtering the measurement alone would leave (H - 1) W_cmd, a lag that is not there. Products such as
+omega x J omega are formed after filtering. Source: reference measurement.md.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache, partial
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt, sosfreqz, welch
+
+from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Samples
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+CUTOFF_HZ = 8.0
+"""Default corner of the filter on both sides [Hz]."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One contiguous stretch of a flight, ready to be compared with models.
+
+    The raw side has N samples `dt` apart: `commands`, `state`. The compared side has K filtered, trimmed and thinned
+    samples: `time` (K,), `measured` (K, 6), `commanded` (K, 6) (the logged command, about the nominal centre of mass),
+    `state_kept` (filtered rates). `step` is the thinning. `noise` (6,) is the standard deviation of the sensor noise
+    that is left in `measured`.
+
+    `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
+    nominal allocation) or "none".
+    """
+
+    flight: str
+    dt: float
+    cutoff_hz: float
+    commands: Commands
+    state: State
+    keep: slice
+    time: Array
+    measured: Array
+    commanded: Array
+    desired: Array | None
+    state_kept: State
+    noise: Array
+    source: str
+    has_pose: bool
+    has_voltage: bool
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@lru_cache(maxsize=16)
+def _sections(dt: float, cutoff_hz: float) -> Array:
+    return np.asarray(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"))
+
+
+def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
+    """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0."""
+    sos = _sections(dt, cutoff_hz)
+    padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
+    return np.asarray(sosfiltfilt(sos, signal, axis=0, padlen=padding))
+
+
+def derivative(signal: Array, dt: float) -> Array:
+    """Fourth-order central differences along axis 0, second order in the two samples at either end."""
+    out = np.gradient(signal, dt, axis=0)
+    out[2:-2] = (8.0 * (signal[3:-1] - signal[1:-3]) - (signal[4:] - signal[:-4])) / (12.0 * dt)
+    return np.asarray(out)
+
+
+def prepare(
+    samples: Samples, vehicle: Vehicle, *, cutoff_hz: float = CUTOFF_HZ, rate_hz: float | None = None
+) -> Record:
+    """A stretch of flight with its measured wrench; thinned to about `rate_hz` [Hz] (default five times the cut-off).
+
+    Three cut-off periods are trimmed at either end. Raises FitError for a stretch that is too short or without any
+    command.
+    """
+    dt = samples.dt
+    trim = int(np.ceil(3.0 / (cutoff_hz * dt)))
+    if len(samples) < 4 * trim:
+        raise FitError(
+            f"{samples.flight}: a stretch of {len(samples) * dt:.2f} s is too short for a {cutoff_hz:g} Hz filter; "
+            f"needs {4 * trim * dt:.2f} s"
+        )
+    if not 0 < cutoff_hz < 0.4 / dt:
+        raise FitError(f"{samples.flight}: cut-off {cutoff_hz:g} Hz, expected between 0 and {0.4 / dt:g} Hz")
+    commands, source = _commands(samples, vehicle)
+    state, has_pose = _state(samples)
+    step = max(1, round(1.0 / (dt * (rate_hz or 5.0 * cutoff_hz))))
+    keep = slice(trim, len(samples) - trim, step)
+    omega = low_pass(samples.omega_B, dt, cutoff_hz)
+    omega_dot = derivative(omega, dt)
+    felt = low_pass(samples.specific_force_B, dt, cutoff_hz)
+    r = vehicle.imu_position_B
+    motion = Motion(omega, omega_dot, felt - cross(omega_dot, r) - cross(omega, cross(omega, r)))
+    measured = measured_wrench(vehicle.body, motion)[keep]
+    kept = State(
+        state.time[keep],
+        state.position_E[keep],
+        state.quat_EB[keep],
+        state.velocity_E[keep],
+        omega[keep],
+        None if state.voltage is None else state.voltage[keep],
+    )
+    desired = None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep]
+    return Record(
+        flight=samples.flight,
+        dt=dt,
+        cutoff_hz=cutoff_hz,
+        commands=commands,
+        state=state,
+        keep=keep,
+        time=samples.time[keep],
+        measured=measured,
+        commanded=low_pass(commands.wrench_B, dt, cutoff_hz)[keep],
+        desired=desired,
+        state_kept=kept,
+        noise=_noise(samples, vehicle, cutoff_hz),
+        source=source,
+        has_pose=has_pose,
+        has_voltage=samples.voltage is not None,
+    )
+
+
+def predict(record: Record, model: WrenchModel) -> Array:
+    """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement."""
+    raw, _ = model.actuate(record.commands, record.state, record.dt)
+    return model.report(low_pass(raw, record.dt, record.cutoff_hz)[record.keep], record.state_kept)
+
+
+Key = tuple[object, ...]
+
+
+class Evaluator:
+    """Predictions of one record by models that differ in little from one another: what they share is computed once.
+
+    A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
+    rotors' wrench on those and the effects on thrusts, and what is geometry in it on the tilt angles; since the filter
+    is linear, each added wrench is filtered on its own. Gives what `predict` gives.
+    """
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self._commands: OrderedDict[Key, Commands] = OrderedDict()
+        self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
+        self._added: OrderedDict[Key, Array] = OrderedDict()
+        self._postures: list[Posture] = []
+
+    def __call__(self, model: WrenchModel) -> Array:
+        """The measured wrench (K, 6) that the model predicts."""
+        record = self.record
+        on_commands = _key(model, "commands")
+        commands = _kept(
+            self._commands, on_commands, 4, lambda: model.command(record.commands, record.state, record.dt)[0]
+        )
+        needs_rates = any(item.effect.needs_rates for item in model.effects)
+        key = (on_commands, _key(model, "thrusts"), needs_rates)
+        act, rotors, filtered = _kept(self._rotors, key, 4, lambda: self._rotor_part(model, commands))
+        total = filtered
+        for item in model.added:
+            own = (key, item.name, item.theta.tobytes())
+            total = total + _kept(
+                self._added, own, 32, partial(self._filter, model.addition, item, act, rotors, record.state)
+            )
+        return model.report(total, record.state_kept)
+
+    def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
+        rates, _ = model.rates(commands, self.record.dt)
+        act, rotors = model.rotors(commands, self.record.state, rates, self._posture(model, commands))
+        return act, rotors, self._filter(lambda: rotors)
+
+    def _posture(self, model: WrenchModel, commands: Commands) -> Posture | None:
+        """That of these tilt angles: one of the last two if they are the same, of which others are freed."""
+        tilt = commands.tilt
+        if tilt is None or not model.vehicle.has_rotors:
+            return None
+        same = [p for p in self._postures if p.vehicle is model.vehicle and np.array_equal(p.tilt, tilt)]
+        found = same[0] if same else Posture(model.vehicle, tilt)
+        self._postures = [found, *(p for p in self._postures if p is not found)]
+        for old in self._postures[2:]:
+            old.forget()
+        del self._postures[2:]
+        return found
+
+    def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:
+        record = self.record
+        return low_pass(make(*arguments), record.dt, record.cutoff_hz)[record.keep]
+
+
+def _key(model: WrenchModel, place: str) -> Key:
+    return tuple((item.name, item.theta.tobytes()) for item in model.effects if item.effect.place == place)
+
+
+def _kept(memory: OrderedDict[Key, T], key: Key, most: int, make: Callable[[], T]) -> T:
+    """The remembered value, or a new one; the `most` recently used stay."""
+    if key in memory:
+        memory.move_to_end(key)
+        return memory[key]
+    value = memory[key] = make()
+    if len(memory) > most:
+        memory.popitem(last=False)
+    return value
+
+
+def window(record: Record, first: int, last: int) -> Record:
+    """The compared samples `first` to `last` of a record with the raw samples that they need, as a record of its own.
+
+    Cut so that the filter sees as much before and after as `prepare` trims; a lag's memory starts anew.
+    """
+    step, trim = record.keep.step or 1, record.keep.start
+    start = step * first
+    stop = step * (last - 1) + 2 * trim + 1
+    raw, kept = slice(start, stop), slice(first, last)
+
+    def cut(item: Any, rows: slice) -> Any:
+        arrays = {f.name: getattr(item, f.name) for f in fields(item)}
+        return replace(item, **{k: v[rows] for k, v in arrays.items() if isinstance(v, np.ndarray)})
+
+    return replace(
+        record,
+        commands=cut(record.commands, raw),
+        state=cut(record.state, raw),
+        keep=slice(trim, trim + step * (last - first - 1) + 1, step),
+        time=record.time[kept],
+        measured=record.measured[kept],
+        commanded=record.commanded[kept],
+        desired=None if record.desired is None else record.desired[kept],
+        state_kept=cut(record.state_kept, kept),
+    )
+
+
+def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Array) -> Commands:
+    """Commands that logged tilt angles (N, .) [rad] and rotor speeds (N, .) [rad/s] amount to for this vehicle.
+
+    The wrench is what they nominally make, about the centre of mass. Angles of fixed arms may be left out. Raises
+    FitError where the columns are not those of the vehicle; `name` is the flight's, for the message.
+    """
+    arms, rotors = vehicle.geometry()
+    if rotor_speed.shape[1] != len(rotors):
+        raise FitError(
+            f"{name}: the log has {rotor_speed.shape[1]} rotor speeds, {vehicle.name} has {len(rotors)}; "
+            "map the columns with --topic rotor_speed=/topic[...] or use another model"
+        )
+    full = np.zeros((len(rotor_speed), len(arms)))
+    tilting = np.flatnonzero(arms.tilts)
+    if tilting.size:
+        if tilt is None or tilt.shape[1] not in (len(tilting), len(arms)):
+            have = 0 if tilt is None else tilt.shape[1]
+            raise FitError(
+                f"{name}: the log has {have} tilt angles, {vehicle.name} tilts {len(tilting)} arms; "
+                "map the columns with --topic tilt=/topic[...] or use another model"
+            )
+        full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
+    speed = np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
+    logged = Commands(np.zeros((len(speed), 6)), full, speed)
+    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+
+
+def _commands(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
+    """Commands with rotor speeds where they are logged or can be allocated; the wrench where it can be computed."""
+    wrench, speed = samples.wrench_cmd_B, samples.rotor_speed_cmd
+    if vehicle.has_rotors and speed is not None and speed.shape[1]:
+        logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
+        return (logged if wrench is None else replace(logged, wrench_B=wrench)), "logged"
+    if wrench is None:
+        raise FitError(
+            f"{samples.flight}: neither a commanded wrench nor actuator commands that fit {vehicle.name}; "
+            "map one with --topic commanded=/your/topic"
+        )
+    if not vehicle.has_rotors:
+        return Commands(wrench), "none"
+    allocated, _ = Allocation(vehicle).allocate(about_origin(vehicle.body, wrench), dt=samples.dt)
+    return Commands(wrench, allocated.tilt, allocated.rotor_speed), "allocated"
+
+
+def _state(samples: Samples) -> tuple[State, bool]:
+    """State of the samples; at rest at the origin where the log has no pose (no effect may then use it)."""
+    n = len(samples)
+    has_pose = samples.quat_EB is not None and samples.velocity_E is not None and samples.position_E is not None
+    position = samples.position_E if samples.position_E is not None else np.zeros((n, 3))
+    velocity = samples.velocity_E if samples.velocity_E is not None else np.zeros((n, 3))
+    attitude = samples.quat_EB if samples.quat_EB is not None else np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    return State(samples.time, position, attitude, velocity, samples.omega_B, samples.voltage), has_pose
+
+
+def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float) -> Array:
+    """Standard deviation (6,) of white sensor noise after filtering.
+
+    The one-sided noise density of gyroscope and accelerometer is read where flight leaves nothing but noise, between
+    2.5 cut-offs and 80 % of the Nyquist frequency (the median over that band, so single vibration lines do not
+    count); then integrated through the filter, and the derivative for the torque.
+    """
+    fs = 1.0 / samples.dt
+    segment = min(len(samples), int(4 * fs))
+    frequency, gyro = welch(samples.omega_B, fs, nperseg=segment, axis=0)
+    _, acceleration = welch(samples.specific_force_B, fs, nperseg=segment, axis=0)
+    band = (frequency > min(2.5 * cutoff_hz, 0.2 * fs)) & (frequency < 0.4 * fs)
+    f = np.linspace(0.0, 0.5 * fs, 4001)
+    _, response = sosfreqz(butter(2, cutoff_hz, fs=fs, output="sos"), worN=f, fs=fs)
+    gain = np.abs(response) ** 4  # power, filtered twice
+    df = f[1] - f[0]
+    force = vehicle.body.mass * np.sqrt(np.median(acceleration[band], axis=0) * gain.sum() * df)
+    rate_dot = np.sqrt(np.median(gyro[band], axis=0) * (gain * (2 * np.pi * f) ** 2).sum() * df)
+    torque = np.sqrt((vehicle.body.inertia**2) @ rate_dot**2)
+    return np.concatenate((force, torque))

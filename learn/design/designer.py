@@ -1,0 +1,521 @@
+"""The flight that tells effects apart: searched among manoeuvres, checked on the plant.
+
+A flight of length T is cut into segments of about `SEGMENT` seconds, each filled by one manoeuvre
+(`learn.design.manoeuvres`). Screening flies them open loop: reference -> feedforward of the controller -> allocation, with
+sensor noise, which is what perfect tracking commands. The segments are chosen one after the other, each time the one
+with which the flight so far separates the group best (`Separability.merit`, linearised: `learn.design.screening`); then each
+is exchanged for others as long as that helps. The winner is flown in closed loop with each effect hidden in turn; that
+flight must keep the limits (else the manoeuvres are softened), and both explanations are fitted to it, which gives the
+separation that a user may expect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.flight import Flight, Samples
+from wrenchgap.flight.resample import uniform
+from wrenchgap.learn.data.measurement import Record, prepare
+from wrenchgap.learn.design.manoeuvres import LARGEST_ERROR, SEEDED, Limits, available, space, usual, violations
+from wrenchgap.learn.design.screening import Piece, Screen
+from wrenchgap.learn.design.separability import (
+    LEAST_SHARE,
+    Separability,
+    imitation,
+    measured_separation,
+    nuisances,
+    separability,
+    sized,
+)
+from wrenchgap.learn.identify.fit import Dataset, dataset, inapplicable
+from wrenchgap.learn.identify.search import INDISTINCT
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.controller import evaluate, pushes_along_z_only
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.moves import Move, Moves
+from wrenchgap.plant.sensors import imu_errors
+from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.trajectory import Trajectory
+from wrenchgap.plant.trajectory_file import ANGLES, TrajectoryFile, dumps, loads
+from wrenchgap.plant.wrench_model import ModelEffect, about_origin
+
+Array = NDArray[np.float64]
+Report = Callable[[float, str], None]
+
+SEGMENT = 10.0
+"""Length of a segment to aim for [s]."""
+SHORTEST, LONGEST = 8.0, 120.0
+"""Flights that can be designed [s]."""
+GRID = 0.04
+"""Segments last a multiple of this [s], so that halves and quarters are whole hundredths."""
+REST = 0.5
+"""Hover at either end of a flight [s]."""
+RATE = 100.0
+"""Of the open-loop flights [Hz]."""
+VIGOURS = (1.0, 0.8, 0.6, 0.4, 0.2)
+"""Vigours that are tried, until a manoeuvre keeps the limits."""
+AZIMUTHS = tuple(np.radians([0.0, 30.0, 60.0, 90.0, 150.0]))
+"""Azimuths that are tried."""
+SOFTER = 0.85
+"""Factor on the vigour where the plant did not keep the limits."""
+ATTEMPTS = 4
+USE = 0.95
+"""Share of the actuators' limits that an open-loop flight may use: the closed loop needs the rest."""
+HOVER, HALVED = 4.0, 5
+"""A vehicle must hover so long [s] with an effect hidden; else the effect is halved, at most so many times."""
+HOPELESS = 2
+"""After so many segments that leave next to nothing unimitated the search ends: no flight will."""
+SWEEPS = 3
+"""How often each segment is exchanged for any other, as long as that helps."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One manoeuvre of a flight."""
+
+    name: str
+    vigour: float
+    azimuth: float = 0.0
+
+    def __str__(self) -> str:
+        turned = self.azimuth and self.name not in SEEDED
+        return f"{self.name} towards {np.degrees(self.azimuth):.0f} deg" if turned else self.name
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A flight on the plant with `truth` hidden: what it measured, and how it went.
+
+    `separation` by imitator: that of the two fits on this flight. `tilt_max` [rad], `speed_max`
+    [m/s], `rotor_max` (share of the largest rotor speed; 0 without rotors), errors [m], [rad] are the largest of the
+    flight.
+    """
+
+    truth: str
+    separation: dict[str, float]
+    tilt_max: float
+    speed_max: float
+    rotor_max: float
+    position_error: float
+    attitude_error: float
+
+
+@dataclass(frozen=True)
+class Design:
+    """A designed flight: `expected` on it, `before` on the given log (or a hover as long), `flown` on the plant."""
+
+    effects: tuple[ModelEffect, ...]
+    file: TrajectoryFile
+    segments: tuple[Segment, ...]
+    limits: Limits
+    before: Separability
+    baseline: str
+    expected: Separability
+    flown: tuple[Flown, ...]
+    tried: int
+    advice: tuple[str, ...]
+
+    @property
+    def trajectory(self) -> Moves:
+        """The reference."""
+        return self.file.trajectory
+
+    def simulated(self, truth: str, imitator: str) -> float:
+        """The separation of a direction on the plant."""
+        return next((f.separation[imitator] for f in self.flown if f.truth == truth), float("nan"))
+
+    @cached_property
+    def separable(self) -> bool:
+        """Whether every direction that counts is told apart, as expected and on the plant."""
+        confirmed = all(self.simulated(d.truth, d.imitator) >= INDISTINCT for d in self.expected.counting)
+        return self.expected.separable and confirmed
+
+
+def design(
+    names: Sequence[str],
+    model: Model,
+    *,
+    records: Sequence[Record] = (),
+    limits: Limits | None = None,
+    duration: float = 30.0,
+    also: Sequence[str] | None = None,
+    seed: int = 0,
+    baseline: str = "the given logs",
+    progress: Report | None = None,
+) -> Design:
+    """The flight of `duration` [s] that tells the effects `names` apart best, within `limits`.
+
+    `also` are effects fitted along with each (see `learn.design.separability.nuisances`). Sizes of the effects: the model's,
+    else fitted on `records`, else typical. Raises FitError for an effect that no flight of this model can show,
+    UsageError for a length or room in which nothing can be flown.
+    """
+    if len(set(names)) < 2:
+        raise UsageError("design: expected at least two different effects to tell apart")
+    if not SHORTEST <= duration <= LONGEST:
+        raise UsageError(f"--duration {duration:g}: expected {SHORTEST:g} to {LONGEST:g} s")
+    report = progress or (lambda fraction, words: None)
+    group = tuple(dict.fromkeys(names))
+    with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
+        return _Search(group, model, tuple(records), limits, duration, also, seed, report).run(baseline)
+
+
+# --- open loop --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """A reference flown open loop: the record, and what goes beyond the limits."""
+
+    record: Record
+    violations: tuple[str, ...]
+
+
+def rehearse(
+    trajectory: Trajectory, model: Model, limits: Limits, *, rate_hz: float = RATE, seed: int = 0
+) -> Rehearsal:
+    """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise.
+
+    Actuators may go to the share `USE` of their limits.
+    """
+    time = np.arange(round(trajectory.duration * rate_hz)) / rate_hz
+    r = trajectory.at(time)
+    state = State(time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
+    vehicle, dt = model.vehicle, 1.0 / rate_hz
+    wrench, _ = evaluate(
+        model.controller, vehicle.body, state, r, np.zeros_like(r.omega_D), along_z=pushes_along_z_only(vehicle)
+    )
+    commands, beyond = Commands(wrench), []
+    if vehicle.has_rotors:
+        allocation = Allocation(vehicle)
+        about_O = about_origin(vehicle.body, wrench)
+        commands = replace(allocation.allocate(about_O, dt=dt)[0], wrench_B=wrench)
+        missing = np.linalg.norm((about_O - allocation.achievable(about_O))[:, :3], axis=1).max()
+        if missing > 0.02 * np.linalg.norm(about_O[:, :3], axis=1).max():
+            beyond.append("asks for a force that the rotors cannot make")
+    beyond += violations(vehicle, limits, r.position_E, r.quat_ED, r.velocity_E, commands, dt, USE)
+    noise = imu_errors(replace(model.sensors, imu_rate_hz=rate_hz), len(time), np.random.default_rng(seed))
+    motion = model.wrench_model.motion(model.wrench_model.actuate(commands, state, dt)[0], state.omega_B)
+    samples = Samples(
+        "rehearsal",
+        time,
+        dt,
+        r.omega_D + noise[:, :3],
+        motion.specific_force_B + noise[:, 3:],
+        wrench_cmd_B=wrench,
+        tilt_cmd=commands.tilt,
+        rotor_speed_cmd=commands.rotor_speed,
+        position_E=r.position_E,
+        velocity_E=r.velocity_E,
+        quat_EB=r.quat_ED,
+    )
+    return Rehearsal(prepare(samples, vehicle), tuple(beyond))
+
+
+# --- the search -------------------------------------------------------------------------------------------------------
+
+
+class _Search:
+    """State of one design."""
+
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        model: Model,
+        records: tuple[Record, ...],
+        limits: Limits | None,
+        duration: float,
+        also: Sequence[str] | None,
+        seed: int,
+        report: Report,
+    ) -> None:
+        self.model = model
+        self.base = model.without([n for n in names if model.effect(n) is not None])
+        self.limits = limits or usual(model.vehicle)
+        self.room = space(model.vehicle, self.limits)
+        self.duration = duration
+        self.also = also
+        self.seed = seed
+        self.report = report
+        self.count = max(1, round((duration - 2.0 * REST) / SEGMENT))
+        self.length = GRID * float(np.floor((duration - 2.0 * REST) / self.count / GRID))
+        self.manoeuvres = available(self.room)
+        self.pieces: dict[Segment, Piece] = {}
+        self.tried = 0
+        self.records = records
+        self._applicable(names)
+        data = dataset(records, self.base) if records else None
+        self.effects = tuple(self._sized(n, data) for n in names)
+        self.floor = None if data is None else residual_floor(data, self.base, names, also)
+        self.screen = Screen(self.base, self.effects, nuisances(also, names, self.base), self.floor)
+
+    def _sized(self, name: str, data: Dataset | None) -> ModelEffect:
+        """The model's, else fitted, else typical; halved while the vehicle cannot even hover with it."""
+        effect = self.model.effect(name) or sized(name, self.base, data, also=self.also)
+        hover = Moves(HOVER, self.room.home, (), not self.room.tilts)
+        for _ in range(HALVED):
+            if not any("control was lost" in n for n in self._flight(hover, effect).notes):
+                break
+            effect = replace(effect, theta=0.5 * effect.theta)
+        return effect
+
+    def _applicable(self, names: Sequence[str]) -> None:
+        """FitError for effects that this model, or any flight that can be designed, cannot show."""
+        hover = rehearse(Moves(2.0, self.room.home, (), not self.room.tilts), self.base, self.limits).record
+        for name in names:
+            if find(name).needs_voltage:
+                raise FitError(
+                    f"design: {name} shows while the battery's voltage falls, which no trajectory brings about; repeat "
+                    "the same flight with a full and with a low battery, and log the voltage"
+                )
+            reason = inapplicable(name, self.base, [hover])
+            if reason is not None:
+                raise FitError(f"design: {reason}")
+
+    def run(self, baseline: str) -> Design:
+        """Search, check on the plant, and put together what a user should know."""
+        file, segments, flown = self._fly(self._compose())
+        still = Moves(self.duration, self.room.home, (), not self.room.tilts)
+        names = [e.name for e in self.effects]
+        return Design(
+            self.effects,
+            file,
+            segments,
+            self.limits,
+            self._judge(self.records or [rehearse(still, self.base, self.limits, seed=self.seed).record]),
+            baseline if self.records else "hover",
+            self._judge([rehearse(file.trajectory, self.base, self.limits, seed=self.seed).record]),
+            flown,
+            self.tried,
+            advice(names),
+        )
+
+    def _compose(self) -> tuple[Segment, ...]:
+        """Segment after segment the manoeuvre that helps most, then exchanges as long as they help."""
+        flyable = self._flyable()
+        chosen: tuple[Segment, ...] = ()
+        best = 0.0
+        for number in range(self.count):
+            if number == HOPELESS and self._screened(chosen).share < 0.3 * LEAST_SHARE:
+                break
+            merits = [self._merit((*chosen, s), 0.2 + 0.3 * number / self.count) for s in flyable]
+            chosen = (*chosen, flyable[int(np.argmax(merits))])
+            best = max(merits)
+        for sweep in range(SWEEPS):
+            before = best
+            for k in range(len(chosen)):
+                trials = [(*chosen[:k], s, *chosen[k + 1 :]) for s in flyable]
+                merits = [self._merit(t, 0.5 + 0.3 * (sweep + k / len(chosen)) / SWEEPS) for t in trials]
+                if max(merits) > 1.01 * best:
+                    chosen, best = trials[int(np.argmax(merits))], max(merits)
+            if best <= 1.02 * before:
+                break
+        return chosen
+
+    def _flyable(self) -> list[Segment]:
+        """Every manoeuvre, in every azimuth that makes a difference, at the largest vigour that keeps the limits."""
+        found: list[Segment] = []
+        for number, name in enumerate(self.manoeuvres):
+            self.report(0.2 * number / len(self.manoeuvres), f"trying {name}")
+            seen: list[list[Move]] = []
+            for azimuth in AZIMUTHS:
+                for vigour in VIGOURS:
+                    segment = Segment(name, vigour, float(azimuth))
+                    moves = self._moves(segment)
+                    if moves in seen:
+                        break
+                    if moves is not None and self._piece(segment, moves) is not None:
+                        seen.append(moves)
+                        found.append(segment)
+                        break
+        return found
+
+    def _moves(self, segment: Segment) -> list[Move] | None:
+        made, _ = self.manoeuvres[segment.name]
+        return made(self.length, self.room, segment.vigour, segment.azimuth)
+
+    def _piece(self, segment: Segment, moves: Sequence[Move]) -> Piece | None:
+        """The segment alone, open loop; None where it does not keep the limits."""
+        flight = Moves(self.length, self.room.home, tuple(moves), not self.room.tilts)
+        found = rehearse(flight, self.base, self.limits.tightened(), seed=self.seed)
+        if found.violations:
+            return None
+        self.pieces[segment] = self.screen.piece(found.record)
+        return self.pieces[segment]
+
+    def _screened(self, segments: Sequence[Segment]) -> Separability:
+        return self.screen.judge([self.pieces[s] for s in segments])
+
+    def _merit(self, segments: Sequence[Segment], done: float) -> float:
+        """How well these segments, one after the other, separate the group."""
+        self.tried += 1
+        self.report(done, f"trying {', '.join(map(str, segments))}")
+        return self.screen.merit([self.pieces[s] for s in segments])
+
+    def _judge(self, records: Sequence[Record]) -> Separability:
+        return separability(records, self.base, *self.effects, also=self.also, floor=self.floor)
+
+    def _fly(self, segments: tuple[Segment, ...]) -> tuple[TrajectoryFile, tuple[Segment, ...], tuple[Flown, ...]]:
+        """The flight on the plant: softer until it keeps the limits with nothing hidden; then with each effect.
+
+        With an effect hidden it must stay in the room and under control; that effect, not the trajectory, may tilt it
+        further or take an actuator to its limit.
+        """
+        reasons: list[str] = []
+        for _ in range(ATTEMPTS):
+            self.report(0.86, "checking the flight on the plant")
+            file = self._file(segments)
+            reasons = broken(self._flight(file.trajectory), file.trajectory, self.model, self.limits)
+            flown: list[Flown] = []
+            wide = replace(self.limits, tilt=float(np.pi), speed=1e3)
+            for k, truth in enumerate([] if reasons else self.effects):
+                self.report(0.9 + 0.1 * k / len(self.effects), f"flying with {truth.name} hidden")
+                flight = self._flight(file.trajectory, truth)
+                reasons = [f"with {truth.name} {r}" for r in broken(flight, None, self.model, wide)]
+                if reasons:
+                    break
+                flown.append(self._measure(flight, file.trajectory, truth))
+            if not reasons:
+                return file, segments, tuple(flown)
+            segments = tuple(replace(s, vigour=SOFTER * s.vigour) for s in segments)
+        raise FitError(
+            f"design: on the plant the vehicle {'; '.join(reasons)}, even {ATTEMPTS - 1} times softened; give it more "
+            "room or speed, or less tilt"
+        )
+
+    def _file(self, segments: Sequence[Segment]) -> TrajectoryFile:
+        """The flight as it will be read from its file."""
+        moves: list[Move] = []
+        for k, segment in enumerate(segments):
+            start = REST + k * self.length
+            moves += [replace(m, start=m.start + start) for m in self._moves(segment) or []]
+        names = [e.name for e in self.effects]
+        plan = Moves(self.duration, self.room.home, tuple(map(rounded, moves)), not self.room.tilts)
+        return loads(dumps(TrajectoryFile("_or_".join(names), plan, self.model.vehicle.name)))
+
+    def _flight(self, trajectory: Moves, truth: ModelEffect | None = None) -> Flight:
+        hidden = self.base.with_effects([*self.base.effects, *([] if truth is None else [truth])])
+        rng = np.random.default_rng(self.seed)
+        return simulate(hidden, self.base, trajectory, rng=rng, physics_rate=physics_rate(self.base))
+
+    def _measure(self, flight: Flight, trajectory: Moves, truth: ModelEffect) -> Flown:
+        data = dataset([prepare(s, self.model.vehicle) for s in uniform(flight)], self.base)
+        others = [e.name for e in self.effects if e.name != truth.name]
+        found = {n: measured_separation(data, self.base, truth.name, n, self.also) for n in others}
+        assert flight.odometry is not None
+        velocity = flight.odometry.velocity_E
+        assert velocity is not None
+        return Flown(
+            truth.name,
+            found,
+            float(so3.tilt_angle(flight.odometry.quat_EB).max()),
+            float(np.linalg.norm(velocity, axis=1).max()),
+            _rotor_use(flight, self.model),
+            *tracking(flight, trajectory),
+        )
+
+
+def rounded(move: Move) -> Move:
+    """A move with numbers that a person would write: milliseconds, millimetres, hundredths of a degree."""
+    values: dict[str, object] = {}
+    for item in fields(move):
+        value = getattr(move, item.name)
+        if item.name in ANGLES:
+            degrees = round(float(np.degrees(value)), 2)
+            values[item.name] = float(np.radians(degrees % 360.0 if item.name == "azimuth" else degrees))
+        elif isinstance(value, float):
+            values[item.name] = round(value, 4)
+        elif item.name == "by":
+            values[item.name] = tuple(round(float(v), 4) for v in value)
+    return replace(move, **values)  # type: ignore[arg-type]
+
+
+def residual_floor(data: Dataset, base: Model, names: Sequence[str], also: Sequence[str] | None = None) -> Array:
+    """What the best of the explanations leaves on a log (6,), at least the sensor noise.
+
+    On the next flight of that vehicle not much less will be left.
+    """
+    along = nuisances(also, names, base)
+    left = [imitation(data, base, data.measured, n, along).residual for n in names]
+    best = min(left, key=lambda r: float(np.sum((r * data.weights) ** 2)))
+    return np.asarray(np.maximum(np.sqrt(np.mean(best**2, axis=0)), data.noise))
+
+
+# --- on the plant -----------------------------------------------------------------------------------------------------
+
+
+def tracking(flight: Flight, trajectory: Trajectory) -> tuple[float, float]:
+    """Largest position error [m] and attitude error [rad] of a flight along a trajectory."""
+    assert flight.odometry is not None
+    want = trajectory.at(flight.odometry.time)
+    off = so3.log(so3.multiply(so3.conjugate(want.quat_ED), flight.odometry.quat_EB))
+    position = np.linalg.norm(flight.odometry.position_E - want.position_E, axis=1)
+    return float(position.max()), float(np.linalg.norm(off, axis=1).max())
+
+
+def broken(flight: Flight, trajectory: Trajectory | None, model: Model, limits: Limits) -> list[str]:
+    """What a flight on the plant did beyond the limits, in words.
+
+    With a trajectory also where it lost it, and where the actuators were at their limits.
+    """
+    odometry, actuators = flight.odometry, flight.actuators
+    assert odometry is not None
+    assert odometry.velocity_E is not None
+    commands, dt = Commands(np.zeros((0, 6))), 1.0
+    if actuators is not None and trajectory is not None:
+        commands = Commands(np.zeros((0, 6)), actuators.tilt, actuators.rotor_speed)
+        dt = actuators.period
+    velocity = odometry.velocity_E
+    found = violations(model.vehicle, limits, odometry.position_E, odometry.quat_EB, velocity, commands, dt)
+    position, attitude = (0.0, 0.0) if trajectory is None else tracking(flight, trajectory)
+    if position > LARGEST_ERROR[0]:
+        found.append(f"is {position:.2f} m from the reference, allowed are {LARGEST_ERROR[0]:g} m")
+    if attitude > LARGEST_ERROR[1]:
+        found.append(
+            f"is {np.degrees(attitude):.0f} deg from the reference, allowed are {np.degrees(LARGEST_ERROR[1]):.0f} deg"
+        )
+    return found + [note for note in flight.notes if "control was lost" in note]
+
+
+def _rotor_use(flight: Flight, model: Model) -> float:
+    """Largest share of a rotor's largest speed."""
+    if flight.actuators is None or not model.vehicle.has_rotors:
+        return 0.0
+    _, rotors = model.vehicle.geometry()
+    return float((flight.actuators.rotor_speed / rotors.speed_max).max())
+
+
+# --- in words ---------------------------------------------------------------------------------------------------------
+
+_ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),
+    (
+        ("coaxial_loss", "drag_torque", "rotor_gyroscopic"),
+        "let the allocation run the two rotors of a pair at unequal speeds: at equal speeds a loss of the lower rotor "
+        "is a loss of all thrust",
+    ),
+    (
+        ("rotor_thrust", "tilt_offset", "arm_twist", "rotor_interference", "downwash_blockage"),
+        "move the arms in their null space (tilt neighbours against each other while the wrench stays): a fixed "
+        "allocation ties every arm to the wrench",
+    ),
+    (("thrust_scale",), "measure the thrust of a rotor on a stand, or compare flights in air of another density"),
+    (("inertia",), "swing the vehicle as a pendulum on two strings: that gives its inertia without thrust"),
+    (("wind",), "fly the same moves in still air"),
+    (("tether",), "fly the same moves without cable or contact"),
+    (("imu_misalignment", "imu_lever_arm"), "check the IMU's place and alignment on the bench"),
+)
+
+
+def advice(names: Sequence[str]) -> tuple[str, ...]:
+    """What else tells these effects apart, where no reference trajectory can."""
+    return tuple(words for about, words in _ADVICE if set(about) & set(names))

@@ -1,0 +1,152 @@
+"""Separability of many flights at little cost: effects linearised once for each piece of flight.
+
+For a piece of flight and every effect B of a group, at its own size theta_B, what it adds to the measured wrench and
+how that changes with its parameters:
+
+    p_B = W(model + B(theta_B)) - W(model),    J_B = dW(model + B(theta)) / dtheta at theta_B
+
+The imitation of A by B on any sequence of pieces is then the bounded linear least-squares problem p_A ~ J_B x with the
+same terms as in `learn.identify.fit`: the plausible range of B, an accelerometer's bias, nuisance (at zero), axes weighted by
+what is left on them. Exact for effects that are linear in their parameters; for the others (a lag, a force times its
+lever, a width) it says what B can do in the neighbourhood of its own size, which is good enough to choose by.
+`learn.design.separability` then says what the choice is worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from wrenchgap.learn.data.measurement import Record, predict
+from wrenchgap.learn.design.separability import (
+    Direction,
+    Separability,
+    absent,
+    direction,
+    nothing,
+    visibility,
+    visible,
+)
+from wrenchgap.learn.identify.fit import ACCELEROMETER_BIAS, Dataset, dataset, unexcited
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
+
+Array = NDArray[np.float64]
+
+DULL = 0.1
+"""Factor on the merit of a flight that leaves an effect of the group unexcited."""
+PASSES = 3
+"""How often the axes' weights follow from what is left."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One piece of flight: `added` (K, 6) of each effect at its own size, `jacobian` (K, 6, P) at that size.
+
+    `excited` are the effects that such a flight can show at all (`Effect.unexcited`).
+    """
+
+    record: Record
+    added: dict[str, Array]
+    jacobian: dict[str, Array]
+    excited: frozenset[str]
+
+
+class Screen:
+    """Judges sequences of pieces for one group of effects with values, on top of `base`."""
+
+    def __init__(self, base: Model, effects: Sequence[ModelEffect], along: Sequence[str], floor: Array | None) -> None:
+        self.base = base
+        self.effects = tuple(effects)
+        self.floor = floor
+        self.nuisance = (*base.effects, *(absent(n, base) for n in along))
+
+    def piece(self, record: Record) -> Piece:
+        """Predictions of all effects and their derivatives, by forward differences of 2 % of the typical size."""
+        plain = predict(record, self.base.wrench_model)
+        added, jacobian = {}, {}
+        for effect in (*self.effects, *self.nuisance):
+            own = effect in self.base.effects
+            at = plain if own else self._with(record, effect)
+            added[effect.name] = at - plain
+            columns = []
+            for k, p in enumerate(effect.effect.parameters(self.base.vehicle)):
+                step = 0.02 * p.scale * (1.0 if effect.theta[k] + 0.02 * p.scale <= p.high else -1.0)
+                theta = effect.theta.copy()
+                theta[k] += step
+                columns.append((self._with(record, replace(effect, theta=theta)) - at) / step)
+            jacobian[effect.name] = np.stack(columns, axis=-1)
+        excited = (e.name for e in self.effects if unexcited(e.name, self.base, [record]) is None)
+        return Piece(record, added, jacobian, frozenset(excited))
+
+    def _with(self, record: Record, effect: ModelEffect) -> Array:
+        others = tuple(e for e in self.base.effects if e.name != effect.name)
+        return predict(record, WrenchModel(self.base.vehicle, (*others, effect)))
+
+    def merit(self, pieces: Sequence[Piece]) -> float:
+        """`Separability.merit`, much less where an effect is not excited: `explain` would not even try it."""
+        every = all(any(e.name in p.excited for p in pieces) for e in self.effects)
+        return self.judge(pieces).merit * (1.0 if every else DULL)
+
+    def judge(self, pieces: Sequence[Piece]) -> Separability:
+        """All ordered pairs on these pieces, one after the other."""
+        data = dataset([p.record for p in pieces], self.base)
+        sensor = data.noise
+        if self.floor is not None:
+            data = dataset([replace(p.record, noise=self.floor) for p in pieces], self.base)
+        directions: list[Direction] = []
+        for truth in self.effects:
+            added = np.concatenate([p.added[truth.name] for p in pieces])
+            for other in self.effects:
+                if other is truth:
+                    continue
+                if not visible(data, added):
+                    directions.append(nothing(data, self.base, truth.name, other.name))
+                    continue
+                left = self._left(data, pieces, added, other)
+                directions.append(direction(data, self.base, truth.name, other.name, added, left, sensor))
+        return Separability(
+            tuple(e.name for e in self.effects), sum(len(p.record) for p in pieces) * _step(data), tuple(directions)
+        )
+
+    def _left(self, data: Dataset, pieces: Sequence[Piece], added: Array, imitator: ModelEffect) -> Array:
+        """What the imitator leaves of `added` (K, 6), alone or with the nuisance: whichever leaves less to see."""
+        sets = [(imitator, *self.base.effects), (imitator, *self.nuisance)]
+        found = [self._solved(data, pieces, added, effects) for effects in (sets if sets[0] != sets[1] else sets[:1])]
+        return min(found, key=lambda left: visibility(left, data.noise))
+
+    def _solved(self, data: Dataset, pieces: Sequence[Piece], added: Array, effects: Sequence[ModelEffect]) -> Array:
+        """What these effects and a bias leave of `added` (K, 6)."""
+        bias = np.zeros((len(added), 6, 3))
+        bias[:, range(3), range(3)] = self.base.vehicle.body.mass
+        J = np.concatenate([*(np.concatenate([p.jacobian[e.name] for p in pieces]) for e in effects), bias], axis=-1)
+        known = [p for e in effects for p in e.effect.parameters(self.base.vehicle)]
+        middle = np.array([v if e in self.base.effects else 0.0 for e in effects for v in e.theta] + [0.0] * 3)
+        low = np.array([p.low for p in known] + [-ACCELEROMETER_BIAS] * 3) - middle
+        high = np.array([p.high for p in known] + [ACCELEROMETER_BIAS] * 3) - middle
+        sizes = np.array([p.scale for p in known] + [0.5 * ACCELEROMETER_BIAS] * 3)
+        weights = data.weights / np.sqrt(np.mean((added * data.weights) ** 2))
+        left = added
+        for _ in range(PASSES):
+            left = added - J @ _bounded(J * weights[:, None], added * weights, sizes, (low, high))
+            weights = 1.0 / np.maximum(np.sqrt(np.mean(left**2, axis=0)), data.noise)
+        return left
+
+
+def _bounded(J: Array, target: Array, sizes: Array, bounds: tuple[Array, Array]) -> Array:
+    """Argmin |target - J x|^2 + |x / sizes|^2 within bounds."""
+    A = J.reshape(-1, J.shape[-1]) * sizes
+    L = np.linalg.cholesky(A.T @ A + np.eye(len(sizes)))
+    aim = np.linalg.solve(L, A.T @ target.reshape(-1))
+    low, high = (b / sizes for b in bounds)
+    found = lsq_linear(L.T, aim, bounds=(low - 1e-9, high + 1e-9), method="bvls")
+    return np.asarray(found.x * sizes)
+
+
+def _step(data: Dataset) -> float:
+    first = data.records[0]
+    return first.dt * (first.keep.step or 1)

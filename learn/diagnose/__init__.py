@@ -1,0 +1,1 @@
+"""What is wrong, before anything is named: timing, where a model fails, what its error depends on."""

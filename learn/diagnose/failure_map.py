@@ -1,0 +1,398 @@
+"""Where a model fails: its residual as a function of what the vehicle was doing.
+
+For each quantity q (tilt, thrust, speed, ...) the samples are sorted into bins, and of each bin b this is told:
+
+    mean, rms     of the residual r = W_meas - W_pred, per axis
+    noise         rms of the sensor noise there
+    share         max(0, sum_{k in b} r_k^2 - noise^2) / the same summed over all bins, against the share of time
+
+per axis, and for the whole with newtons and newton metres on one scale (`Dataset.weights`). Two numbers say how much
+of the error goes with the quantity; both are correlation ratios eta^2 (Fisher, "Statistical Methods for Research
+Workers"), the share of a variance that lies between the bins:
+
+    of the mean   sum_b n_b |w (mean_b - mean)|^2 / sum_k |w (r_k - mean)|^2       a systematic error
+    of the size   the same for the energy e_k = |w r_k|^2                          larger here, whatever its sign
+
+Chance alone gives eta^2 > 0, and more so when samples depend on each other. So the residual is rotated in time by a
+random amount, cut into pieces about as long as the blocks of time of `Dataset`, put in random order within each flight,
+and eta^2 computed again, many times. That keeps the dependence of neighbouring samples and the differences between
+flights, and breaks the tie to q. Pieces differ in length (half to one and a half blocks), because a manoeuvre that
+repeats with the length of a block would look the same in every order of equal pieces.
+
+What is reported is the excess (eta^2 - E_0) / (1 - E_0) over the mean E_0 of chance, and p is corrected for having
+looked at many quantities and axes: the share of random orders in which the largest standardised eta^2 of *any* of them
+is at least this one's (Westfall and Young, "Resampling-Based Multiple Testing", 1993, max-T). Standardised is
+artanh(eta), Fisher's transform, which is nearly normal under chance; otherwise slow quantities, whose chance is large
+and skewed, would set the bar for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.diagnose.quantities import Quantity, quantities
+from wrenchgap.learn.identify.fit import Dataset
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+BINS = 8
+"""Most bins of a quantity; sectors of 45 deg of an angle that wraps."""
+GRID_BINS = 6
+"""Bins along the first side of the map over two quantities."""
+INDEPENDENT = 8.0
+"""Fewest independent samples in a bin; sectors with fewer are put aside."""
+SIGNIFICANT = 0.01
+"""p below which an error goes with a quantity beyond chance."""
+PERMUTATIONS = 400
+
+
+@dataclass(frozen=True)
+class Binned:
+    """The residual by bins of one quantity. B bins, six axes.
+
+    `low`, `high` (B,) in the quantity's unit; not a number for the samples at which the quantity has no meaning (no
+    direction of tilt when level) or which are too few for a sector of their own; such a bin comes last.
+    `samples` (B,), `time_share` (B,); `mean`, `rms`, `noise`, `share` (B, 6); `whole_rms`, `whole_noise` (B,) [N] and
+    `whole_share` (B,) on the common scale.
+    """
+
+    low: Array
+    high: Array
+    samples: NDArray[np.intp]
+    time_share: Array
+    mean: Array
+    rms: Array
+    noise: Array
+    share: Array
+    whole_rms: Array
+    whole_noise: Array
+    whole_share: Array
+
+    def __len__(self) -> int:
+        return len(self.low)
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {name: np.asarray(value).tolist() for name, value in self.__dict__.items()}
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How the error goes with one quantity.
+
+    `of_mean`, `of_size` are the shares of the variance of the residual and of its energy between the bins, beyond
+    chance, on the common scale; `axes_mean` (6,) the first of them per axis. `p` is corrected for all quantities and
+    axes; `axes` are those on which it is beyond chance by itself.
+    """
+
+    name: str
+    label: str
+    unit: str
+    circular: bool
+    binned: Binned
+    of_mean: float
+    of_size: float
+    axes_mean: Array
+    p: float
+    axes: tuple[str, ...]
+
+    @property
+    def significant(self) -> bool:
+        """Whether chance would hardly do it."""
+        return self.p < SIGNIFICANT
+
+    @property
+    def score(self) -> float:
+        """What the quantities are ranked by: the larger of the two shares."""
+        return max(self.of_mean, self.of_size)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain."""
+        return {
+            "quantity": self.name,
+            "label": self.label,
+            "unit": self.unit,
+            "of_mean": self.of_mean,
+            "of_size": self.of_size,
+            "axes_mean": self.axes_mean.tolist(),
+            "p": self.p,
+            "significant": self.significant,
+            "axes": list(self.axes),
+            "bins": self.binned.to_json(),
+        }
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Root mean square of the error over two quantities; (X, Y) cells, not a number where hardly flown.
+
+    `x_edges` (X + 1,), `y_edges` (Y + 1,) in their units; `samples` (X, Y); `force`, `torque` (X, Y) the rms of the
+    vectors [N, Nm]; `mean` (X, Y, 6).
+    """
+
+    x: str
+    y: str
+    x_label: str
+    y_label: str
+    x_edges: Array
+    y_edges: Array
+    samples: NDArray[np.intp]
+    force: Array
+    torque: Array
+    mean: Array
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in self.__dict__.items()}
+
+
+@dataclass(frozen=True)
+class FailureMap:
+    """Quantities, those first with which most of the error goes; a map over two; what the logs lack, with reasons."""
+
+    dependences: tuple[Dependence, ...]
+    grid: Grid | None
+    lacking: dict[str, str]
+
+    @property
+    def significant(self) -> tuple[Dependence, ...]:
+        """Those beyond chance."""
+        return tuple(d for d in self.dependences if d.significant)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain."""
+        return {
+            "quantities": [d.to_json() for d in self.dependences],
+            "grid": None if self.grid is None else self.grid.to_json(),
+            "lacking": [{"quantity": name, "reason": reason} for name, reason in self.lacking.items()],
+        }
+
+
+def failure_map(
+    data: Dataset,
+    residual: Array,
+    *,
+    permutations: int = PERMUTATIONS,
+    seed: int = 0,
+    tick: Callable[[], None] | None = None,
+) -> FailureMap:
+    """Map a residual (K, 6), measured minus predicted, of `data`. `tick` is called after each random order."""
+    found, lacking = quantities(data)
+    sorted_in = [(q, bins) for q in found if (bins := _bins(q, data)) is not None]
+    for q in found:
+        if all(q is not known for known, _ in sorted_in):
+            lacking[q.name] = "too few samples for two bins"
+    if not sorted_in:
+        return FailureMap((), None, lacking)
+    test = _Test(data, residual, [bins.index for _, bins in sorted_in])
+    observed, p, beyond = test.run(permutations, np.random.default_rng(seed), tick)
+    dependences = [
+        Dependence(
+            q.name,
+            q.label,
+            q.unit,
+            q.circular,
+            _binned(data, residual, bins),
+            float(observed[i, 0]),
+            float(observed[i, 1]),
+            observed[i, 2:],
+            float(p[i]),
+            tuple(axis for axis, sure in zip(AXES, beyond[i], strict=True) if sure),
+        )
+        for i, (q, bins) in enumerate(sorted_in)
+    ]
+    dependences.sort(key=lambda d: (not d.significant, -d.score))
+    return FailureMap(tuple(dependences), _grid(data, residual, found), lacking)
+
+
+@dataclass(frozen=True)
+class _Bins:
+    """`index` (K,) of each sample's bin, B where it is in none; edges (B,)."""
+
+    index: Indices
+    low: Array
+    high: Array
+
+
+def _bins(quantity: Quantity, data: Dataset, most: int = BINS) -> _Bins | None:
+    """Bins of equal count, or sectors; None where there are no two."""
+    values = quantity.values
+    known = np.isfinite(values)
+    fewest = INDEPENDENT / data.independence
+    if quantity.circular:
+        low = np.asarray(-180.0 + 360.0 / most * (np.arange(most) - 0.5), dtype=np.float64)
+        index = np.floor((np.where(known, values, 0.0) - low[0]) % 360.0 / (360.0 / most)).astype(np.intp)
+        index[~known] = most
+        return _merged(index, low, np.asarray(low + 360.0 / most), fewest)
+    count = int(min(most, known.sum() // fewest))
+    if count < 2:
+        return None
+    edges = np.unique(np.quantile(values[known], np.linspace(0.0, 1.0, count + 1)))
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    index[~known] = len(edges) - 1
+    return _merged(index, edges[:-1], edges[1:], fewest)
+
+
+def _merged(index: Indices, low: Array, high: Array, fewest: float) -> _Bins | None:
+    """Without bins that hold too few samples: theirs are in none."""
+    counts = np.bincount(index, minlength=len(low) + 1)[: len(low)]
+    kept = np.flatnonzero(counts >= fewest)
+    if len(kept) + (len(index) - counts[kept].sum() >= fewest) < 2:
+        return None
+    place = np.full(len(low) + 1, len(kept))
+    place[kept] = np.arange(len(kept))
+    return _Bins(place[index], low[kept], high[kept])
+
+
+def _noise_squared(data: Dataset) -> Array:
+    """Sensor noise (K, 6), squared, of each sample's record."""
+    return np.concatenate([np.broadcast_to(r.noise**2, (len(r), 6)) for r in data.records])
+
+
+def _binned(data: Dataset, residual: Array, bins: _Bins) -> Binned:
+    rest = (bins.index == len(bins.low)).any()
+    count = len(bins.low) + int(rest)
+    edge = np.full(int(rest), np.nan)
+    samples = np.bincount(bins.index, minlength=count)
+    noise = _noise_squared(data)
+
+    def mean_of(values: Array) -> Array:
+        columns = [np.bincount(bins.index, weights=c, minlength=count) for c in values.T]
+        return np.asarray(np.stack(columns, axis=1) / samples[:, None])
+
+    mean, square, floor = mean_of(residual), mean_of(residual**2), mean_of(noise)
+    scale = data.weights**2
+    excess = np.maximum(samples[:, None] * (square - floor), 0.0)
+    whole = np.maximum(samples * ((square - floor) @ scale), 0.0)
+    return Binned(
+        np.concatenate((bins.low, edge)),
+        np.concatenate((bins.high, edge)),
+        samples,
+        samples / samples.sum(),
+        mean,
+        np.sqrt(square),
+        np.sqrt(floor),
+        excess / np.maximum(excess.sum(axis=0), 1e-300),
+        np.sqrt(square @ scale),
+        np.sqrt(floor @ scale),
+        whole / max(float(whole.sum()), 1e-300),
+    )
+
+
+class _Test:
+    """Correlation ratios of all quantities (Q,) at once: of mean, of size, and of the mean of each axis: (Q, 8)."""
+
+    def __init__(self, data: Dataset, residual: Array, indices: Sequence[Indices]) -> None:
+        weighted = residual * data.weights
+        energy = np.sum(weighted**2, axis=1)
+        series = np.column_stack((weighted, energy))
+        self.series = series - series.mean(axis=0)
+        self.total = np.sum(self.series**2, axis=0)
+        self.flights = [np.flatnonzero(data.flight == f) for f in np.unique(data.flight)]
+        self.piece = len(residual) / (int(data.block.max()) + 1)
+        sizes = [int(i.max()) + 1 for i in indices]
+        starts = np.concatenate(([0], np.cumsum(sizes)))
+        rows = np.concatenate([i + s for i, s in zip(indices, starts, strict=False)])
+        columns = np.tile(np.arange(len(residual)), len(indices))
+        self.sums = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(starts[-1], len(residual)))
+        self.counts = np.maximum(np.asarray(self.sums.sum(axis=1)).ravel(), 1.0)
+        self.starts = starts[:-1]
+
+    def ratios(self, order: Indices | None = None) -> Array:
+        """eta^2 (Q, 8) of the series, in another order where one is given."""
+        series = self.series if order is None else self.series[order]
+        between = (self.sums @ series) ** 2 / self.counts[:, None]
+        by_quantity = np.add.reduceat(between, self.starts, axis=0)
+        whole = by_quantity[:, :6].sum(axis=1) / max(float(self.total[:6].sum()), 1e-300)
+        single = by_quantity / np.maximum(self.total, 1e-300)
+        return np.column_stack((whole, single[:, 6], single[:, :6]))
+
+    def order(self, rng: np.random.Generator) -> Indices:
+        """Samples of each flight rotated, cut into pieces of random length, and these shuffled."""
+        out = np.empty(len(self.series), dtype=np.intp)
+        for rows in self.flights:
+            turned = np.roll(rows, int(rng.integers(len(rows))))
+            lengths = rng.uniform(0.5, 1.5, 1 + int(2 * len(rows) / self.piece)) * self.piece
+            cuts = np.cumsum(lengths).astype(np.intp)
+            pieces = np.split(turned, cuts[cuts < len(rows)])
+            out[rows] = np.concatenate([pieces[i] for i in rng.permutation(len(pieces))])
+        return out
+
+    def run(
+        self, count: int, rng: np.random.Generator, tick: Callable[[], None] | None
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Shares beyond chance (Q, 8), corrected p (Q,), and whether each axis is beyond chance (Q, 6)."""
+        chance = np.empty((count, len(self.starts), 8))
+        for i in range(count):
+            chance[i] = self.ratios(self.order(rng))
+            if tick is not None:
+                tick()
+        observed, centre = self.ratios(), chance.mean(axis=0)
+        transformed = _fisher(chance)
+        middle, spread = transformed.mean(axis=0), transformed.std(axis=0) + 1e-12
+        largest = ((transformed - middle) / spread).max(axis=(1, 2))
+        standardised = (_fisher(observed) - middle) / spread
+        p = (1.0 + np.sum(largest[:, None, None] >= standardised, axis=0)) / (1.0 + count)
+        share = np.maximum((observed - centre) / np.maximum(1.0 - centre, 1e-9), 0.0)
+        return share, p.min(axis=1), p[:, 2:] < SIGNIFICANT
+
+
+def _fisher(ratio: Array) -> Array:
+    """The artanh of eta, from eta^2."""
+    return np.asarray(np.arctanh(np.sqrt(np.clip(ratio, 0.0, 1.0 - 1e-12))))
+
+
+def _grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Grid | None:
+    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate."""
+    by_name = {q.name: q for q in found}
+    pair = [by_name.get("tilt"), by_name.get("direction")]
+    if any(q is None or np.isfinite(q.values).mean() < 0.2 for q in pair):
+        pair = [by_name.get("thrust"), by_name.get("rate")]
+    first, second = pair
+    if first is None or second is None:
+        return None
+    inside = np.isfinite(first.values) & np.isfinite(second.values)
+    sides = [_sides(q, inside) for q in (first, second)]
+    (x, x_edges), (y, y_edges) = sides
+    shape = (len(x_edges) - 1, len(y_edges) - 1)
+    cell = (x * shape[1] + y)[inside]
+    size = shape[0] * shape[1]
+    samples = np.bincount(cell, minlength=size)
+    enough = samples >= 0.5 * INDEPENDENT / data.independence
+
+    def mean_of(values: Array) -> Array:
+        sums = np.bincount(cell, weights=values[inside], minlength=size)
+        return np.where(enough, sums / np.maximum(samples, 1), np.nan).reshape(shape)
+
+    return Grid(
+        first.name,
+        second.name,
+        f"{first.label} [{first.unit}]",
+        f"{second.label} [{second.unit}]",
+        x_edges,
+        y_edges,
+        samples.reshape(shape),
+        np.sqrt(mean_of(np.sum(residual[:, :3] ** 2, axis=1))),
+        np.sqrt(mean_of(np.sum(residual[:, 3:] ** 2, axis=1))),
+        np.stack([mean_of(column) for column in residual.T], axis=2),
+    )
+
+
+def _sides(quantity: Quantity, inside: NDArray[np.bool_]) -> tuple[Indices, Array]:
+    """Bins of equal width (an angle: sectors, the first centred on +-180 deg) along one side of the map."""
+    values = np.where(inside, quantity.values, 0.0)
+    if quantity.circular:
+        edges = np.linspace(-180.0 - 180.0 / BINS, 180.0 - 180.0 / BINS, BINS + 1)
+        values = (values - edges[0]) % 360.0 + edges[0]
+    else:
+        edges = np.linspace(values[inside].min(), values[inside].max(), GRID_BINS + 1)
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    return index, edges

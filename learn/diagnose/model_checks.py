@@ -1,0 +1,91 @@
+"""A log against a model: whether the vehicle weighs what the model says, and whether its actuators agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from wrenchgap import flight
+from wrenchgap.flight.checks import Check
+from wrenchgap.flight.errors import UsageError, WrenchgapError
+from wrenchgap.flight.inspection import Inspection
+from wrenchgap.flight.roles import parse_source
+from wrenchgap.learn.data.opening import OpenFlight, open_flight
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import GRAVITY
+from wrenchgap.plant.wrench_model import about_com
+
+
+def inspect(path: Path, topics: Mapping[str, str], model: Model | None) -> Inspection:
+    """`flight.inspect` with the model file's topics, where the log has them."""
+    plain = flight.inspect(path, topics)
+    if model is None or not model.topics:
+        return plain
+    have = {topic.topic for topic in plain.topics}
+    preferred = {role: text for role, text in model.topics.items() if parse_source(text)[0] in have}
+    wanted = {**preferred, **topics}
+    return flight.inspect(path, wanted) if wanted != dict(topics) else plain
+
+
+def checks(
+    path: Path, topics: Mapping[str, str], model: Model, cutoff_hz: float, shifts: Mapping[str, float] | None = None
+) -> tuple[tuple[Check, ...], OpenFlight | None]:
+    """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
+    try:
+        opened = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, shifts=shifts)
+    except UsageError:
+        raise
+    except WrenchgapError as error:
+        return (Check("model", "bad", str(error)),), None
+    return (*_counts(opened, model), *_weight(opened, model), *_actuation(opened, model)), opened
+
+
+def _counts(opened: OpenFlight, model: Model) -> list[Check]:
+    vehicle, actuators = model.vehicle, opened.flight.actuators
+    rotors = 0 if vehicle.rotors is None else len(vehicle.rotors)
+    tilts = 0 if vehicle.arms is None else int(vehicle.arms.tilts.sum())
+    described = f"{vehicle.name} has {rotors} rotors and {tilts} tilting arms"
+    if actuators is None:
+        missing = "allocated from the commanded wrench" if rotors else "the commanded wrench is the nominal model"
+        return [Check("actuators", "ok", f"{described}; none are logged: {missing}.")]
+    logged = f"the log has {actuators.rotor_speed.shape[1]} rotor speeds and {actuators.tilt.shape[1]} tilt angles"
+    if not rotors:
+        return [Check("actuators", "warn", f"{logged}, but the model file has no arms: they are not used.")]
+    return [Check("actuators", "ok", f"{described}; {logged}.")]
+
+
+def _weight(opened: OpenFlight, model: Model) -> list[Check]:
+    weight = model.vehicle.body.mass * GRAVITY
+    found = []
+    for name, key in (("measured", "measured"), ("commanded", "commanded")):
+        force = np.concatenate([getattr(r, key)[:, :3] for r in opened.records])
+        median = float(np.median(np.linalg.norm(force, axis=1)))
+        words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({median / weight:.3f})"
+        if 0.95 < median / weight < 1.05:
+            found.append(Check("weight", "ok", f"{words}."))
+        elif 0.7 < median / weight < 1.3:
+            remedy = "check the mass, or expect thrust_scale to be found." if key == "commanded" else "fast flight?"
+            found.append(Check("weight", "warn", f"{words}: {remedy}"))
+        else:
+            found.append(Check("weight", "bad", f"{words}: another vehicle, unit or mass; correct vehicle.mass."))
+    return found
+
+
+def _actuation(opened: OpenFlight, model: Model) -> list[Check]:
+    """h(u) of the logged actuators against the logged W_cmd."""
+    if opened.flight.commanded is None or any(r.source != "logged" for r in opened.records):
+        return []
+    vehicle = model.vehicle
+    made = np.concatenate([about_com(vehicle.body, nominal_wrench(vehicle, r.commands)) for r in opened.records])
+    size = np.concatenate([r.commands.wrench_B for r in opened.records])
+    difference = made - size
+    force, torque = (float(np.sqrt(np.mean(np.sum(difference[:, p] ** 2, axis=1)))) for p in (slice(0, 3), slice(3, 6)))
+    whole, turn = (float(np.sqrt(np.mean(np.sum(size[:, p] ** 2, axis=1)))) for p in (slice(0, 3), slice(3, 6)))
+    words = f"h(u) of the logged actuators differs from the logged W_cmd by {force:.3g} N and {torque:.3g} Nm rms"
+    if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
+        remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."
+        return [Check("actuation", "warn", f"{words}: {remedy}")]
+    return [Check("actuation", "ok", f"{words}.")]

@@ -1,0 +1,352 @@
+"""On which inputs what is left depends.
+
+An additive Gaussian process: the residual is a sum of functions, each of one group of inputs (Duvenaud, Nickisch and
+Rasmussen, "Additive Gaussian Processes", NeurIPS 2011). Each function has a linear and a squared-exponential kernel,
+
+    k_g(x, x') = x . x' / D_g + exp(-|x - x'|^2 / (2 D_g))             x standardised, D_g inputs in the group
+
+the latter as Nystroem features on a few representative samples (Williams and Seeger, NeurIPS 2001), so that a fit is a
+ridge regression: all samples count, not some hundreds, and all of the inputs are tried in seconds. An ARD process over
+thirty inputs at once would need more points than fit, and its lengthscales rank inputs poorly (a linear dependence
+has a long one).
+
+The shrinkage is chosen, per axis, on blocks of time held out within those that are fitted; everything that is reported
+is on further blocks. Evidence would be cheaper, but what an incomplete set of inputs leaves is coloured, and evidence
+takes the colour for signal.
+
+Groups are found by forward selection, the one that takes off the most first, as long as the next does beyond chance
+(paired t over blocks, scale-free over axes, as in `learn.identify.explain`).
+
+**The command is special.** A controller with feedback answers any disturbance, so the commanded wrench goes with
+whatever is wrong: in hover the residual is minus the command. It is therefore tried last, and counts only for what the
+other inputs do not explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
+from wrenchgap.learn.identify.fit import Dataset
+from wrenchgap.learn.process.subsample import subsample
+
+Array = NDArray[np.float64]
+
+FOLDS = 4
+CENTRES = 24
+"""Most representative samples per group; a single input gets 8."""
+SHRINKAGE = np.logspace(-6, 3, 10)
+"""Ridge penalties tried, relative to the mean eigenvalue of the features."""
+SURE = 3.0
+"""Paired t over blocks beyond which a group is believed."""
+PLAIN = (0.5, 2.0)
+"""Evidence (sum over axes of log rms ratios) beyond which a smaller t is enough, as in `learn.identify.explain`: what acts in
+few blocks only, e.g. at speed, makes blocks differ and its own t small."""
+LEAST = 0.02
+"""Smallest share of the error, or of one axis ten times this, that is worth another group."""
+MOST = 4
+"""Most groups chosen."""
+LAST = "command"
+
+
+@dataclass(frozen=True)
+class GroupRelevance:
+    """What one group of inputs explains, as shares of the variance of the residual on held-out blocks of time.
+
+    `alone` with these inputs only; `lost` when they are left out of the chosen ones, the command not among them (for a
+    group that was not chosen: what it would add to those). `alone_axes`, `lost_axes` (6,) per axis. `step` is the place
+    in the selection, from 1; 0 if not chosen. `significance` is the paired t over blocks of `lost`. Shares below zero
+    are zero.
+    """
+
+    name: str
+    label: str
+    columns: tuple[str, ...]
+    alone: float
+    lost: float
+    alone_axes: Array
+    lost_axes: Array
+    significance: float
+    step: int
+
+    @property
+    def chosen(self) -> bool:
+        """Whether the residual depends on these inputs beyond chance and beyond the others chosen."""
+        return self.step > 0
+
+    def to_json(self) -> dict[str, Any]:
+        """By name."""
+        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in self.__dict__.items()}
+        return {**plain, "columns": list(self.columns), "chosen": self.chosen}
+
+
+@dataclass(frozen=True)
+class Relevance:
+    """Groups of inputs, those chosen first in the order of choice, then the others by what they explain alone.
+
+    `explained` is the share that the chosen groups explain together, `explained_axes` (6,) per axis.
+    """
+
+    groups: tuple[GroupRelevance, ...]
+    explained: float
+    explained_axes: Array
+    lacking: dict[str, str]
+
+    @property
+    def chosen(self) -> tuple[GroupRelevance, ...]:
+        """The inputs on which the residual depends."""
+        return tuple(g for g in self.groups if g.chosen)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain."""
+        return {
+            "groups": [g.to_json() for g in self.groups],
+            "explained": self.explained,
+            "explained_axes": self.explained_axes.tolist(),
+            "lacking": [{"input": name, "reason": reason} for name, reason in self.lacking.items()],
+        }
+
+
+def relevance(
+    data: Dataset,
+    residual: Array,
+    *,
+    groups: Sequence[InputGroup] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Relevance:
+    """Rank groups of inputs by what they explain of a residual (K, 6) of `data`; deterministic.
+
+    `groups` are those of `learn.diagnose.quantities.input_groups` unless given. `progress` is told (fits done, about of how
+    many).
+    """
+    found, lacking = input_groups(data)
+    listed = [g for g in (found if groups is None else groups) if np.ptp(g.values, axis=0).any()]
+    if groups is not None:
+        lacking = {}
+    with threadpool_limits(1, user_api="blas"):
+        search = _Search(data, residual, listed, progress)
+        return search.result(lacking)
+
+
+def features(values: Array, seed: int = 0) -> Array:
+    """Features (K, D + M) of one group of inputs (K, D): their products are k_g, but for a constant."""
+    spread = values.std(axis=0)
+    x = (values - values.mean(axis=0)) / np.where(spread > 1e-12, spread, 1.0)
+    dims = x.shape[1]
+    centres = x[subsample(x, 8 if dims == 1 else min(CENTRES, 8 + 8 * dims), pre_thin=1000, seed=seed)]
+    gram = _squared_exponential(centres, centres) + 1e-6 * np.eye(len(centres))
+    smooth = np.linalg.solve(np.linalg.cholesky(gram), _squared_exponential(centres, x)).T
+    return np.column_stack((x / np.sqrt(dims), smooth))
+
+
+def _squared_exponential(a: Array, b: Array) -> Array:
+    distance = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
+    return np.asarray(np.exp(-0.5 * np.maximum(distance, 0.0) / a.shape[1]))
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Of the samples of some blocks: count, means and sums of products of features (P,) and residual (6,)."""
+
+    count: float
+    features: Array
+    outputs: Array
+    gram: Array
+    cross: Array
+    square: Array
+
+    def minus(self, other: _Sums) -> _Sums:
+        """The sums without those of other samples."""
+        pairs = ((getattr(self, n), getattr(other, n)) for n in self.__dict__)
+        return _Sums(*(a - b for a, b in pairs))
+
+    def of(self, columns: NDArray[np.intp]) -> _Sums:
+        """The sums of some features only."""
+        gram = self.gram[np.ix_(columns, columns)]
+        return _Sums(self.count, self.features[columns], self.outputs, gram, self.cross[columns], self.square)
+
+    def centred(self) -> tuple[Array, Array]:
+        """Products of features (P, P), and with outputs (P, 6), about the means."""
+        mean = self.features / self.count
+        return self.gram - np.outer(mean, self.features), self.cross - np.outer(mean, self.outputs)
+
+
+class _Search:
+    """Forward selection of groups on one residual."""
+
+    def __init__(
+        self,
+        data: Dataset,
+        residual: Array,
+        groups: Sequence[InputGroup],
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        self.data, self.residual, self.groups = data, residual, groups
+        parts = [features(g.values) for g in groups]
+        self.phi = np.column_stack(parts) if parts else np.empty((len(residual), 0))
+        ends = np.cumsum([p.shape[1] for p in parts])
+        self.columns = [np.arange(end - p.shape[1], end) for end, p in zip(ends, parts, strict=True)]
+        self.fold = data.block % FOLDS
+        self.used = [f for f in range(FOLDS) if (self.fold == f).any()]
+        self.sums = {f: self._sums(self.fold == f) for f in self.used}
+        zero = _Sums(*(0.0 * getattr(self.sums[self.used[0]], n) for n in _Sums.__annotations__))
+        self.total = zero
+        for one in self.sums.values():
+            self.total = _Sums(*(getattr(self.total, n) + getattr(one, n) for n in _Sums.__annotations__))
+        self.base = self.left([])
+        self.variance = np.maximum(np.mean(self.base**2, axis=0), 1e-300)
+        self.progress = progress
+        self.done = 0
+
+    def _sums(self, rows: NDArray[np.bool_]) -> _Sums:
+        phi, r = self.phi[rows], self.residual[rows]
+        return _Sums(float(len(r)), phi.sum(axis=0), r.sum(axis=0), phi.T @ phi, phi.T @ r, np.sum(r**2, axis=0))
+
+    def left(self, chosen: Sequence[int]) -> Array:
+        """What these groups leave (K, 6) of the residual, every block predicted without it."""
+        out = np.empty_like(self.residual)
+        columns = np.concatenate([self.columns[i] for i in chosen]) if chosen else np.empty(0, dtype=np.intp)
+        for f in self.used:
+            rows = self.fold == f
+            rest = self.total.minus(self.sums[f]) if len(self.used) > 1 else self.total
+            mean = rest.outputs / rest.count
+            out[rows] = self.residual[rows] - mean
+            if chosen:
+                train = rest.of(columns)
+                inner = {g: self.sums[g].of(columns) for g in self.used if g != f}
+                weights = _ridge(train, _shrinkage(train, inner))
+                out[rows] -= (self.phi[np.ix_(rows, columns)] - train.features / train.count) @ weights
+        return out
+
+    def share(self, before: Array, after: Array) -> tuple[float, Array]:
+        """Share of the residual's variance that the second leaves less than the first: of the whole, per axis."""
+        lost = np.mean(before**2, axis=0) - np.mean(after**2, axis=0)
+        scale = self.data.weights**2
+        return float(lost @ scale / (self.variance @ scale)), np.asarray(lost / self.variance)
+
+    def t_value(self, before: Array, after: Array) -> float:
+        """Paired t over blocks, every axis counting by its own size."""
+        size = np.sqrt(np.mean(before**2, axis=0) * np.mean(after**2, axis=0)) + 1e-300
+        total = np.bincount(self.data.block, weights=np.sum((before**2 - after**2) / size, axis=1))
+        loss = total / np.bincount(self.data.block)
+        if len(loss) < 3:
+            return 0.0
+        return float(loss.mean() / max(float(loss.std(ddof=1)) / np.sqrt(len(loss)), 1e-300))
+
+    def beyond_chance(self, before: Array, after: Array) -> bool:
+        """Whether held-out blocks are predicted better than luck would have it."""
+        t = self.t_value(before, after)
+        ratios = np.mean(before**2, axis=0) / np.maximum(np.mean(after**2, axis=0), 1e-300)
+        return t > SURE or (t > PLAIN[1] and 0.5 * float(np.sum(np.log(ratios))) > PLAIN[0])
+
+    def select(self) -> tuple[list[int], Array]:
+        """The groups chosen, in order, and what they leave."""
+        order: list[int] = []
+        current = self.base
+        waiting = [i for i, g in enumerate(self.groups) if g.name != LAST]
+        last = [i for i, g in enumerate(self.groups) if g.name == LAST]
+        while len(order) < MOST:
+            best = self._best(order, current, waiting) or self._best(order, current, last)
+            if best is None:
+                break
+            current = best[1]
+            order.append(best[0])
+            waiting, last = ([i for i in rest if i != best[0]] for rest in (waiting, last))
+        return order, current
+
+    def _best(self, order: Sequence[int], current: Array, waiting: Sequence[int]) -> tuple[int, Array] | None:
+        """The group that takes off the most, if it does beyond chance and enough to be worth it."""
+        worthy = []
+        for i in waiting:
+            left = self.left([*order, i])
+            self.tick()
+            whole, axes = self.share(current, left)
+            if (whole > LEAST or axes.max() > 10 * LEAST) and self.beyond_chance(current, left):
+                worthy.append((whole, i, left))
+        if not worthy:
+            return None
+        _, i, left = max(worthy, key=lambda item: item[0])
+        return i, left
+
+    def tick(self) -> None:
+        """One fit more is done."""
+        self.done += 1
+        if self.progress is not None:
+            self.progress(self.done, 6 * len(self.groups))
+
+    def result(self, lacking: dict[str, str]) -> Relevance:
+        """Selection, and numbers for every group."""
+        order, current = self.select()
+        others = [i for i in order if self.groups[i].name != LAST]
+        found = []
+        for i, group in enumerate(self.groups):
+            alone, alone_axes = self.share(self.base, self.left([i]))
+            against = order if group.name == LAST else others
+            before = self.left([j for j in against if j != i])
+            after = self.left([*(j for j in against if j != i), i])
+            self.tick()
+            lost, lost_axes = self.share(before, after)
+            found.append(
+                GroupRelevance(
+                    group.name,
+                    group.label,
+                    group.columns,
+                    max(alone, 0.0),
+                    max(lost, 0.0),
+                    np.maximum(alone_axes, 0.0),
+                    np.maximum(lost_axes, 0.0),
+                    self.t_value(before, after),
+                    order.index(i) + 1 if i in order else 0,
+                )
+            )
+        found.sort(key=lambda g: (g.step or len(self.groups) + 1, -g.alone))
+        whole, axes = self.share(self.base, current)
+        return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0), lacking)
+
+
+def _spectrum(sums: _Sums) -> tuple[Array, Array, Array]:
+    """Eigenvalues (P,) and vectors of the centred features' products, and their products with outputs, turned."""
+    gram, cross = sums.centred()
+    values, vectors = np.linalg.eigh(gram)
+    return np.maximum(values, 0.0), vectors, vectors.T @ cross
+
+
+def _ridge(sums: _Sums, shrinkage: Array) -> Array:
+    """Weights (P, 6) under a penalty (6,), relative to the mean eigenvalue."""
+    values, vectors, turned = _spectrum(sums)
+    penalty = np.maximum(shrinkage * values.mean(), 1e-12)
+    return np.asarray(vectors @ (turned / (values[:, None] + penalty)))
+
+
+def _shrinkage(train: _Sums, inner: dict[int, _Sums]) -> Array:
+    """The penalty (6,) that predicts folds within the training blocks best."""
+    errors = np.zeros((len(SHRINKAGE), train.outputs.size))
+    if len(inner) < 2:
+        return np.full(train.outputs.size, SHRINKAGE[len(SHRINKAGE) // 2])
+    for test in inner.values():
+        rest = train.minus(test)
+        values, vectors, turned = _spectrum(rest)
+        mean, offset = rest.features / rest.count, rest.outputs / rest.count
+        cross = vectors.T @ (
+            test.cross
+            - np.outer(test.features, offset)
+            - np.outer(mean, test.outputs)
+            + test.count * np.outer(mean, offset)
+        )
+        gram = (
+            test.gram
+            - np.outer(mean, test.features)
+            - np.outer(test.features, mean)
+            + test.count * np.outer(mean, mean)
+        )
+        gram = vectors.T @ gram @ vectors
+        for k, factor in enumerate(SHRINKAGE):
+            weights = turned / (values[:, None] + max(factor * values.mean(), 1e-12))
+            errors[k] += np.sum(weights * (gram @ weights), axis=0) - 2.0 * np.sum(weights * cross, axis=0)
+    return np.asarray(SHRINKAGE[np.argmin(errors, axis=0)])

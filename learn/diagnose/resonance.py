@@ -1,0 +1,173 @@
+"""Does something on the vehicle swing? A mass on a rope, liquid in a tank, a loose mast, an arm that rings.
+
+Such a thing has a state of its own: it answers the vehicle's motion as a weakly damped oscillator,
+
+    H(s) = w^2 / (s^2 + 2 zeta w s + w^2),
+
+and no effect that depends on the commands and the state of the hull alone can imitate that. What a model leaves is
+regressed, by blocks of time held out in turn, on the wrench u that it predicts, on H u and on dH u / dt; once
+with a weakly damped H, once with a critically damped one of the same frequency. Something swings where the weakly
+damped one predicts held-out blocks better beyond chance and takes off a good part.
+
+Two frames are tried. In E (a rope keeps its direction in the world): force from the predicted force less its mean,
+which is mass times acceleration. In B (a tank, a mast): force and torque from the predicted wrench, and the torque
+r x F of a mass that has moved by r in proportion to H F.
+
+Source: second-order systems, e.g. Franklin, Powell and Emami-Naeini, "Feedback Control of Dynamic Systems"; slung load
+as a pendulum, Sreenath, Lee and Kumar, CDC 2013.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import bilinear, lfilter, lfilter_zi
+
+from wrenchgap.flight.so3 import rotate
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.identify.fit import Dataset
+
+Array = NDArray[np.float64]
+Frame = Literal["E", "B"]
+
+BAND = (0.3, 6.0)
+"""Frequencies tried [Hz]."""
+DAMPINGS = (0.02, 0.06, 0.15)
+"""Damping ratios of what is said to swing. Frequencies are tried at steps of one and a half of them, relative."""
+LOOSE = 0.35
+"""Damping ratio up to which something is said to swing."""
+PLAIN = 1.0
+"""Damping ratio of what does not swing."""
+SIGNIFICANT = 1.0
+"""Paired t over blocks between the weakly and the critically damped oscillator; small, since what swings does so in
+some blocks much and in others little. `LEAST_SHARE` does the rest."""
+SAME = 1.15
+"""Ratio of the frequencies found in E and B up to which they are one and the same oscillation."""
+LEAST_SHARE = 0.25
+"""Smallest share of what is left above the noise that an oscillator must take off to be worth mentioning."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Something that swings at `frequency_hz` with damping ratio `damping`, in frame E or B; None if either would do.
+
+    `share` of the energy that is left above the noise is predicted by it on held-out blocks, beyond what the best
+    answer without resonance predicts; `significance` is the paired t between the two.
+    """
+
+    frequency_hz: float
+    damping: float
+    frame: Frame | None
+    share: float
+    significance: float
+
+    @property
+    def words(self) -> str:
+        """One clause."""
+        where = {
+            "E": "it keeps to the world, as a load on a rope does",
+            "B": "it moves with the hull",
+            None: "whether it keeps to the world, like a load on a rope, or moves with the hull is not clear",
+        }[self.frame]
+        return (
+            f"something swings at {self.frequency_hz:.2g} Hz (damping {self.damping:.2g}, {100 * self.share:.0f} % of "
+            f"what is left): {where}"
+        )
+
+
+def swing(data: Dataset, residual: Array) -> Swing | None:
+    """Look for an oscillator in what a model leaves, `residual` (K, 6); None where there is none."""
+    frames: tuple[Frame, ...] = ("E", "B")
+    found = [s for frame in frames if (s := _in_frame(data, residual, frame)) is not None]
+    if not found:
+        return None
+    best = max(found, key=lambda s: s.share)
+    alike = max(s.frequency_hz for s in found) < SAME * min(s.frequency_hz for s in found)
+    return replace(best, frame=None) if len(found) == 2 and alike else best
+
+
+def _in_frame(data: Dataset, residual: Array, frame: Literal["E", "B"]) -> Swing | None:
+    if frame == "E" and not all(r.has_pose for r in data.records):
+        return None
+    inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
+    excess = np.mean(target**2, axis=0) - noise**2
+    loud = excess > noise**2
+    if not loud.any():
+        return None
+    target, noise, excess = target[:, loud], noise[loud], float(np.sum((excess / noise**2)[loud]))
+
+    def left(f: float, zeta: float) -> Array:
+        return _left(data, inputs, target, f, zeta, frame)
+
+    def cost(f: float, zeta: float) -> float:
+        return float(np.mean(np.sum((left(f, zeta) / noise) ** 2, axis=1)))
+
+    _, f, zeta = min((cost(f, zeta), float(f), zeta) for zeta in DAMPINGS for f in _steps(zeta))
+    for _ in range(3):
+        near = [(f * a, zeta * b) for a in (1 - 0.4 * zeta, 1.0, 1 + 0.4 * zeta) for b in (0.6, 1.0, 1.6)]
+        f, zeta = min(near, key=lambda p: cost(*p))
+    slow = min(_steps(0.2), key=lambda g: cost(g, PLAIN))
+    given = float(np.mean(np.sum((target / noise) ** 2, axis=1)))
+    plain = min(cost(slow, PLAIN), given)
+    share = (plain - cost(f, zeta)) / excess
+    before = left(slow, PLAIN) if cost(slow, PLAIN) < given else target
+    t = _paired_t(data, before / noise, left(f, zeta) / noise)
+    return Swing(f, zeta, frame, share, t) if t > SIGNIFICANT and share > LEAST_SHARE and zeta < LOOSE else None
+
+
+def _paired_t(data: Dataset, worse: Array, better: Array) -> float:
+    """Paired t over blocks for `worse` having the larger energy."""
+    gain = np.bincount(data.block, weights=np.sum(worse**2 - better**2, axis=1)) / np.bincount(data.block)
+    return float(np.mean(gain) / max(float(np.std(gain, ddof=1)) / np.sqrt(len(gain)), 1e-30))
+
+
+def _steps(zeta: float) -> Array:
+    """Frequencies of the band, as close as the resonance is narrow."""
+    return np.geomspace(*BAND, round(np.log(BAND[1] / BAND[0]) / np.log1p(1.5 * zeta)))
+
+
+def _signals(data: Dataset, predicted: Array, residual: Array, frame: Frame) -> tuple[Array, Array, Array]:
+    """Inputs (K, 3 or 6), targets (K, 3 or 6) and the targets' noise."""
+    if frame == "B":
+        return predicted, residual, data.noise
+    quat = np.concatenate([r.state_kept.quat_EB for r in data.records])
+    force = rotate(quat, predicted[:, :3])
+    mean = float(np.sqrt(np.mean(data.noise[:3] ** 2)))
+    return force - force.mean(axis=0), rotate(quat, residual[:, :3]), np.full(3, mean)
+
+
+def _left(data: Dataset, inputs: Array, target: Array, f: float, zeta: float, frame: Frame) -> Array:
+    """What of the target (K, n) held-out blocks keep, regressed on the oscillator's answer."""
+    answers, at = [], 0
+    for record in data.records:
+        answers.append(_answer(record, inputs[at : at + len(record)], f, zeta))
+        at += len(record)
+    moved = np.concatenate(answers)
+    features = [inputs, moved, np.ones((len(inputs), 1))]
+    if frame == "B":
+        place, force = moved[:, :3], inputs[:, :3]
+        features += [np.cross(np.eye(3)[i] * place[:, i : i + 1], force) for i in range(3)]
+    X = np.hstack(features)
+    X = X / (np.sqrt(np.mean(X**2, axis=0)) + 1e-30)
+    out = np.empty_like(target)
+    fold = data.block % 4
+    for k in range(4):
+        fitted, test = fold != k, fold == k
+        A = X[fitted]
+        H = A.T @ A + 1e-3 * len(A) * np.eye(A.shape[1])
+        out[test] = target[test] - X[test] @ np.linalg.solve(H, A.T @ target[fitted])
+    return out
+
+
+def _answer(record: Record, inputs: Array, f: float, zeta: float) -> Array:
+    """H u and dH u / dt (K, 2n), from rest at the first sample."""
+    w, fs = 2 * np.pi * f, 1.0 / (record.dt * (record.keep.step or 1))
+    out = []
+    for numerator in ([w**2], [w, 0.0]):
+        b, a = bilinear(numerator, [1.0, 2 * zeta * w, w**2], fs)
+        start = lfilter_zi(b, a)[:, None] * inputs[:1]
+        out.append(lfilter(b, a, inputs, axis=0, zi=start)[0])
+    return np.hstack(out)

@@ -1,0 +1,217 @@
+"""By how much the vehicle's response lags its commands, axis by axis, and what that looks like.
+
+Commanded and measured wrench are compared as `flight.offsets` compares any two topics. A command is held until the next
+one, so what was commanded is stamped at the middle of its hold: that half period belongs to every digital controller,
+and is not counted. The rest is an *apparent* delay. Three things make it, and one log cannot tell a part of each from
+the same amount of another:
+
+    the actuators lag           phase -atan(omega tau), attenuated       servo_lag, motor_lag
+    the command travels         phase -omega d                           command_delay
+    the clocks are apart        phase -omega d                           the stamps of commands or IMU
+
+The first bends: at omega tau beyond one its delay shrinks like a quarter period. Where the flight reaches that far,
+`shape` says which of the two forms fits the phases better on blocks of time (paired t over blocks, as everywhere).
+
+In a closed loop the command also answers to the motion. Where little but disturbances moves the vehicle, the
+controller C makes u = -C y of what the IMU feels, and response over command is -1/C, with a coherence of one and a
+phase that has nothing to do with the actuators (Ljung, "System Identification", 2nd ed., 13.4). It gives itself away by
+its gain: what a command achieves is about what it asked for, less what a lag takes off, while 1/C is anything, and for
+a controller of rates rises with frequency and lags by a quarter period throughout. Where phases or gains fit neither
+a delay nor a lag, no number is given.
+
+Nothing is removed here. What a user reads is what `explain` will be offered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from wrenchgap.flight.flight import AXES, Flight, Series
+from wrenchgap.flight.offsets import (
+    Correlated,
+    Intervals,
+    Offset,
+    Signal,
+    differences,
+    odometry_motion,
+    offset,
+    scatter,
+)
+from wrenchgap.learn.data.measurement import Record, from_actuators
+from wrenchgap.plant.state import Motion
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import measured_wrench
+
+Array = NDArray[np.float64]
+Shape = Literal["delay", "lag", "either"]
+
+BAND_HZ = (0.5, 10.0)
+"""Frequencies at which commands and response are compared: beyond, vibration; below, trim and battery."""
+LONGEST_LAG = 0.5
+"""Longest time constant that is tried [s]."""
+CERTAIN = 3.0
+"""Paired t over blocks at which one form is better than the other."""
+FITS = 0.93
+"""Mean cosine of the phase misfit at which a form fits: 21 deg rms."""
+GAIN_FITS = 1.5
+"""Factor (rms) between measured gain and that of a form within which it fits: more than any plausible effect makes."""
+FEEDBACK = "the command follows the motion, not the motion the command: feedback of disturbances"
+NOTICEABLE = 3.0
+"""How many times the sensor noise a delay must leave in the residual to be worth attention."""
+LEAST_SHARE = 0.1
+"""Share of the residual that a delay must make up to be worth attention."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """How one `axis` of the measured wrench follows its command.
+
+    `offset` is the apparent delay. `shape` says whether the phases look like a delay or a first-order lag of `lag`
+    [s], or like either (None where there is no number). `leaves` is the rms that a model without it is
+    left with, delay times rms rate of change of the filtered command, to be held against the rms `residual` of
+    measured less commanded and the sensor `noise` (N or Nm).
+    """
+
+    axis: str
+    offset: Offset
+    shape: Shape | None = None
+    lag: float | None = None
+    leaves: float | None = None
+    residual: float | None = None
+    noise: float | None = None
+
+    @property
+    def matters(self) -> bool:
+        """Whether the delay is certain, above the noise, and no small part of what the model misses."""
+        if not self.offset.certain or self.leaves is None or self.noise is None or self.residual is None:
+            return False
+        return self.leaves > max(NOTICEABLE * self.noise, LEAST_SHARE * self.residual)
+
+
+def responses(flight: Flight, vehicle: Vehicle, records: Sequence[Record]) -> tuple[Response, ...]:
+    """The apparent delay of each axis while `records` are in the air; empty where motion or commands are not logged."""
+    commanded = _commanded(flight, vehicle)
+    if commanded is None or not records or (flight.imu is None and flight.odometry is None):
+        return ()
+    measured = _measured(flight, vehicle)
+    flown = [(float(r.time[0]), float(r.time[-1])) for r in records]
+    return tuple(_response(axis, commanded, measured, flown, records) for axis in range(6))
+
+
+def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, records: Sequence[Record]) -> Response:
+    name = AXES[axis]
+    found = offset(_axis(commanded, axis), _axis(measured, axis), band=BAND_HZ, within=flown)
+    if found.seconds is None or found.correlated is None:
+        return Response(name, found)
+    shape, lag = _shape(found.correlated)
+    if shape is None:
+        return Response(name, replace(found, seconds=None, std=None, interval=None, problem=FEEDBACK))
+    weight = np.array([len(r) for r in records], dtype=float)
+
+    def rms(by_record: Sequence[float]) -> float:
+        return float(np.sqrt(weight @ np.square(by_record) / weight.sum()))
+
+    changing = rms([_rms(np.gradient(r.commanded[:, axis], r.dt * (r.keep.step or 1))) for r in records])
+    return Response(
+        name,
+        found,
+        shape,
+        lag,
+        leaves=abs(found.seconds) * changing,
+        residual=rms([float(np.std(r.measured[:, axis] - r.commanded[:, axis])) for r in records]),
+        noise=rms([float(r.noise[axis]) for r in records]),
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _axis(signal: Signal, axis: int) -> Signal:
+    return replace(signal, name=f"{signal.name} {AXES[axis]}", values=signal.values[:, [axis]], axes=(AXES[axis],))
+
+
+def _commanded(flight: Flight, vehicle: Vehicle) -> Signal | None:
+    """Commanded wrenches at the middles of their holds; of the actuators where no wrench is logged."""
+    if flight.commanded is not None:
+        series: Series = flight.commanded
+        wrench_B = flight.commanded.wrench_B
+    elif flight.actuators is not None and vehicle.has_rotors:
+        series, logged = flight.actuators, flight.actuators
+        wrench_B = from_actuators(flight.name, vehicle, logged.tilt, logged.rotor_speed).wrench_B
+    else:
+        return None
+    hold = np.append(np.diff(series.time), series.period)
+    hold = np.where(hold > 2.5 * series.period, series.period, hold)  # nobody knows what was held over a gap
+    return Signal("commanded", series.time + 0.5 * hold, wrench_B, AXES, series.gaps)
+
+
+def _measured(flight: Flight, vehicle: Vehicle) -> Signal:
+    """Measured wrenches (N, 6) half-way between samples, where a difference of rates is an angular acceleration."""
+    rate, felt = _motion(flight)
+    accelerating = differences("measured", rate.time, np.diff(rate.values, axis=0), rate.gaps)
+    omega_B, force_B = (
+        np.stack([np.interp(accelerating.time, s.time, column) for column in s.values.T], axis=1) for s in (rate, felt)
+    )
+    r, a, w = vehicle.imu_position_B, accelerating.values, omega_B
+    if flight.imu is not None:
+        force_B = force_B - np.cross(a, r) - np.cross(w, np.cross(w, r))
+    return replace(accelerating, values=measured_wrench(vehicle.body, Motion(w, a, force_B)), axes=AXES)
+
+
+def _motion(flight: Flight) -> tuple[Signal, Signal]:
+    """Rates and specific force of the IMU, or else of the odometry."""
+    if flight.imu is not None:
+        imu = flight.imu
+        return (
+            Signal("rate", imu.time, imu.omega_B, gaps=imu.gaps),
+            Signal("force", imu.time, imu.specific_force_B, gaps=imu.gaps),
+        )
+    assert flight.odometry is not None
+    return odometry_motion(flight.odometry)
+
+
+def _shape(found: Correlated) -> tuple[Shape | None, float]:
+    """Which form phases and gains have (None: neither), and the time constant of the lag that fits best [s]."""
+    u, omega = found.u, found.heard
+    seen = omega * found.seconds  # the phase that alignment has taken out
+
+    def by_block(phase: Array) -> Array:
+        return np.asarray(np.sum((u * np.exp(1j * (phase - seen))).real, axis=(1, 2)))
+
+    def lagging(tau: float) -> Array:
+        return by_block(np.arctan(omega * tau))
+
+    best = minimize_scalar(lambda tau: -float(lagging(tau).sum()), bounds=(0.0, LONGEST_LAG), method="bounded")
+    lag = float(best.x)
+    remaining, _, _ = found.newton()
+    late = by_block(seen + omega * (0.0 if np.isnan(remaining) else remaining))
+    slow = lagging(lag)
+    weight = np.abs(u.sum(axis=0))
+    fits = [
+        part.sum() > FITS * weight.sum() and _gain_fits(found.gain, weight, model)
+        for part, model in ((late, np.ones_like(omega)), (slow, 1.0 / np.sqrt(1.0 + (omega * lag) ** 2)))
+    ]
+    if not any(fits):
+        return None, lag
+    if not all(fits):
+        return ("delay" if fits[0] else "lag"), lag
+    difference = late - slow
+    t = float(difference.sum()) / max(scatter(difference), 1e-300)
+    return ("delay" if t > CERTAIN else "lag" if t < -CERTAIN else "either"), lag
+
+
+def _gain_fits(gain: Array, weight: Array, model: Array) -> bool:
+    """Whether the gains (C, F) are about the model's."""
+    used = weight > 0
+    share = weight[used] / weight[used].sum()
+    return bool(np.sqrt(share @ np.log(gain[used] / model[used]) ** 2) < np.log(GAIN_FITS))
+
+
+__all__ = ["BAND_HZ", "Response", "responses"]

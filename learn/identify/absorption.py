@@ -1,0 +1,166 @@
+"""Which physical effect a Gaussian process is absorbing, if any.
+
+A GP that is learnt on a model is a change c(W_cmd) of the predicted wrench. So is every effect of the catalogue: fitted
+alone to what the model leaves, it changes the prediction by e. On the axes that the GP knows, over the flights that
+it was learnt on, with the weights w of `learn.identify.fit.Dataset`,
+
+    cosine = <e, c>_w / (|e|_w |c|_w)         whether the two changes look alike
+    share  = 1 - |c - e|_w^2 / |c|_w^2        how much of the GP's correction the effect reproduces
+
+e is evaluated on blocks of time that its fit did not see, and has one to twelve parameters where the GP has hundreds of
+points: an effect that reproduces most of the correction is what the GP has learnt. It is named if it reproduces at
+least half of it and takes error off the measurement beyond chance: a paired t over blocks
+(docs/decisions/0006-blocks.md), a smaller one where half of the error goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.data.inputs import groups, pooled_inputs
+from wrenchgap.learn.identify.fit import Dataset, Fit, dataset, fit, held_out, inapplicable, spread_out, unexcited
+from wrenchgap.learn.identify.search import INDISTINCT, MATERIAL, PLAIN, SIGNIFICANT
+from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.mismatch import MismatchModel, output_indices
+from wrenchgap.plant.model import Model
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+
+CLEAR = 0.5
+"""Least share of the correction that an effect must reproduce to be named."""
+AS_GOOD = 0.1
+"""How much less another may reproduce and still count as equal, if the blocks do not tell the two apart."""
+SECONDS = 60.0
+"""Most flight time that effects are fitted on [s], in pieces spread over all of it."""
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """One effect against the GP: cosine and share of the two changes; `t` of the error that the effect takes off the
+    measurement; `named` where all of that is clear.
+    """  # noqa: D205
+
+    name: str
+    fit: Fit
+    cosine: float
+    share: float
+    t: float
+    named: bool
+
+    def values(self) -> list[tuple[str, float, float, str]]:
+        """(parameter, value, standard deviation, unit)."""
+        rows = zip(self.fit.parameters, self.fit.theta, self.fit.std, strict=True)
+        return [(p.name, float(v), float(s), p.unit) for (_, p), v, s in rows]
+
+
+@dataclass(frozen=True)
+class Absorption:
+    """What a GP absorbs: `effects` are one name, or several that do equally well, or none; all that were tried, by
+    share. `size` (6,) is the rms of the GP's correction, not a number on axes that it does not know.
+    """  # noqa: D205
+
+    effects: tuple[str, ...]
+    tried: tuple[Absorbed, ...]
+    size: Array
+
+    @property
+    def first(self) -> Absorbed | None:
+        """The effect that is named first."""
+        return next((a for a in self.tried if self.effects and a.name == self.effects[0]), None)
+
+
+def absorbed(
+    data: Dataset,
+    model: Model,
+    gp: MismatchModel,
+    *,
+    names: Sequence[str] | None = None,
+    progress: Progress | None = None,
+) -> Absorption:
+    """Compare the GP that was learnt on `model` from `data` with every effect that `model` does not have."""
+    some = spread_out(data.records, SECONDS)
+    data = data if some is data.records else dataset(some, model)
+    rows = output_indices(gp.outputs)
+    correction = gp.mean(pooled_inputs(groups(gp), data.records))
+    size = np.full(6, np.nan)
+    size[rows] = np.sqrt(np.mean(correction**2, axis=0))
+    try:
+        base = fit(data, model, ())
+        given = held_out(data, model, (), base)
+    except FitError:  # too short to hold anything out
+        return Absorption((), (), size)
+    guard = _Guard(data, correction, rows)
+    found: list[tuple[Absorbed, Array]] = []
+    present = {e.name for e in model.effects}
+    tried = [n for n in (names or catalogue()) if n not in present and _possible(n, model, data)]
+    for k, name in enumerate(tried):
+        if progress is not None:
+            progress(f"does the GP absorb {name}?", k, len(tried))
+        fitted = fit(data, model, (name,), base=base)
+        left = held_out(data, model, (name,), fitted)
+        found.append(guard.compare(name, fitted, given, left))
+    found.sort(key=lambda pair: -pair[0].share)
+    return Absorption(guard.choose(found), tuple(one for one, _ in found), size)
+
+
+def _possible(name: str, model: Model, data: Dataset) -> bool:
+    """Whether these flights can show the effect at all."""
+    return inapplicable(name, model, data.records) is None and unexcited(name, model, data.records) is None
+
+
+class _Guard:
+    """Changes (K, L) on the axes that the GP knows, compared block by block."""
+
+    def __init__(self, data: Dataset, correction: Array, rows: NDArray[np.intp]) -> None:
+        self.rows = rows
+        self.weights = data.weights[rows]
+        self.correction = correction
+        self.block = data.block
+        self.counts = np.bincount(data.block)
+        self.energy = self.blocks(correction).sum()
+
+    def blocks(self, difference: Array) -> Array:
+        """Weighted squares, summed over each block."""
+        return np.asarray(np.bincount(self.block, weights=((difference * self.weights) ** 2).sum(axis=1)))
+
+    def t_value(self, worse: Array, better: Array) -> float:
+        """Paired t over blocks for `worse` (K, L) being larger than `better`."""
+        gain = (self.blocks(worse) - self.blocks(better)) / self.counts
+        if len(gain) < 3:
+            return 0.0
+        spread = float(np.std(gain, ddof=1) / np.sqrt(len(gain)))
+        return float(np.mean(gain)) / max(spread, 1e-30)
+
+    def compare(self, name: str, fitted: Fit, given: Array, left: Array) -> tuple[Absorbed, Array]:
+        """One effect, and what of the correction it does not reproduce (K, L)."""
+        before, after = given[:, self.rows], left[:, self.rows]
+        change = before - after
+        rest = self.correction - change
+        product = float(np.sum(change * self.correction * self.weights**2))
+        lengths = np.sqrt(self.blocks(change).sum() * self.energy)
+        share = 1.0 - float(self.blocks(rest).sum() / max(self.energy, 1e-30))
+        t = self.t_value(before, after)
+        large = any(abs(v) >= MATERIAL * p.scale for (_, p), v in zip(fitted.parameters, fitted.theta, strict=True))
+        halved = self.blocks(after).sum() < 0.5 * self.blocks(before).sum()
+        beyond_chance = t > SIGNIFICANT or (halved and t > PLAIN[1])
+        named = share >= CLEAR and beyond_chance and large and not fitted.at_bound
+        return Absorbed(name, fitted, product / max(float(lengths), 1e-30), share, t, named), rest
+
+    def choose(self, found: Sequence[tuple[Absorbed, Array]]) -> tuple[str, ...]:
+        """The best of those that are clear, and others that the blocks do not tell from it; fewest parameters first."""
+        clear = [pair for pair in found if pair[0].named]
+        if not clear:
+            return ()
+        best, rest = clear[0]
+        equal = [
+            one
+            for one, other in clear
+            if one is best or (one.share > best.share - AS_GOOD and self.t_value(other, rest) < INDISTINCT)
+        ]
+        return tuple(one.name for one in sorted(equal, key=lambda a: (len(a.fit.theta), -a.share)))

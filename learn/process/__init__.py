@@ -1,0 +1,1 @@
+"""Gaussian processes: fitted, calibrated, judged, stored."""

@@ -1,0 +1,141 @@
+"""What a process should look at, and how: alternatives compared on blocks of time that were left out.
+
+Every alternative is fitted to the same samples, and predicts every block from the others (`learn.process.calibration`). Errors
+of two are compared block by block:
+
+    gain = 1 - rms(b) / rms(a)                      over outputs, each in units of its own mismatch's rms
+    t    = mean(d) / (std(d) / sqrt(B))             d (B,): difference of the blocks' mean squares
+
+Groups of inputs are added one after the other, as long as one gains at least `WORTH_IT` beyond chance; then the other
+inference is tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.process.calibration import BLOCKS
+from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.train import left_out_errors
+from wrenchgap.plant.mismatch_inputs import COLUMNS
+
+Array = NDArray[np.float64]
+Inputs = Callable[[tuple[str, ...]], Array]
+"""Groups of inputs -> all inputs (M, D). Raises FitError for a group that the logs do not have."""
+Progress = Callable[[float, str], None]
+
+WORTH_IT = 0.1
+"""Least gain worth an input that has to be known in flight, or another inference."""
+POINTS = 80
+"""Points at most in a comparison, to be done within seconds."""
+SIGNIFICANT = 2.0
+"""Least paired t over blocks."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An alternative: its settings, rms (L,) [N, Nm] on left-out blocks, gain and t against what was asked for."""
+
+    settings: FitSettings
+    rms: Array
+    gain: float
+    t: float
+
+    @property
+    def worth_it(self) -> bool:
+        """Whether it is better beyond chance."""
+        return self.gain > WORTH_IT and self.t > SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class Choices:
+    """All that were tried, what was asked for first, and the settings that are best."""
+
+    tried: tuple[Choice, ...]
+    best: FitSettings
+
+    @property
+    def better(self) -> Choice | None:
+        """The best, where it is not what was asked for."""
+        asked = not self.tried or self.best == self.tried[0].settings
+        return None if asked else next(c for c in self.tried if c.settings == self.best)
+
+
+@dataclass
+class _Trials:
+    """Errors of settings, each fitted once."""
+
+    inputs: Inputs
+    outputs: Array
+    names: tuple[str, ...]
+    progress: Progress | None
+    errors: dict[FitSettings, Array] = field(default_factory=dict)
+
+    def fit(self, settings: FitSettings) -> bool:
+        """Whether this can be fitted, which it then is."""
+        if settings in self.errors:
+            return True
+        if self.progress is not None:
+            words = f"comparing inputs: {', '.join(('command', *settings.inputs))}, {settings.inference}"
+            self.progress(min(len(self.errors) / 10, 1.0), words)
+        quick = replace(settings, restarts=0, points=min(settings.points, POINTS))
+        try:
+            error = left_out_errors(self.inputs(settings.inputs), self.outputs, self.names, quick)
+        except FitError:
+            return False
+        if error is not None:
+            self.errors[settings] = error
+        return error is not None
+
+    def choice(self, settings: FitSettings, against: FitSettings) -> Choice:
+        """One against another, both fitted."""
+        scale = np.sqrt(np.mean(self.outputs**2, axis=0)) + 1e-12
+        error = self.errors[settings]
+        gain, t = _gain(self.errors[against] / scale, error / scale)
+        return Choice(settings, np.sqrt(np.mean(error**2, axis=0)), gain, t)
+
+    def better(self, current: FitSettings, others: list[FitSettings]) -> FitSettings:
+        """The best of the others that is worth it, else the current."""
+        found = [self.choice(s, current) for s in others if self.fit(s)]
+        best = max((c for c in found if c.worth_it), key=lambda c: c.gain, default=None)
+        return current if best is None else best.settings
+
+
+def choose(
+    inputs: Inputs,
+    outputs: Array,
+    names: tuple[str, ...],
+    asked: FitSettings,
+    progress: Progress | None = None,
+) -> Choices:
+    """Whether other inputs or the other inference would predict mismatches (M, L) named `names` better than `asked`.
+
+    Groups of inputs that the logs do not have are left out. Nothing is compared where the samples are too few.
+    """
+    trials = _Trials(inputs, outputs, names, progress)
+    if not trials.fit(asked):
+        return Choices((), asked)
+    best = asked
+    while True:
+        more = [replace(best, inputs=(*best.inputs, name)) for name in COLUMNS if name not in best.inputs]
+        better = trials.better(best, more)
+        if better == best:
+            break
+        best = better
+    best = trials.better(best, [replace(best, inference="sparse" if best.inference == "exact" else "exact")])
+    return Choices(tuple(trials.choice(s, asked) for s in trials.errors), best)
+
+
+def _gain(asked: Array, other: Array) -> tuple[float, float]:
+    """Gain and t of errors (K, L) in common units."""
+    before, after = np.mean(asked**2, axis=1), np.mean(other**2, axis=1)
+    block = np.arange(len(before)) * BLOCKS // len(before)
+    difference = np.bincount(block, weights=before - after) / np.bincount(block)
+    spread = float(np.std(difference, ddof=1)) / np.sqrt(len(difference))
+    gain = 1.0 - float(np.sqrt(np.mean(after) / max(float(np.mean(before)), 1e-30)))
+    return gain, float(np.mean(difference)) / max(spread, 1e-30)

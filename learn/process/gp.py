@@ -1,0 +1,369 @@
+"""Gaussian processes for the mismatch between commanded and real wrench, evaluated in closed form.
+
+L independent outputs, each with a squared-exponential kernel with one lengthscale per input, and Gaussian noise
+(Rasmussen and Williams 2006, chapter 2; paper, 'Learning model-plant mismatch'). With x the standardised input,
+X (N, D) the training inputs, and for each output
+
+    k(x, x')  = s_f^2 exp(-1/2 sum_d (x_d - x'_d)^2 / l_d^2)
+    alpha     = (K + s_n^2 I)^-1 (z - m(X))
+    mean      = m(x) + k(x, X) alpha                                m(x) = b_0 + b . x, zero unless asked for
+    var       = k(x, x) + s_n^2 - |C^-1 k(X, x)|^2                  C C^T = K + s_n^2 I
+    dmean/dx_d = b_d + sum_n alpha_n k(x, X_n) (X_nd - x_d) / l_d^2
+
+A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weights` in place of alpha and its own `whitener` in
+place of C^-1; its X are the inducing inputs.
+
+Inputs are the six components of the command, and where `settings.inputs` says so the groups of
+`plant.mismatch_inputs` behind them. GPy estimates the hyperparameters (`learn.process.train`); nothing here needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.process.subsample import Method, Scale
+from wrenchgap.plant import mismatch_inputs
+from wrenchgap.plant.effects.lag import LagMemory
+from wrenchgap.plant.mismatch import MismatchModel, output_indices
+from wrenchgap.plant.state import State
+
+Array = NDArray[np.float64]
+MeanKind = Literal["zero", "constant", "linear", "physics"]
+Inference = Literal["exact", "sparse"]
+
+JITTER = 1e-8
+"""Added to the noise variance of the standardised output wherever K is factored, as GPy does."""
+
+BLOCK = 2048
+"""Queries evaluated at once: bounds the memory of a long log to some tens of megabytes."""
+
+
+@dataclass(frozen=True)
+class LogSource:
+    """A log that went into a fit: its name and the SHA-256 of its content."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a fitted model comes from. `physics` names the effects whose remainder was learnt, and `warnings` are what
+    `learn` found wrong with it.
+    """  # noqa: D205
+
+    vehicle: str = ""
+    model_hash: str = ""
+    physics: str = "nominal"
+    cutoff_hz: float | None = None
+    logs: tuple[LogSource, ...] = ()
+    version: str = ""
+    date: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a GP is fitted.
+
+    points    training inputs kept (paper: 100 in real flight, 200 in simulation)
+    method    k-medoids library; `pyclustering` is the paper's
+    scale     inputs standardised for the distance between samples, or raw as in the paper
+    mean      "zero" is the paper's and returns to zero off the data; "constant" and "linear" are fitted to all
+              samples by least squares, and do not; "physics" is the model with its effects, on whose remainder the
+              process has mean zero
+    inputs    groups of `plant.mismatch_inputs` besides the commanded wrench
+    inference "exact" on the points kept, or "sparse": all samples, seen through as many inducing points
+    calibrate scale sigma by what it turns out to be on blocks of time that were left out
+    restarts  searches from random hyperparameters besides two fixed ones, deterministic in `seed`
+    """
+
+    points: int = 200
+    method: Method = "fasterpam"
+    scale: Scale = "standardised"
+    mean: MeanKind = "zero"
+    inputs: tuple[str, ...] = ()
+    inference: Inference = "exact"
+    calibrate: bool = True
+    restarts: int = 1
+    seed: int = 0
+    pre_thin: int = 5000
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inputs", mismatch_inputs.checked(self.inputs))
+
+
+@dataclass(frozen=True)
+class _Factors:
+    """What every query needs, per output: inputs over lengthscales, alpha, inverse Cholesky factor."""
+
+    points: Array  # (L, N, D)
+    squares: Array  # (L, 1, N)
+    alpha: Array  # (L, N)
+    whitener: Array  # (L, N, N), C^-1
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianProcess:
+    """L independent GPs over inputs xi (D,), immutable; a `plant.mismatch.MismatchModel` for D = 6.
+
+    With more inputs `follow` makes it one, instant by instant.
+
+    outputs             names out of `flight.flight.AXES`, L of them
+    input_mean          (D,), input_scale (D,): x = (xi - input_mean) / input_scale
+    output_scale        (L,) [N or Nm]: standardised output = output / output_scale
+    mean_coefficients   (L, 1 + D): b_0 and b of m(x), standardised
+    inputs              (N, D) training inputs, standardised
+    residuals           (N, L) training outputs minus m, standardised
+    lengthscales        (L, D), signal_variance (L,), noise_variance (L,), of standardised quantities
+    sigma_training      (L,) 99th percentile of `std` over all samples that were given to the fit [N or Nm]
+    mismatch_max        (L,) largest absolute output among them [N or Nm]
+    sigma_scale         (L,) factor of calibration in `std` (`learn.process.calibration`)
+    weights             (L, N) and `whitener` (L, N, N) of a sparse posterior; empty for an exact one
+    """
+
+    outputs: tuple[str, ...]
+    input_mean: Array
+    input_scale: Array
+    output_scale: Array
+    mean_coefficients: Array
+    inputs: Array
+    residuals: Array
+    lengthscales: Array
+    signal_variance: Array
+    noise_variance: Array
+    sigma_training: Array
+    mismatch_max: Array
+    sigma_scale: Array = field(default_factory=lambda: np.empty(0))
+    weights: Array = field(default_factory=lambda: np.empty((0, 0)))
+    whitener: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
+    settings: FitSettings = field(default_factory=FitSettings)
+    provenance: Provenance = field(default_factory=Provenance)
+    _factors: _Factors = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        output_indices(self.outputs)
+        if np.size(self.sigma_scale) == 0:
+            object.__setattr__(self, "sigma_scale", np.ones(len(self.outputs)))
+        for name, shape in self.array_shapes().items():
+            array = np.array(getattr(self, name), dtype=float)
+            if array.shape != shape:
+                raise FitError(f"GP: {name} has shape {array.shape}, expected {shape}")
+            if not np.isfinite(array).all():
+                raise FitError(f"GP: {name} holds values that are not finite")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        expected = len(AXES) + len(mismatch_inputs.columns(self.settings.inputs))
+        if self.settings.inputs and self.inputs.shape[1] != expected:
+            raise FitError(f"GP: {self.inputs.shape[1]} inputs, expected {expected} of the command and its settings")
+        positive = ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance", "sigma_scale")
+        for name in positive:
+            if (getattr(self, name) <= 0).any():
+                raise FitError(f"GP: {name} must be positive, got {getattr(self, name).min():g}")
+        object.__setattr__(self, "_factors", self._factor())
+
+    def array_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Expected shape of every array, by field name."""
+        (count, dims), outputs = np.shape(self.inputs), len(self.outputs)
+        sparse = (outputs, count) if np.size(self.weights) else (0, 0)
+        return {
+            "input_mean": (dims,),
+            "input_scale": (dims,),
+            "output_scale": (outputs,),
+            "mean_coefficients": (outputs, 1 + dims),
+            "inputs": (count, dims),
+            "residuals": (count, outputs),
+            "lengthscales": (outputs, dims),
+            "signal_variance": (outputs,),
+            "noise_variance": (outputs,),
+            "sigma_training": (outputs,),
+            "mismatch_max": (outputs,),
+            "sigma_scale": (outputs,),
+            "weights": sparse,
+            "whitener": (*sparse, sparse[-1]),
+        }
+
+    @property
+    def sigma_prior(self) -> Array:
+        """`std` infinitely far from the training inputs (L,) [N or Nm]."""
+        spread = np.sqrt(self.signal_variance + self.noise_variance)
+        return np.asarray(self.output_scale * self.sigma_scale * spread)
+
+    @property
+    def needs_state(self) -> bool:
+        """See `plant.mismatch.Follows`."""
+        return bool(self.settings.inputs)
+
+    def follow(self, dt: float) -> Following:
+        """See `plant.mismatch.Follows`."""
+        return Following(self, dt)
+
+    def given(self, extra: Array) -> MismatchModel:
+        """The process as a function of the command alone, its further inputs being `extra` (D - 6,)."""
+        return self if len(self.input_mean) == len(AXES) else _Given(self, extra)
+
+    def mean(self, xi: Array, /) -> Array:
+        """Expected mismatch (M, L) [N or Nm] at commands xi (M, D)."""
+        return _blockwise(self._mean, xi)
+
+    def std(self, xi: Array, /, noise: bool = True) -> Array:
+        """Standard deviation (M, L) [N or Nm]: of a measurement, or without `noise` of the function alone."""
+        return _blockwise(lambda part: self._std(part, noise), xi)
+
+    def jacobian(self, xi: Array, /) -> Array:
+        """Derivative of the mean (M, L, D)."""
+        return _blockwise(lambda part: self.mean_and_jacobian(part)[1], xi)
+
+    def predict(self, xi: Array, /) -> tuple[Array, Array]:
+        """Mean and standard deviation, noise included, (M, L) each."""
+        return self.mean(xi), self.std(xi)
+
+    def mean_and_jacobian(self, xi: Array, /) -> tuple[Array, Array]:
+        """Mean (M, L) and its derivative (M, L, D), sharing one evaluation of the kernel."""
+        x, q, k = self._kernel(xi)
+        weighted = k * self._factors.alpha[:, None, :]
+        total = weighted.sum(axis=2)
+        slope = (weighted @ self._factors.points - total[:, :, None] * q) / self.lengthscales[:, None, :]
+        slope += self.mean_coefficients[:, None, 1:]
+        jacobian = slope.transpose(1, 0, 2) * (self.output_scale[:, None] / self.input_scale)
+        return self._with_mean_function(x, total), jacobian
+
+    def check_vehicle(self, vehicle: str) -> None:
+        """Raise FitError unless this GP was learnt on the named vehicle."""
+        if self.provenance.vehicle != vehicle:
+            raise FitError(
+                f"GP of another vehicle: learnt on {self.provenance.vehicle!r}, the model is {vehicle!r}; "
+                "learn one from this vehicle's logs with `wrenchgap learn`"
+            )
+
+    def _mean(self, xi: Array) -> Array:
+        x, _, k = self._kernel(xi)
+        return self._with_mean_function(x, (k @ self._factors.alpha[:, :, None])[:, :, 0])
+
+    def _with_mean_function(self, x: Array, standardised: Array) -> Array:
+        """`standardised` (L, M) plus m(x), in N and Nm: (M, L)."""
+        mean_function = self.mean_coefficients[:, 0] + x @ self.mean_coefficients[:, 1:].T
+        return np.asarray((mean_function + standardised.T) * self.output_scale)
+
+    def _std(self, xi: Array, noise: bool) -> Array:
+        _, _, k = self._kernel(xi)
+        whitened = self._factors.whitener @ k.transpose(0, 2, 1)  # (L, N, M)
+        explained = np.einsum("lnm,lnm->ml", whitened, whitened)
+        variance = np.maximum(self.signal_variance - explained, 0.0) + (self.noise_variance if noise else 0.0)
+        return np.asarray(np.sqrt(variance) * (self.output_scale * self.sigma_scale))
+
+    def _kernel(self, xi: Array) -> tuple[Array, Array, Array]:
+        """Standardised x (M, D), x over lengthscales (L, M, D), k(x, X) (L, M, N)."""
+        x = (xi - self.input_mean) / self.input_scale
+        q = x / self.lengthscales[:, None, :]
+        distance = -2.0 * (q @ self._factors.points.transpose(0, 2, 1))
+        distance += self._factors.squares
+        distance += (q * q).sum(axis=2, keepdims=True)
+        np.maximum(distance, 0.0, out=distance)
+        return x, q, self.signal_variance[:, None, None] * np.exp(-0.5 * distance)
+
+    def _factor(self) -> _Factors:
+        points = self.inputs / self.lengthscales[:, None, :]
+        squares = (points * points).sum(axis=2)[:, None, :]
+        if self.weights.size:
+            return _Factors(points, squares, self.weights, self.whitener)
+        eye = np.eye(len(self.inputs))
+        alphas, whiteners = [], []
+        for index, scaled in enumerate(points):
+            difference = scaled[:, None, :] - scaled
+            gram = self.signal_variance[index] * np.exp(-0.5 * np.einsum("ijd,ijd->ij", difference, difference))
+            try:
+                factor = np.linalg.cholesky(gram + (self.noise_variance[index] + JITTER) * eye)
+            except np.linalg.LinAlgError:
+                raise FitError(
+                    f"GP: kernel matrix of {self.outputs[index]} is not positive definite; refit with more noise"
+                ) from None
+            whitener = solve_triangular(factor, eye, lower=True)
+            whiteners.append(whitener)
+            alphas.append(whitener.T @ (whitener @ self.residuals[:, index]))
+        return _Factors(points, squares, alpha=np.array(alphas), whitener=np.array(whiteners))
+
+
+class Following:
+    """A process on its way through a flight: knows the inputs that are not the next command."""
+
+    def __init__(self, gp: GaussianProcess, dt: float) -> None:
+        self._gp, self._dt = gp, dt
+        self._names = gp.settings.inputs
+        self._sent: Array | None = None
+        self._memory: LagMemory | None = None
+
+    def here(self, state: State | None, /) -> MismatchModel:
+        """See `plant.mismatch.Follower`."""
+        if not self._names:
+            return self._gp
+        if state is None:
+            raise UsageError(
+                f"this GP has inputs besides the commanded wrench ({', '.join(self._names)}): give the state to "
+                "Compensator.step(wrench_des, state)"
+            )
+        sent = np.zeros(len(AXES)) if self._sent is None else self._sent
+        memory = self._memory if self._sent is not None else None
+        extra, self._memory = mismatch_inputs.extra_inputs(self._names, sent[None], state, self._dt, memory)
+        return self._gp.given(extra[0])
+
+    def sent(self, wrench_cmd: Array, /) -> None:
+        """See `plant.mismatch.Follower`."""
+        if self._sent is None:
+            self._memory = None
+        self._sent = wrench_cmd
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A process whose inputs beyond the command are fixed."""
+
+    gp: GaussianProcess
+    extra: Array
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return self.gp.outputs
+
+    @property
+    def sigma_training(self) -> Array:
+        return self.gp.sigma_training
+
+    @property
+    def sigma_prior(self) -> Array:
+        return self.gp.sigma_prior
+
+    @property
+    def mismatch_max(self) -> Array:
+        return self.gp.mismatch_max
+
+    def _full(self, wrench_cmd: Array) -> Array:
+        return np.hstack((wrench_cmd, np.broadcast_to(self.extra, (len(wrench_cmd), len(self.extra)))))
+
+    def mean(self, wrench_cmd: Array, /) -> Array:
+        return self.gp.mean(self._full(wrench_cmd))
+
+    def std(self, wrench_cmd: Array, /) -> Array:
+        return self.gp.std(self._full(wrench_cmd))
+
+    def jacobian(self, wrench_cmd: Array, /) -> Array:
+        return self.mean_and_jacobian(wrench_cmd)[1]
+
+    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
+        mean, jacobian = self.gp.mean_and_jacobian(self._full(wrench_cmd))
+        return mean, jacobian[:, :, : len(AXES)]
+
+
+def _blockwise(function: Callable[[Array], Array], xi: Array) -> Array:
+    """Apply `function` to at most BLOCK rows at a time."""
+    if len(xi) <= BLOCK:
+        return function(xi)
+    return np.concatenate([function(xi[start : start + BLOCK]) for start in range(0, len(xi), BLOCK)])

@@ -1,0 +1,129 @@
+"""Fitted Gaussian processes on disk: one zip of plain arrays and JSON, no pickle.
+
+    gp.json         format, version, output names, settings, provenance
+    NAME.npy        one per array field of `GaussianProcess`
+
+The same GP always gives the same bytes. `numpy.load` opens the arrays too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import asdict
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import FitError, ModelError, UsageError
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, LogSource, Provenance
+
+Array = NDArray[np.float64]
+
+FORMAT = "wrenchgap Gaussian process"
+VERSION = 2
+READABLE = (1, 2)
+METADATA = "gp.json"
+EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
+    """Write `gp` to `path`, all of it or nothing. Raises UsageError where the file exists and `force` is not given."""
+    path = Path(path)
+    if path.exists() and not force:
+        raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}; choose another folder") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(_bytes(gp))
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def load(path: Path | str) -> GaussianProcess:
+    """Read what `save` wrote. Raises FitError, in one line, on anything else."""
+    path = Path(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            metadata = _metadata(archive, path)
+            arrays = {Path(name).stem: _array(archive, name) for name in archive.namelist() if name.endswith(".npy")}
+    except FileNotFoundError:
+        raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
+    except OSError as error:
+        raise FitError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (zipfile.BadZipFile, EOFError, ValueError, RuntimeError) as error:
+        raise FitError(f"{path}: not a stored GP, or a damaged one ({_line(error)}); learn it again") from None
+    try:
+        return GaussianProcess(
+            outputs=tuple(metadata["outputs"]),
+            settings=_settings(metadata["settings"]),
+            provenance=_provenance(metadata["provenance"]),
+            **arrays,
+        )
+    except (FitError, ModelError, UsageError) as error:
+        raise FitError(f"{path}: {error}; the file is damaged, learn it again") from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise FitError(f"{path}: a stored GP with missing or unknown parts ({_line(error)}); learn it again") from None
+
+
+def _bytes(gp: GaussianProcess) -> bytes:
+    metadata = {
+        "format": FORMAT,
+        "format_version": VERSION,
+        "outputs": list(gp.outputs),
+        "settings": asdict(gp.settings),
+        "provenance": asdict(gp.provenance),
+    }
+    parts = {METADATA: json.dumps(metadata, indent=1, sort_keys=True).encode()}
+    for name in gp.array_shapes():
+        buffer = BytesIO()
+        np.save(buffer, getattr(gp, name).astype("<f8"), allow_pickle=False)
+        parts[f"{name}.npy"] = buffer.getvalue()
+    whole = BytesIO()
+    with zipfile.ZipFile(whole, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(zipfile.ZipInfo(name, EPOCH), content)
+    return whole.getvalue()
+
+
+def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
+    if METADATA not in archive.namelist():
+        raise FitError(f"{path}: a zip without {METADATA}, so not a stored GP; give a file made by `wrenchgap learn`")
+    metadata = json.loads(archive.read(METADATA))
+    if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
+        raise FitError(f"{path}: not a stored GP; give a file made by `wrenchgap learn`")
+    if metadata.get("format_version") not in READABLE:
+        raise FitError(
+            f"{path}: stored GP of format version {metadata.get('format_version')}, this program reads "
+            f"{' and '.join(map(str, READABLE))}; learn it again"
+        )
+    return metadata
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> Array:
+    return np.asarray(np.load(BytesIO(archive.read(name)), allow_pickle=False), dtype=float)
+
+
+def _provenance(entries: dict[str, Any]) -> Provenance:
+    logs = tuple(LogSource(**log) for log in entries["logs"])
+    return Provenance(**{**entries, "logs": logs, "warnings": tuple(entries.get("warnings", ()))})
+
+
+def _settings(entries: dict[str, Any]) -> FitSettings:
+    return FitSettings(**{**entries, "inputs": tuple(entries.get("inputs", ()))})
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

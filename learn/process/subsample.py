@@ -1,0 +1,126 @@
+"""Representative samples of a long log: k-medoids on a thinned set.
+
+The medoids M minimise sum_i min_{m in M} |x_i - x_m|^2 (squared Euclidean distance between inputs, as in the paper).
+The distance matrix grows with the square of the number of samples, so the log is thinned first; memory is then
+bounded, however long the log.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import FitError, UsageError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+Method = Literal["fasterpam", "pyclustering"]
+Scale = Literal["standardised", "raw"]
+
+PYCLUSTERING_MAX = 400
+"""pyclustering's time grows with the cube of this: 100 medoids of 250 samples take 1.5 s, of 400 4 s, and fifty times
+as long where its compiled library does not load."""
+
+
+def subsample(
+    inputs: Array,
+    count: int,
+    *,
+    method: Method = "fasterpam",
+    seed: int = 0,
+    pre_thin: int = 5000,
+    scale: Scale = "standardised",
+) -> Indices:
+    """Indices, increasing, of `count` representative rows of `inputs` (N, D); all rows where N <= count.
+
+    `scale="standardised"` divides each column by its standard deviation first; `"raw"` is the paper's variant, in
+    which a force of tens of newtons outweighs a torque of half a newton metre. `method="pyclustering"` is the paper's
+    library; it sees at most `PYCLUSTERING_MAX` samples (or `count`, if larger), and its last swap makes its result a
+    little worse instead of better, which is left as it is.
+    """
+    _check(inputs, count, method, scale)
+    if len(inputs) <= count:
+        return np.arange(len(inputs))
+    limit = pre_thin if method == "fasterpam" else min(pre_thin, PYCLUSTERING_MAX)
+    kept = thin(len(inputs), max(limit, count), seed)
+    points = inputs[kept] if scale == "raw" else standardised(inputs[kept])
+    distance = squared_distances(points)
+    medoids = _fasterpam(distance, count, seed) if method == "fasterpam" else _pyclustering(distance, count, seed)
+    return np.sort(kept[medoids])
+
+
+def thin(length: int, count: int, seed: int) -> Indices:
+    """At most `count` indices of 0 ... length-1: one drawn from each of `count` equal stretches.
+
+    Drawn, not evenly spaced, so that a periodic trajectory cannot alias with the spacing.
+    """
+    if length <= count:
+        return np.arange(length)
+    edges = -(-np.arange(count + 1) * length // count)
+    return np.random.default_rng(seed).integers(edges[:-1], edges[1:])
+
+
+def standardised(points: Array) -> Array:
+    """Columns centred and divided by their standard deviation; constant columns become zero."""
+    spread = points.std(axis=0)
+    return np.asarray((points - points.mean(axis=0)) / np.where(spread > 0, spread, 1.0))
+
+
+def squared_distances(points: Array) -> NDArray[np.float32]:
+    """Squared Euclidean distances (N, N) of the rows, in single precision (100 MB at N = 5,000)."""
+    centred = (points - points.mean(axis=0)).astype(np.float32)
+    squares = np.einsum("nd,nd->n", centred, centred)
+    distance: NDArray[np.float32] = centred @ centred.T
+    distance *= -2
+    distance += squares
+    distance += squares[:, None]
+    np.maximum(distance, 0, out=distance)
+    np.fill_diagonal(distance, 0)
+    return distance
+
+
+def _check(inputs: Array, count: int, method: str, scale: str) -> None:
+    if inputs.ndim != 2 or len(inputs) == 0:
+        raise FitError(f"subsample: inputs have shape {inputs.shape}, expected (N, D) with N > 0")
+    if not np.isfinite(inputs).all():
+        raise FitError(f"subsample: {int((~np.isfinite(inputs)).any(axis=1).sum())} inputs are not finite; drop them")
+    if count < 1:
+        raise UsageError(f"subsample: got {count} points, expected at least 1")
+    for name, value, known in (("method", method, get_args(Method)), ("scale", scale, get_args(Scale))):
+        if value not in known:
+            raise UsageError(f"subsample: unknown {name} {value!r}; available: {', '.join(known)}")
+
+
+def _fasterpam(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
+    """FasterPAM (Schubert and Rousseeuw 2021); one thread and a seed, so that it repeats."""
+    import kmedoids
+
+    result = kmedoids.fasterpam(distance, count, random_state=seed, n_cpu=1)
+    return np.asarray(result.medoids, dtype=np.intp)
+
+
+def _pyclustering(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
+    from pyclustering.cluster.kmedoids import kmedoids
+
+    start = _spread_out(distance, count, seed).tolist()
+    run = kmedoids(distance.astype(float), start, data_type="distance_matrix")
+    return np.asarray(run.process().get_medoids(), dtype=np.intp)
+
+
+def _spread_out(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
+    """Initial medoids by D^2 sampling (Arthur and Vassilvitskii 2007): far from each other, distinct."""
+    rng = np.random.default_rng(seed)
+    chosen = [int(rng.integers(len(distance)))]
+    nearest = distance[chosen[0]].astype(float)
+    free = np.ones(len(distance), dtype=bool)
+    free[chosen[0]] = False
+    while len(chosen) < count:
+        weight = np.where(free, nearest, 0.0)
+        weight = weight if weight.sum() > 0 else free.astype(float)
+        chosen.append(int(rng.choice(len(distance), p=weight / weight.sum())))
+        free[chosen[-1]] = False
+        np.minimum(nearest, distance[chosen[-1]], out=nearest)
+    return np.array(chosen, dtype=np.intp)

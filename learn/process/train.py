@@ -1,0 +1,291 @@
+"""Fit mismatch models to samples of commands and mismatches: Gaussian processes with GPy, and straight lines.
+
+Hyperparameters maximise the marginal likelihood (ML-II) by L-BFGS from a sensible start and from random ones. They
+are bounded, in units of the standardised data, so that no start ends in a degenerate corner: lengthscales short
+enough that the GP notices when it leaves its data, and a noise that keeps the kernel matrix well conditioned.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.process import calibration, sparse
+from wrenchgap.learn.process.calibration import Mask
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance
+from wrenchgap.learn.process.sparse import Kernel
+from wrenchgap.learn.process.subsample import Indices, subsample, thin
+from wrenchgap.plant.mismatch import LinearMismatch, output_indices
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+"""Called with the fraction done (0 to 1) and what is being done."""
+
+LENGTHSCALE = (0.3, 20.0)
+SIGNAL_VARIANCE = (1e-3, 1e2)
+NOISE_VARIANCE = (1e-5, 2.0)
+"""Bounds of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
+
+TIE = 7.0
+"""Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
+degrees of freedom, six lengthscales and a variance). Then the larger noise is believed: in six dimensions white noise
+is explained as well by a function with lengthscales shorter than the distance between samples, which predicts nothing.
+"""
+
+
+BOUNDS = {"lengthscale": LENGTHSCALE, "signal": SIGNAL_VARIANCE, "noise": NOISE_VARIANCE}
+
+
+def fit(
+    inputs: Array,
+    outputs: Array,
+    names: tuple[str, ...],
+    settings: FitSettings | None = None,
+    *,
+    provenance: Provenance | None = None,
+    progress: Progress | None = None,
+) -> GaussianProcess:
+    """GP of `outputs` (M, L) [N or Nm] named `names` over commands `inputs` (M, D), consecutive samples.
+
+    D is six, and the columns of `settings.inputs` behind. All M samples set the scales, the mean function,
+    `sigma_training` and the calibration; `settings.points` of them are kept as training or inducing inputs. Raises
+    FitError where the data cannot carry a fit.
+    """
+    gp, errors = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
+    if errors is None:
+        return gp
+    gp = replace(gp, sigma_scale=calibration.sigma_scale(*errors))
+    return replace(gp, sigma_training=np.percentile(gp.std(_seen(inputs, gp.settings)[1]), 99, axis=0))
+
+
+def left_out_errors(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> Array | None:
+    """Errors (K, L) of samples, each predicted from the blocks of time that it is not in; None where they are few.
+
+    Hyperparameters are those of all samples; otherwise as `fit`.
+    """
+    _, errors = _fit(inputs, outputs, names, replace(settings, calibrate=True), None, None)
+    return None if errors is None else errors[0]
+
+
+def _seen(inputs: Array, settings: FitSettings) -> tuple[Indices, Array]:
+    """Samples, by index and themselves, that a sparse process and the calibration look at."""
+    index = thin(len(inputs), settings.pre_thin, settings.seed)
+    return index, inputs[index]
+
+
+def _fit(
+    inputs: Array,
+    outputs: Array,
+    names: tuple[str, ...],
+    settings: FitSettings,
+    provenance: Provenance | None,
+    progress: Progress | None,
+) -> tuple[GaussianProcess, tuple[Array, Array] | None]:
+    """The process, not calibrated, and errors and standard deviations (K, L) of samples that were left out in turn."""
+    _check(inputs, outputs, names, settings)
+    report = progress or (lambda fraction, message: None)
+    input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
+    x = (inputs - input_mean) / input_scale
+    coefficients, output_scale = _mean_function(x, outputs, settings.mean)
+    residuals = outputs / output_scale - _affine(x, coefficients)
+
+    report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
+    kept = subsample(
+        inputs,
+        settings.points,
+        method=settings.method,
+        seed=settings.seed,
+        pre_thin=settings.pre_thin,
+        scale=settings.scale,
+    )
+    seen, _ = _seen(inputs, settings)
+    posterior = _Posterior(x, residuals, kept, seen, settings)
+    for index, name in enumerate(names):
+        report((1 + index) / (1 + len(names)), f"fitting {name}")
+        posterior.fit(index)
+    gp = GaussianProcess(
+        outputs=tuple(names),
+        input_mean=input_mean,
+        input_scale=input_scale,
+        output_scale=output_scale,
+        mean_coefficients=coefficients,
+        lengthscales=np.array([one.lengthscales for one in posterior.kernels]),
+        signal_variance=np.array([one.signal_variance for one in posterior.kernels]),
+        noise_variance=np.array([one.noise_variance for one in posterior.kernels]),
+        sigma_training=np.zeros(len(names)),
+        mismatch_max=np.abs(outputs).max(axis=0),
+        settings=settings,
+        provenance=provenance or Provenance(),
+        **posterior.content(np.ones(len(inputs), dtype=bool)),
+    )
+    gp = replace(gp, sigma_training=np.percentile(gp.std(inputs[seen]), 99, axis=0))
+    errors = None
+    if settings.calibrate and len(seen) >= calibration.FEWEST:
+        report(1.0, "calibrating sigma")
+        mean, std = calibration.left_out(len(inputs), seen, partial(posterior.predict, gp, inputs))
+        errors = outputs[seen] - mean, std
+    report(1.0, "done")
+    return gp, errors
+
+
+class _Posterior:
+    """Kernels of all outputs, and what they say given all samples or some of them.
+
+    x (M, D) and residuals (M, L) standardised; `kept` and `seen` are indices: points, and the samples that a sparse
+    process and the calibration look at.
+    """
+
+    def __init__(self, x: Array, residuals: Array, kept: Indices, seen: Indices, settings: FitSettings) -> None:
+        self.x, self.residuals, self.kept, self.seen, self.settings = x, residuals, kept, seen, settings
+        self.kernels: list[Kernel] = []
+
+    def fit(self, index: int) -> None:
+        """The kernel of one output after the other."""
+        x, z = self.x, self.residuals[:, index]
+        kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
+        if self.settings.inference == "sparse":
+            with _quiet_gpy() as gpy:
+                kernel = sparse.maximise(gpy, x[self.seen], z[self.seen], x[self.kept], kernel, BOUNDS)
+        self.kernels.append(kernel)
+
+    def content(self, usable: Mask) -> dict[str, Any]:
+        """Fields of the process, given the samples that are `usable` (M,)."""
+        points = self.kept if self.settings.inference == "sparse" else self.kept[usable[self.kept]]
+        found: dict[str, Any] = {"inputs": self.x[points], "residuals": self.residuals[points]}
+        if self.settings.inference == "sparse":
+            rows = self.seen[usable[self.seen]]
+            parts = [
+                sparse.posterior(kernel, self.x[rows], self.residuals[rows, index], self.x[points])
+                for index, kernel in enumerate(self.kernels)
+            ]
+            found["weights"], found["whitener"] = (np.array(part) for part in zip(*parts, strict=True))
+        return found
+
+    def predict(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array, Array]:
+        """See `calibration.Predict`."""
+        return replace(gp, **self.content(usable)).predict(inputs[asked])
+
+
+def fit_linear(inputs: Array, outputs: Array, names: tuple[str, ...], *, slope: bool = True) -> LinearMismatch:
+    """Straight line g(W) = offset + gain W by least squares; without `slope`, the constant offset."""
+    _check(inputs, outputs, names, FitSettings())
+    mean, spread = inputs.mean(axis=0), _spread(inputs)
+    x = (inputs - mean) / spread
+    coefficients, scale = _mean_function(x, outputs, "linear" if slope else "constant")
+    gain = coefficients[:, 1:] * scale[:, None] / spread
+    residual = outputs - _affine(x, coefficients) * scale
+    return LinearMismatch(
+        outputs=tuple(names),
+        offset=coefficients[:, 0] * scale - gain @ mean,
+        gain=gain,
+        sigma=residual.std(axis=0),
+    )
+
+
+def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> None:
+    output_indices(tuple(names))
+    if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
+        raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
+    for what, value, known in (
+        ("mean", settings.mean, get_args(MeanKind)),
+        ("inference", settings.inference, get_args(Inference)),
+    ):
+        if value not in known:
+            raise UsageError(f"fit: unknown {what} {value!r}; available: {', '.join(known)}")
+    if settings.points < 2 or settings.restarts < 0:
+        raise UsageError(f"fit: got {settings.points} points, {settings.restarts} restarts; expected >= 2 and >= 0")
+    if len(inputs) < 2 * inputs.shape[1]:
+        raise FitError(f"fit: {len(inputs)} samples, expected at least {2 * inputs.shape[1]}; use a longer log")
+    for what, array in (("inputs", inputs), ("outputs", outputs)):
+        if not np.isfinite(array).all():
+            bad = int((~np.isfinite(array)).any(axis=1).sum())
+            raise FitError(f"fit: {bad} of {len(array)} {what} are not finite; drop them")
+    if not (np.ptp(inputs, axis=0) > 0).any():
+        raise FitError("fit: the command never changes, so nothing can be learnt from it; excite the vehicle")
+
+
+def _spread(inputs: Array) -> Array:
+    """Standard deviation of each column, one where a column is constant."""
+    spread = inputs.std(axis=0)
+    return np.where(spread > 1e-12 * (1 + np.abs(inputs).max(axis=0)), spread, 1.0)
+
+
+def _mean_function(x: Array, outputs: Array, kind: MeanKind) -> tuple[Array, Array]:
+    """Standardised coefficients (L, 1 + D) of m(x), and the rms (L,) of what m leaves."""
+    coefficients = np.zeros((outputs.shape[1], 1 + x.shape[1]))
+    if kind == "constant":
+        coefficients[:, 0] = outputs.mean(axis=0)
+    if kind == "linear":
+        regressors = np.column_stack([np.ones(len(x)), x])
+        coefficients = np.linalg.lstsq(regressors, outputs, rcond=None)[0].T
+    rms = np.sqrt(np.mean((outputs - _affine(x, coefficients)) ** 2, axis=0))
+    scale = np.maximum(rms, 1e-6 * np.abs(outputs).max(axis=0) + 1e-12)
+    return coefficients / scale[:, None], scale
+
+
+def _affine(x: Array, coefficients: Array) -> Array:
+    return np.asarray(coefficients[:, 0] + x @ coefficients[:, 1:].T)
+
+
+def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -> Kernel:
+    """Best of the searches from two fixed and `restarts` random starts, for standardised data x (N, D), z (N,).
+
+    The fixed starts believe in a smooth function with little noise, and in noise with little function.
+    """
+    rng = np.random.default_rng([settings.seed, index])
+    starts = [(np.full(x.shape[1], 2.0), 1.0, 0.05), (np.full(x.shape[1], 5.0), 0.1, 0.9)]
+    for _ in range(settings.restarts):
+        lengthscales = np.exp(rng.uniform(np.log(0.5), np.log(8.0), x.shape[1]))
+        starts.append((lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
+    with _quiet_gpy() as gpy:
+        found = [_search(gpy, x, z, *start) for start in starts]
+    usable = [one for one in found if np.isfinite(one[0])]
+    if not usable:
+        raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
+    best = max(likelihood for likelihood, _ in usable)
+    equal = [kernel for likelihood, kernel in usable if likelihood > best - TIE]
+    return max(equal, key=lambda kernel: kernel.noise_variance)
+
+
+def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, noise: float) -> tuple[float, Kernel]:
+    """One L-BFGS search of GPy: log likelihood, -inf where it failed, and kernel."""
+    kernel = gpy.kern.RBF(x.shape[1], variance=signal, lengthscale=lengthscales, ARD=True)
+    model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=noise)
+    kernel.lengthscale.constrain_bounded(*LENGTHSCALE, warning=False)
+    kernel.variance.constrain_bounded(*SIGNAL_VARIANCE, warning=False)
+    model.Gaussian_noise.variance.constrain_bounded(*NOISE_VARIANCE, warning=False)
+    try:
+        model.optimize("lbfgsb", max_iters=500)
+        likelihood = float(model.log_likelihood())
+    except (np.linalg.LinAlgError, FloatingPointError):
+        likelihood = -np.inf
+    noise = float(model.Gaussian_noise.variance[0])
+    return likelihood, Kernel(np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), noise)
+
+
+@contextmanager
+def _quiet_gpy() -> Iterator[Any]:
+    """GPy, imported late (it takes seconds), with one BLAS thread (thirty times faster) and without its chatter."""
+    loggers = [logging.getLogger(name) for name in ("GP", "GPy", "paramz", "root")]
+    levels = [logger.level for logger in loggers]
+    with warnings.catch_warnings(), np.errstate(all="ignore"), threadpool_limits(1):
+        warnings.simplefilter("ignore")
+        for logger in loggers:
+            logger.setLevel(logging.ERROR)
+        try:
+            import GPy
+
+            yield GPy
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

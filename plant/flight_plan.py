@@ -1,0 +1,146 @@
+"""Flights made to order: what the controller believes, what is hidden from it, where it flies."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.identify.add import with_hidden
+from wrenchgap.plant.controller import pushes_along_z_only
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import content_hash, tool_version
+from wrenchgap.plant.simulate import physics_rate, simulate
+from wrenchgap.plant.trajectory import TRAJECTORIES, Trajectory, named
+from wrenchgap.plant.trajectory_file import TrajectoryFile, load
+
+LONGEST = 3600.0
+"""Longest flight [s]."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to fly. `trajectory` is a name or a file of `wrenchgap design`; `integral` None: as in the model file;
+    `hidden` are texts like `com_offset=x:0.004`.
+    """  # noqa: D205
+
+    believed: Model
+    trajectory: str
+    duration: float | None = None
+    excitation: float = 0.0
+    seed: int = 0
+    integral: bool | None = None
+    hidden: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A plan that has been checked."""
+
+    truth: Model
+    believed: Model
+    trajectory: Trajectory
+    physics_rate: float
+
+
+def prepare(plan: Plan) -> Ready:
+    """Resolve names and values; raises UsageError or ModelError, each with what is available."""
+    if not (math.isfinite(plan.excitation) and plan.excitation >= 0):
+        raise UsageError(f"--excitation {plan.excitation:g}: expected a number that is not negative; 1 is usual")
+    if plan.seed < 0:
+        raise UsageError(f"--seed {plan.seed}: expected a whole number that is not negative")
+    if plan.duration is not None and plan.duration > LONGEST:
+        raise UsageError(f"--duration {plan.duration:g}: expected at most {LONGEST:g} s")
+    file = trajectory_file(plan)
+    trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed) if file is None else file.trajectory
+    believed = plan.believed
+    if plan.integral is not None:
+        size = (believed.controller.integral or 0.3) if plan.integral else 0.0
+        believed = replace(believed, controller=replace(believed.controller, integral=size))
+    truth = with_hidden(plan.believed, plan.hidden)
+    return Ready(truth, believed, trajectory, physics_rate(believed))
+
+
+def trajectory_file(plan: Plan) -> TrajectoryFile | None:
+    """The file that the plan's trajectory names, None for a name; UsageError where it cannot be flown so."""
+    text = plan.trajectory
+    if text in TRAJECTORIES or not (text.endswith(".toml") or os.sep in text):
+        return None
+    file = load(Path(text))
+    if plan.duration is not None or plan.excitation:
+        option = "--duration" if plan.duration is not None else "--excitation"
+        raise UsageError(f"{option}: {file_name(text)} says itself how long and how to fly; leave {option} out")
+    if pushes_along_z_only(plan.believed.vehicle) and not file.trajectory.follows_thrust:
+        raise UsageError(
+            f"{file_name(text)}: asks for an attitude of its own, but {plan.believed.vehicle.name} can only push along "
+            "its z axis; design a flight for it with `wrenchgap design`"
+        )
+    return file
+
+
+def file_name(text: str) -> str:
+    """The last part of a path."""
+    return Path(text).name
+
+
+def fly(plan: Plan, *, name: str = "simulation", progress: Callable[[float], None] | None = None) -> Flight:
+    """The flight of a plan; the same plan gives the same flight."""
+    ready = prepare(plan)
+    return simulate(
+        ready.truth,
+        ready.believed,
+        ready.trajectory,
+        rng=np.random.default_rng(plan.seed),
+        physics_rate=ready.physics_rate,
+        progress=progress,
+        name=name,
+    )
+
+
+def provenance(plan: Plan) -> dict[str, str]:
+    """Where a log comes from, without a hint of what is hidden."""
+    file = trajectory_file(plan)
+    return {
+        "made_by": f"wrenchgap {tool_version()} simulate",
+        "model": plan.believed.name,
+        "model_sha256": content_hash(plan.believed),
+        "trajectory": plan.trajectory,
+        **({} if file is None else {"trajectory_sha256": file.sha256}),
+        "duration": "default" if plan.duration is None else f"{plan.duration:g}",
+        "excitation": f"{plan.excitation:g}",
+        "seed": str(plan.seed),
+        "integral": "as in the model" if plan.integral is None else "on" if plan.integral else "off",
+    }
+
+
+def summary(flown: Flight) -> dict[str, Any]:
+    """How the flight went."""
+    assert flown.odometry is not None
+    assert flown.reference is not None
+    odometry, reference = flown.odometry, flown.reference
+    want = np.stack([np.interp(odometry.time, reference.time, p) for p in reference.position_E.T], axis=1)
+    quat_ED = so3.interpolate(odometry.time, reference.time, reference.quat_ED)
+    error = so3.log(so3.multiply(so3.conjugate(quat_ED), odometry.quat_EB))
+    return {
+        "duration_s": float(odometry.time[-1]),
+        "tilt_max_deg": float(np.degrees(so3.tilt_angle(odometry.quat_EB).max())),
+        "position_error_rms_m": float(np.sqrt(np.mean(np.sum((odometry.position_E - want) ** 2, axis=1)))),
+        "attitude_error_rms_deg": float(np.degrees(np.sqrt(np.mean(np.sum(error**2, axis=1))))),
+    }
+
+
+def words(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    """`summary` for a table."""
+    return [
+        ("largest tilt", f"{facts['tilt_max_deg']:.1f} deg"),
+        ("position error", f"{1e3 * facts['position_error_rms_m']:.1f} mm rms"),
+        ("attitude error", f"{facts['attitude_error_rms_deg']:.2f} deg rms"),
+    ]

@@ -1,0 +1,185 @@
+"""The command line: finds the commands, runs one, and turns what goes wrong into one line.
+
+Exit codes: 0 done; 2 the input or its use is wrong (one line on standard error says what and what to do); 1 a fault of
+wrenchgap itself (the traceback goes to a file); 130 interrupted.
+
+Modules are imported when a command needs them, so that `wrenchgap --help` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import pkgutil
+import sys
+import tempfile
+import traceback
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from wrenchgap.replay.cli import commands
+
+NAME = "wrenchgap"
+ORDER = (
+    "inspect",
+    "compare",
+    "where",
+    "explain",
+    "add",
+    "remove",
+    "history",
+    "learn",
+    "report",
+    "replay",
+    "counterfactual",
+    "design",
+    "simulate",
+    "view",
+    "demo",
+)
+"""Order in the help; commands that are not listed come last."""
+
+
+class Commands(TyperGroup):
+    """The group of all commands, with one policy for errors."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order in which a user meets them."""
+        names = super().list_commands(ctx)
+        return sorted(names, key=lambda n: (ORDER.index(n) if n in ORDER else len(ORDER), n))
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run, and leave with the exit code."""
+        kwargs["standalone_mode"] = False
+        try:
+            code = super().main(*args, **kwargs)
+        except BaseException as error:
+            code = report(error)
+        sys.exit(code if isinstance(code, int) else 0)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; an interrupt is told before it becomes an exit code."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            say("interrupted; nothing was left half-written")
+            raise typer.Exit(130) from None
+
+
+def say(message: str) -> None:
+    """One line on standard error."""
+    sys.stderr.write(f"{NAME}: {' '.join(message.split())}\n")
+    sys.stderr.flush()
+
+
+def report(error: BaseException) -> int:
+    """Say in one line what went wrong, and return the exit code."""
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else 1
+    if isinstance(error, (typer.Abort, KeyboardInterrupt)):
+        say("interrupted")
+        return 130
+    if isinstance(error, BrokenPipeError):  # the reader of our output, e.g. `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    if hasattr(error, "format_message"):  # wrong use of the command line
+        return _usage(error)
+    if "wrenchgap.flight.errors" in sys.modules and isinstance(
+        error, sys.modules["wrenchgap.flight.errors"].WrenchgapError
+    ):
+        say(str(error))
+        return 2
+    if "wrenchgap.plant.own_effects" in sys.modules and (
+        said := sys.modules["wrenchgap.plant.own_effects"].blame(error)
+    ):
+        say(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
+        return 2
+    if isinstance(error, OSError) and error.filename is not None:
+        say(f"{error.filename}: {error.strerror or error}")
+        return 2
+    if isinstance(error, OSError) and error.errno is not None:
+        say(f"a file could not be written or read: {error.strerror}; see the free space and the limits")
+        return 2
+    if isinstance(error, MemoryError):
+        say("out of memory; use fewer or shorter logs")
+        return 1
+    return _fault(error)
+
+
+def _usage(error: Any) -> int:
+    ctx = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":
+        sys.stdout.write(f"{error.format_message()}\n" if ctx is None else ctx.get_help() + "\n")
+        return 2
+    where = NAME if ctx is None else ctx.command_path
+    say(f"{error.format_message().rstrip('.')}; see `{where} --help`")
+    return 2
+
+
+def _fault(error: BaseException) -> int:
+    text = "".join(traceback.format_exception(error))
+    if os.environ.get("WRENCHGAP_DEBUG"):
+        sys.stderr.write(text)
+        return 1
+    with tempfile.NamedTemporaryFile("w", prefix=f"{NAME}-", suffix=".txt", delete=False, encoding="utf-8") as file:
+        file.write(f"{' '.join(sys.argv)}\n{text}")
+    said = str(error).splitlines() or [""]
+    say(
+        f"internal error: {type(error).__name__}: {said[0]} - please report it with {file.name} "
+        "(WRENCHGAP_DEBUG=1 shows the traceback here)"
+    )
+    return 1
+
+
+app = typer.Typer(
+    name=NAME,
+    cls=Commands,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"{NAME} {version(NAME)}")
+        raise typer.Exit()
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Find the physical effect that a vehicle's model is missing, from its flight logs.
+
+    Start with `wrenchgap inspect LOG`, or with `wrenchgap demo`.
+    """
+
+
+def _unwrapped(text: str) -> str:
+    """A docstring with each paragraph on one line, so that the help wraps it to the terminal."""
+    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
+
+
+for _module in sorted(pkgutil.iter_modules(commands.__path__), key=lambda m: m.name):
+    importlib.import_module(f"{commands.__name__}.{_module.name}").register(app)
+for _command in app.registered_commands:
+    if _command.help is None and _command.callback is not None:
+        _command.help = _unwrapped(_command.callback.__doc__ or "")
+
+
+def main() -> None:
+    """Entry point of the `wrenchgap` command."""
+    app(prog_name=NAME)
+
+
+if __name__ == "__main__":
+    main()

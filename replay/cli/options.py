@@ -1,0 +1,269 @@
+"""Options that several commands share, their completion, and the parsing of their values."""
+
+from __future__ import annotations
+
+import ast
+import math
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+ROLES = (
+    *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "odometry", "pose", "twist"),
+    *("reference", "reference_pose", "reference_twist", "reference_acceleration", "battery"),
+)
+"""What a topic can be mapped to: roles and their parts (`flight.roles`)."""
+
+_ROOT = Path(__file__).parents[2]
+
+
+def complete_models(incomplete: str) -> list[str]:
+    """Shipped models by name, and model files in the folder that is being typed."""
+    shipped = {p.stem for p in (_ROOT / "models").glob("*.toml")}
+    folder = Path(incomplete).parent if "/" in incomplete else Path()
+    files = {str(p) for p in folder.glob("*.toml")} if folder.is_dir() else set()
+    return sorted(name for name in shipped | files if name.startswith(incomplete))
+
+
+def complete_effects(incomplete: str) -> list[tuple[str, str]]:
+    """Effects of the catalogue, with the first line of what they are.
+
+    Read from the sources, not imported: a tab must answer at once.
+    """
+    found = []
+    for path in sorted((_ROOT / "plant" / "effects").glob("*.py")):
+        for item in ast.parse(path.read_text(encoding="utf-8")).body:
+            name = _class_name(item)
+            if name.startswith(incomplete) and name and isinstance(item, ast.ClassDef):
+                found.append((name, (ast.get_docstring(item) or "").split("\n")[0]))
+    return found + [(p.name, "") for p in entry_points(group="wrenchgap.effects") if p.name.startswith(incomplete)]
+
+
+def _class_name(item: ast.stmt) -> str:
+    """The text that a class gives to its attribute `name`, or nothing."""
+    for line in item.body if isinstance(item, ast.ClassDef) else ():
+        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
+            target = line.targets[0]
+            if isinstance(target, ast.Name) and target.id == "name":
+                return str(line.value.value)
+    return ""
+
+
+def complete_trajectories(incomplete: str) -> list[str]:
+    """Trajectories by name, read from the source likewise; and files, where a path is being typed."""
+    if "/" in incomplete or incomplete.endswith(".toml"):
+        return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
+    source = ast.parse((_ROOT / "plant" / "trajectory.py").read_text(encoding="utf-8"))
+    for item in source.body:
+        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name) and item.target.id == "TRAJECTORIES":
+            keys = item.value.keys if isinstance(item.value, ast.Dict) else []
+            names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
+            return [name for name in names if name.startswith(incomplete)]
+    return []
+
+
+def complete_topics(incomplete: str) -> list[str]:
+    """Roles and their parts, each with its equals sign."""
+    return [f"{name}=" for name in ROLES if name.startswith(incomplete)]
+
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG...", help="Logs: .mcap, .bag, or ROS 2 bag folders.", show_default=False),
+]
+ModelOption = Annotated[
+    str,
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="MODEL",
+        help="Model file (.toml), or the name of a shipped model.",
+        autocompletion=complete_models,
+        show_default=False,
+    ),
+]
+Topics = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--topic",
+        metavar="ROLE=/TOPIC",
+        help="Say which topic plays a role, e.g. imu=/my/imu or tilt=/servo[0:6]; repeat for more.",
+        autocompletion=complete_topics,
+    ),
+]
+Cutoff = Annotated[
+    float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
+]
+Between = Annotated[
+    str | None,
+    typer.Option(
+        "--between",
+        metavar="T0:T1",
+        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40.",
+    ),
+]
+Shift = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--shift",
+        metavar="ROLE=SECONDS",
+        help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for more.",
+    ),
+]
+Lead = Annotated[
+    float | None,
+    typer.Option(
+        "--lead",
+        metavar="S",
+        help="With physics as the GP's mean: lead lags, so that a command is reached in S seconds.",
+    ),
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Write the result as JSON as well (docs/json.md).", dir_okay=False),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Effects = Annotated[
+    list[str],
+    typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects, show_default=False),
+]
+ModelOut = Annotated[
+    Path, typer.Option("--output", "-o", metavar="MODEL2", help="Model file to write.", show_default=False)
+]
+
+
+def _load_own_effects(paths: list[Path] | None) -> list[Path] | None:
+    """Put the user's own effects into the catalogue for this run, before any name is looked up."""
+    if paths or "wrenchgap.plant.own_effects" in sys.modules:
+        from wrenchgap.plant import own_effects
+
+        own_effects.use(paths or ())
+    return paths
+
+
+OwnEffects = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects",
+        metavar="FILE.py",
+        help="A file with an effect of your own (docs/effects/your-own.md); repeat for more.",
+        callback=_load_own_effects,
+        is_eager=True,
+    ),
+]
+
+
+def many(*options: str) -> type[TyperCommand]:
+    """A command in which these options take all values up to the next option: `--from a.mcap b.mcap`."""
+
+    class Many(TyperCommand):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            return super().parse_args(ctx, list(_repeated(args, options)))
+
+    return Many
+
+
+def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
+    """`--from a b -m c` as `--from a --from b -m c`."""
+    current = ""
+    fresh = False
+    for arg in args:
+        if arg.startswith("-") and len(arg) > 1:
+            current, fresh = (arg if arg in options else ""), True
+            yield arg
+        elif current and not fresh:
+            yield from (current, arg)
+        else:
+            fresh = False
+            yield arg
+
+
+def command_line(ctx: typer.Context, *without: str) -> str:
+    """The command that is running, as a user would type it; without options that do not change its result."""
+    silent = {"json", "force", "quiet", *without}
+    return shlex.join(["wrenchgap", ctx.info_name or "", *_words(ctx, lambda name: name not in silent)])
+
+
+def common_options(ctx: typer.Context) -> str:
+    """Options of the running command that others need as well to read the same flights, with a space before them."""
+    words = shlex.join(_words(ctx, lambda name: name in ("topic", "shift", "cutoff", "between", "own")))
+    return f" {words}" if words else ""
+
+
+def _words(ctx: typer.Context, wanted: Callable[[str], bool]) -> list[str]:
+    words: list[str] = []
+    for parameter in sorted(ctx.command.params, key=lambda p: p.param_type_name != "argument"):
+        value = ctx.params.get(parameter.name or "")
+        if not wanted(parameter.name or "") or value is None or value == parameter.default:
+            continue
+        listed = value if isinstance(value, list | tuple) else [value]
+        name = max(parameter.opts, key=len)
+        if parameter.param_type_name == "argument":
+            words += [str(v) for v in listed]
+        elif isinstance(value, bool):
+            words.append(name if value else max(parameter.secondary_opts or [name], key=len))
+        else:
+            words += [word for v in listed for word in (name, str(v))]
+    return words
+
+
+def parse_between(text: str | None) -> tuple[float, float] | None:
+    """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
+    from wrenchgap.flight.errors import UsageError
+
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        start, stop = float(first or "-inf"), float(last or "inf")
+    except ValueError:
+        start = stop = float("nan")
+    if not colon or not start < stop:
+        raise UsageError(f"--between {text}: expected T0:T1 in seconds with T0 before T1, e.g. --between 5:40")
+    return start, stop
+
+
+def parse_shifts(texts: Sequence[str] | None) -> dict[str, float]:
+    """`["odometry=-0.012"]` as `{"odometry": -0.012}`; raises UsageError on anything else."""
+    from wrenchgap.flight.errors import UsageError
+
+    found: dict[str, float] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        try:
+            seconds = float(value)
+        except ValueError:
+            seconds = math.nan
+        if not (name and equals and math.isfinite(seconds)):
+            raise UsageError(f"--shift {text}: expected ROLE=SECONDS, e.g. --shift odometry=-0.0123")
+        if name in found:
+            raise UsageError(f"--shift {name}: given twice; say it once")
+        found[name] = seconds
+    return found
+
+
+def parse_topics(texts: Sequence[str] | None) -> dict[str, str]:
+    """`["imu=/my/imu"]` as `{"imu": "/my/imu"}`; raises UsageError on anything else."""
+    from wrenchgap.flight.errors import UsageError
+
+    found: dict[str, str] = {}
+    for text in texts or ():
+        role, equals, topic = text.partition("=")
+        if not (role and equals and topic):
+            raise UsageError(f"--topic {text}: expected ROLE=/TOPIC, e.g. --topic imu=/my/imu")
+        if role in found:
+            raise UsageError(f"--topic {role}: given twice; say it once")
+        found[role] = topic
+    return found
+
+
+def parse_names(text: str | None) -> tuple[str, ...]:
+    """`"a,b"` as `("a", "b")`."""
+    return tuple(part.strip() for part in (text or "").split(",") if part.strip())

@@ -1,0 +1,1 @@
+"""The compensation of a recorded flight, step by step."""

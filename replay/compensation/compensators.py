@@ -1,0 +1,76 @@
+"""The compensator that a stored process asks for: with its physics where it was learnt on top of some."""
+
+from __future__ import annotations
+
+from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.train import fit_linear
+from wrenchgap.plant.mismatch_inputs import columns
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import content_hash
+from wrenchgap.replay.counterfactual.reflight import Compensates
+
+TORQUE = AXES[3:]
+OBSERVER_HZ = 1.0
+"""Bandwidth of the disturbance observer among the baselines [Hz]: fast enough for a reference, slow beside servos."""
+
+
+def compensator(
+    process: GaussianProcess, model: Model, settings: Settings | None = None, *, lead: float | None = None
+) -> Compensator:
+    """Compensate with `process`, and where its mean is physics with the effects of `model`, lags led by `lead` [s].
+
+    Raises FitError for a process of another vehicle, or one on top of physics that `model` does not have.
+    """
+    process.check_vehicle(model.vehicle.name)
+    expected = len(AXES) + len(columns(process.settings.inputs))
+    if len(process.input_mean) != expected:
+        raise FitError(f"GP: has {len(process.input_mean)} inputs, expected {expected}: the commanded wrench first")
+    return Compensator(process, settings, physics=physics(process, model, lead))
+
+
+def physics(process: GaussianProcess, model: Model, lead: float | None = None) -> PhysicsMismatch | None:
+    """The mean of the process, where it is physics."""
+    if process.settings.mean != "physics":
+        if lead is not None:
+            raise FitError(
+                "--lead: this GP was learnt without physics as its mean, so it knows no lag to lead; add the lag with "
+                "`wrenchgap add`, and learn on that model"
+            )
+        return None
+    if not model.effects:
+        raise FitError(
+            f"{model.name}: has no effects, but the GP is what {process.provenance.physics} left; give the model that "
+            "it was learnt on"
+        )
+    return PhysicsMismatch(model.wrench_model, process.outputs, lead)
+
+
+def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple[tuple[str, Compensates], ...]:
+    """What a process must be better than, by name: observer, the effects alone, a straight line through its points."""
+    found: list[tuple[str, Compensates]] = [
+        (f"disturbance observer, {OBSERVER_HZ:g} Hz", DisturbanceObserver(model.vehicle, dt, OBSERVER_HZ))
+    ]
+    outputs = TORQUE if process is None else process.outputs
+    if model.effects:
+        physics_alone = PhysicsMismatch(model.wrench_model, outputs)
+        found.append(("the effects of the model alone", Compensator(physics_alone, Settings(dt=dt))))
+    if process is not None and process.settings.mean == "zero" and not process.settings.inputs:
+        inputs = process.input_mean + process.input_scale * process.inputs
+        line = fit_linear(inputs, process.residuals * process.output_scale, outputs)
+        found.append(("a straight line through the GP's points", Compensator(line, Settings(dt=dt))))
+    return tuple(found)
+
+
+def notes(process: GaussianProcess, model: Model) -> tuple[str, ...]:
+    """What a user must know before compensating with this process and model: what `learn` warned of, for one."""
+    found = [f"learn said of this GP: {warning}" for warning in process.provenance.warnings]
+    wanted = process.provenance.model_hash
+    if process.settings.mean == "physics" and content_hash(model) != wanted:
+        found.append(
+            f"the GP was learnt on another version of {model.name} ({process.provenance.physics}): the physics that is "
+            "compensated is that of the model given here."
+        )
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""A recorded flight, re-simulated with something changed."""

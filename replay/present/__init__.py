@@ -1,0 +1,1 @@
+"""How results read: every sentence, table, figure and JSON document is made here and nowhere else."""

@@ -1,0 +1,189 @@
+"""What the command line asks of a counterfactual, and what it shows and writes of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap import flight
+from wrenchgap.compensate import Settings
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.learn.identify.add import set_by_hand
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import tool_version
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.compensation import compensators as compensating
+from wrenchgap.replay.counterfactual.counterfactual import Change, Counterfactual
+from wrenchgap.replay.present import tables
+
+Array = NDArray[np.float64]
+
+Settable = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")
+"""Gains that a counterfactual may change."""
+
+
+def changed_gains(gains: ControllerGains, texts: Sequence[str]) -> ControllerGains:
+    """Gains with some replaced by texts such as `integral=0` or `omega_attitude=5,5,3.5` (one number: all axes).
+
+    Raises UsageError for an unknown name or a value that is no number, ModelError for one out of range.
+    """
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if name not in Settable or not equals:
+            raise UsageError(f"--gains {text}: expected NAME=VALUE with a name out of {', '.join(Settable)}")
+        try:
+            numbers = tuple(float(value) for value in values.split(","))
+        except ValueError:
+            raise UsageError(f"--gains {text}: {values!r} is not a number, or three with commas between") from None
+        per_axis = name in ("zeta_attitude", "omega_attitude")
+        if len(numbers) not in ((1, 3) if per_axis else (1,)):
+            raise UsageError(f"--gains {text}: got {len(numbers)} numbers, expected {'1 or 3' if per_axis else '1'}")
+        spread = numbers * 3 if per_axis and len(numbers) == 1 else numbers
+        changed: dict[str, Any] = {name: spread if per_axis else numbers[0]}
+        gains = replace(gains, **changed)
+    return gains
+
+
+def believed_vehicle(model: Model, believed: Model) -> Vehicle:
+    """The model's vehicle with mass, inertia and centre of mass as `believed` (with its effects) has them."""
+    if believed.vehicle.name != model.vehicle.name:
+        raise ModelError(
+            f"{believed.name}: is a model of {believed.vehicle.name}, expected one of {model.vehicle.name}; "
+            "a controller can be told another mass, inertia and centre of mass, not another vehicle"
+        )
+    return replace(model.vehicle, body=believed.wrench_model.body)
+
+
+def change(
+    model: Model,
+    *,
+    period: float,
+    gp: tuple[str, GaussianProcess] | None = None,
+    lead: float | None = None,
+    without: Sequence[str] = (),
+    with_: Sequence[str] = (),
+    gains: Sequence[str] = (),
+    believe: Model | None = None,
+    baselines: bool = False,
+) -> Change:
+    """What the options of the command line ask for; `period` [s] is that of the control loop.
+
+    Raises UsageError, ModelError or FitError for options that ask for nothing that can be.
+    """
+    if lead is not None and gp is None:
+        raise UsageError(f"--lead {lead:g}: leads the lags in a compensation, and there is none; give one with --gp")
+    plant = set_by_hand(model.without(without), with_) if without or with_ else None
+    words = [f"without {name}" for name in without] + [f"with {text}" for text in with_]
+    words += [f"gains {text}" for text in gains]
+    if believe is not None:
+        words.append(f"controller believes {believe.name}")
+    compensator = None
+    if gp is not None:
+        name, process = gp
+        words.append(f"compensated by {name}" + ("" if lead is None else f", lags led by {lead:g} s"))
+        compensator = compensating.compensator(process, model, Settings(dt=period), lead=lead)
+    return Change(
+        plant=plant,
+        gains=changed_gains(model.controller, gains) if gains else None,
+        believed=None if believe is None else believed_vehicle(model, believe),
+        compensator=compensator,
+        beside=compensating.baselines(None if gp is None else gp[1], model, period) if baselines else (),
+        words=tuple(words),
+    )
+
+
+def warnings(result: Counterfactual, process: GaussianProcess | None) -> list[str]:
+    """What makes a GP's counterfactual look better than it is, and what was wrong with the GP from the start."""
+    log = result.inference.recording.flight
+    found = [] if process is None else list(compensating.notes(process, result.inference.model))
+    if process is not None and log.content_hash in [source.sha256 for source in process.provenance.logs]:
+        found.append(f"{log.name}: the GP was learnt from this very flight, so it flatters itself; use an unseen one")
+    if result.uncompensated is not None:
+        before, after = (_errors(result.tracking[key])[:3] for key in ("uncompensated", "counterfactual"))
+        worse = [axis for axis, b, a in zip("xyz", before, after, strict=True) if a > 1.1 * b + 0.02]
+        if worse:
+            found.append(
+                f"with this compensation the attitude error about {', '.join(worse)} grows: do not fly it; see what "
+                "`wrenchgap learn --validate` says of the GP"
+            )
+    return found
+
+
+def show(result: Counterfactual) -> list[Table]:
+    """The null run, the disturbance, and the tracking errors."""
+    content, null = result.content, result.null_run
+    first = tables.table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
+    first.add_row(escape("attitude [deg]"), f"{null['attitude_deg_max']:.3f}", f"{null['attitude_deg_rms']:.3f}")
+    first.add_row(escape("position [mm]"), f"{1e3 * null['position_m_max']:.2f}", f"{1e3 * null['position_m_rms']:.2f}")
+
+    second = tables.table("what the model does not explain", "", *tables.HEADS)
+    for key, name in (("mean", "mean"), ("rms", "rms"), ("rms_above_10_hz", "rms above 10 Hz"), ("max_abs", "max")):
+        second.add_row(f"disturbance, {name}", *tables.row(np.array(content["disturbance"][key])))
+    shares = [f"{100 * s:.0f} %" if np.isfinite(s) else "-" for s in result.inference.explained]
+    second.add_row("command explained by the control law", *shares)
+
+    words = "; ".join(result.change.words)
+    names = {"recorded": "recorded", "null_run": "null run", "counterfactual": words}
+    if result.uncompensated is not result.null:
+        names["uncompensated"] = "the same, not compensated"
+    before = "uncompensated" if result.uncompensated is not None else "null_run"
+    heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
+    third = tables.table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
+    errors = {key: _errors(one) for key, one in result.tracking.items()}
+    for key, values in errors.items():
+        if names.get(key):
+            third.add_row(escape(names[key]), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+    for name, one in result.baselines.items():
+        values = _errors(one)
+        third.add_row(escape(f"instead: {name}"), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+    if words:
+        falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
+        third.add_row("change", *tables.fall(falls))
+    return [first, second, third]
+
+
+def _errors(one: Mapping[str, Any]) -> Array:
+    """Mean and median of |e_R| per axis as angles [deg], mean and largest distance [mm]: (8,)."""
+    attitude, position = one["attitude_error"], one["position_error_m"]
+    sines = np.array([*attitude["mean_abs"], *attitude["median_abs"]])
+    return np.array([*np.degrees(np.arcsin(np.minimum(sines, 1.0))), 1e3 * position["mean"], 1e3 * position["max"]])
+
+
+def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]], *, force: bool) -> None:
+    """The re-flight as MCAP, with the disturbance, the compensator's decisions and where it all comes from."""
+    null = result.null_run
+    metadata: dict[str, str] = {
+        "command": "counterfactual",
+        "version": tool_version(),
+        "changes": "; ".join(result.change.words) or "nothing",
+        "null_run": f"{null['attitude_deg_max']:.4f} deg, {null['position_m_max']:.5f} m at most",
+    }
+    metadata |= {f"{i['role']}": f"{i['file']} {i['sha256']}" for i in inputs}
+    flight.write(result.log, path, extra=result.series, metadata=metadata, force=force)
+
+
+def to_json(result: Counterfactual, extra_notes: Sequence[str] = ()) -> dict[str, Any]:
+    """The body of the JSON (docs/json.md, wrenchgap.counterfactual/1)."""
+    content = dict(result.content)
+    return {**content, "notes": [*content["notes"], *extra_notes]}
+
+
+__all__ = [
+    "Settable",
+    "believed_vehicle",
+    "change",
+    "changed_gains",
+    "show",
+    "to_json",
+    "warnings",
+    "write_log",
+]

@@ -1,0 +1,155 @@
+"""Results on disk: JSON with a schema and the inputs' hashes; every file appears whole or not at all.
+
+The schemas are documented in docs/json.md and are part of the interface.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import tool_version
+
+VERSIONS = {
+    "inspect": 1,
+    "simulate": 1,
+    "compare": 1,
+    "explain": 2,
+    "where": 1,
+    "add": 1,
+    "remove": 1,
+    "history": 1,
+    "report": 1,
+    "learn": 1,
+    "replay": 1,
+    "counterfactual": 1,
+    "design": 1,
+}
+"""Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
+
+
+def schema(command: str) -> str:
+    """Name and version of a command's JSON, e.g. `wrenchgap.compare/1`."""
+    return f"wrenchgap.{command}/{VERSIONS.get(command, 1)}"
+
+
+def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[Path | str] = ()) -> None:
+    """Check, before any work, that these files may be written. `outputs` by the option that names them.
+
+    Raises UsageError for a file that exists (unless `force`), a folder that does not, an output that is a folder, is
+    named twice, or is one of the inputs.
+    """
+    read = {Path(p).resolve() for p in inputs}
+    seen: dict[Path, str] = {}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        resolved = path.resolve()
+        if resolved in read:
+            raise UsageError(f"{option} {path}: is one of the inputs; choose another name")
+        if resolved in seen:
+            raise UsageError(f"{option} {path}: is already the file of {seen[resolved]}; choose another name")
+        seen[resolved] = option
+        if path.is_dir():
+            raise UsageError(f"{option} {path}: is a folder; expected the name of a file")
+        if path.exists() and not force:
+            raise UsageError(f"{option} {path}: exists already; choose another name or overwrite it with --force")
+        if not path.parent.is_dir():
+            raise UsageError(f"{option} {path}: the folder {path.parent} does not exist; create it first")
+        if not os.access(path.parent, os.W_OK):
+            raise UsageError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end.
+
+    Raises UsageError where the file system does not let it be written.
+    """
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        yield partial
+        os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def log_input(flight: Flight, role: str = "log") -> dict[str, Any]:
+    """A log as an input of a result, with the shifts of its stamps where the user asked for some."""
+    shifts = {"shift_s": dict(flight.shifts)} if flight.shifts else {}
+    return {"role": role, "file": str(flight.path), "sha256": flight.content_hash, **shifts}
+
+
+def model_input(model: Model, role: str = "model") -> dict[str, str]:
+    """A model file as an input of a result."""
+    if model.path is None:
+        return {"role": role, "file": "", "sha256": ""}
+    return file_input(model.path, role)
+
+
+def file_input(path: Path, role: str) -> dict[str, str]:
+    """Any other file as an input of a result."""
+    return {"role": role, "file": str(path), "sha256": sha256(path)}
+
+
+def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
+    """A result with its schema, the version of wrenchgap and its inputs; plain types only."""
+    head = {"schema": schema(command), "version": tool_version(), "inputs": [dict(i) for i in inputs]}
+    return plain({**head, **content})  # type: ignore[no-any-return]
+
+
+def write_json(path: Path, result: Mapping[str, Any], *, force: bool) -> None:
+    """Write a `document`, all of it or nothing."""
+    claim({"--json": path}, force=force)
+    text = json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def plain(value: Any) -> Any:
+    """The same value in types that JSON knows; what is not a finite number becomes null."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [plain(v) for v in value]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+__all__ = [
+    "AXES",
+    "atomic",
+    "claim",
+    "document",
+    "file_input",
+    "log_input",
+    "model_input",
+    "plain",
+    "schema",
+    "sha256",
+    "write_json",
+]

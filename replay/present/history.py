@@ -1,0 +1,125 @@
+"""The history of a model file, as tables and in plain types."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.identify.add import trial_json
+from wrenchgap.plant.history import Changes, Snapshot, Version, changes
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import changed_since
+from wrenchgap.replay.present import tables
+
+_Row = tuple[str, str, float | None, float | None, float | None, str, float | None]
+
+
+def steps(model: Model) -> Iterator[tuple[Version, Changes]]:
+    """Each version with what it changed, oldest first."""
+    before: Version | None = None
+    for version in model.history:
+        yield version, changes(before, version)
+        before = version
+
+
+def table_of_versions(model: Model) -> Table:
+    """One row for each version: what changed, from which flights, and the change of the error by axis."""
+    heads = tuple(head.split(" ")[0] for head in tables.HEADS)
+    out = tables.table(f"{model.name}: versions", "", "date", "what changed", "from", *heads, left=4)
+    for version, changed in steps(model):
+        falls = tables.fall(version.trial.fall) if version.trial is not None else ["-"] * 6
+        flights = ", ".join(Path(file).stem for file, _ in version.flights) or "-"
+        row = (version.date[:10] or "-", escape(words(version, changed)), escape(flights))
+        out.add_row(str(version.number), *row, *falls)
+    out.caption = "F, M: change of rms on time that was not fitted"
+    out.caption_justify = "left"
+    return out
+
+
+def words(version: Version, changed: Changes) -> str:
+    """`+ com_offset, - mass, ~ servo_lag`: added, removed, with other values."""
+    parts = [f"+ {e.effect}" for e in changed.added] + [f"- {e.effect}" for e in changed.removed]
+    parts += [f"~ {name}" for name in dict.fromkeys(c.effect for c in changed.moved)]
+    if version.parent == "":
+        return f"{version.command}: {', '.join(version.names) or 'no effects'}"
+    if version.date:
+        return ", ".join(parts) or "nothing"
+    return f"{version.command}: {', '.join(parts) or 'the vehicle'}"
+
+
+def table_of_changes(model: Model) -> Table:
+    """Parameters by version: value before and after, with standard deviations."""
+    out = tables.table("parameters", "", "effect", "parameter", "before", "after", "+-", "unit", "sigmas", left=3)
+    out.columns[6].justify = "left"
+    for version, changed in steps(model):
+        rows: list[_Row] = []
+        rows += [(e.effect, v.name, None, v.value, v.std, v.unit, None) for e in changed.added for v in e.values]
+        rows += [(e.effect, v.name, v.value, None, None, v.unit, None) for e in changed.removed for v in e.values]
+        rows += [
+            (c.effect, c.after.name, c.before.value, c.after.value, c.after.std, c.after.unit, c.sigmas)
+            for c in changed.moved
+        ]
+        for effect, name, before, after, std, unit, sigmas in rows:
+            numbers = (tables.number(before, 4), tables.number(after, 4), tables.number(std, 2))
+            shift = "-" if sigmas is None else f"{sigmas:+.1f}"
+            out.add_row(str(version.number), escape(effect), escape(name), *numbers, unit, shift)
+    return out
+
+
+def notes(model: Model) -> list[str]:
+    """What a user should know about the file."""
+    found = list(model.notes)
+    if changed_since(model):
+        last = model.history[-1].number
+        found.append(f"{model.name} was changed by hand after version {last}; the next version will say so.")
+    return found
+
+
+def to_json(model: Model) -> dict[str, Any]:
+    """The body of the `history` schema."""
+    return {
+        "model": model.name,
+        "axes": list(AXES),
+        "changed_by_hand_since": changed_since(model),
+        "versions": [_version(version, changed) for version, changed in steps(model)],
+        "notes": notes(model),
+    }
+
+
+def _version(version: Version, changed: Changes) -> dict[str, Any]:
+    return {
+        "version": version.number,
+        "date": version.date or None,
+        "command": version.command,
+        "wrenchgap": version.tool or None,
+        "file": version.file,
+        "content_sha256": version.content,
+        "parent_sha256": version.parent or None,
+        "flights": [{"file": file, "sha256": sha} for file, sha in version.flights],
+        "held_out": None if version.trial is None else trial_json(version.trial),
+        "added": [e.effect for e in changed.added],
+        "removed": [e.effect for e in changed.removed],
+        "changed": [
+            {
+                "effect": c.effect,
+                "parameter": c.after.name,
+                "before": c.before.value,
+                "before_std": c.before.std,
+                "after": c.after.value,
+                "after_std": c.after.std,
+                "unit": c.after.unit,
+            }
+            for c in changed.moved
+        ],
+        "effects": [_snapshot(e) for e in version.effects],
+    }
+
+
+def _snapshot(effect: Snapshot) -> dict[str, Any]:
+    return {"effect": effect.effect, "parameters": [asdict(v) for v in effect.values]}

@@ -1,0 +1,214 @@
+"""Where the model as it stands fails on one flight, cell by cell with the worst instant, for the viewer."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.comparison import worst_stretches
+from wrenchgap.learn.diagnose.budget import PARTS, budget, held_out_process
+from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
+from wrenchgap.learn.diagnose.failure_map import Grid as ErrorGrid
+from wrenchgap.learn.diagnose.quantities import Quantity as Values
+from wrenchgap.learn.diagnose.quantities import quantities
+from wrenchgap.learn.diagnose.where import dependence_words, goes_with
+from wrenchgap.learn.identify.fit import Dataset
+from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.session.working_model import Bench
+from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
+from wrenchgap.viewer.session import Stretch
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+PERMUTATIONS = 110
+"""Random orders behind "beyond chance": p below 0.01 needs a hundred."""
+SMOOTH = 0.2
+"""The worst instant of a cell is that of the error's running mean over so long [s]."""
+
+
+class FailureDesk:
+    """Implements `viewer.analysis.Failures` on a bench."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+
+    def of(self, flight: str) -> Failure:
+        """Where the model as it stands fails on a flight; the budget without a Gaussian process."""
+        return self.bench.kept(("failure", flight), lambda: self._made(flight))
+
+    def full_budget(self, flight: str, report: Report) -> tuple[Budget, ...]:
+        """The budget with what a Gaussian process of the command would explain on blocks that it has not seen."""
+        with self.bench.lock:
+            data, left = self.bench.data(flight), self.bench.left_by(self.bench.model, flight)
+            nominal = self.bench.left_by(self.bench.model.nominal, flight)
+
+        def work(tell: Report) -> Array | None:
+            return held_out_process(data, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
+
+        return _budget(data, nominal, left, apart(work, report, self.bench.lock), "fitted")
+
+    def _made(self, flight: str) -> Failure:
+        bench = self.bench
+        data, residual = bench.data(flight), bench.residual(flight)
+        mapped = failure_map(data, residual, permutations=PERMUTATIONS)
+        values = {q.name: q for q in quantities(data)[0]}
+        sizes = _Sizes(data, residual)
+        return Failure(
+            flight,
+            bench.predictor.name,
+            tuple(_quantity(d, values[d.name], sizes) for d in mapped.dependences),
+            None if mapped.grid is None else _grid(mapped.grid, values, sizes),
+            self._quick_budget(flight, residual),
+            _worst(data, residual),
+            (goes_with(mapped), *bench.lacking(flight)),
+            tuple(f"{name}: {why}" for name, why in mapped.lacking.items()),
+        )
+
+    def _quick_budget(self, flight: str, residual: Array) -> tuple[Budget, ...]:
+        bench, data = self.bench, self.bench.data(flight)
+        left = bench.left_by(bench.model, flight)
+        gp = bench.predictor.gp
+        return _budget(
+            data, bench.left_by(bench.model.nominal, flight), left, None if gp is None else left - residual, "given"
+        )
+
+
+class _Sizes:
+    """Squares of the residual by view (K, V), smoothed for finding the worst instant, and of the noise (V,)."""
+
+    def __init__(self, data: Dataset, residual: Array) -> None:
+        self.residual, self.scale = residual, data.weights**2
+        self.square = _views(residual**2, data.weights**2)
+        self.noise = _views(data.noise[None] ** 2, data.weights**2)[0]
+        self.time = np.concatenate([r.time for r in data.records])
+        first = data.records[0]
+        self.step = first.dt * (first.keep.step or 1)
+        width = max(1, round(SMOOTH / self.step))
+        starts = np.concatenate(([0], np.cumsum([len(r) for r in data.records])))
+        self.smooth = np.concatenate(
+            [uniform_filter1d(self.square[a:b], width, axis=0, mode="nearest") for a, b in itertools.pairwise(starts)]
+        )
+
+    def cell(self, words: str, rows: Rows) -> Cell:
+        """The samples `rows` (K,)."""
+        worst = np.flatnonzero(rows)[np.argmax(self.smooth[rows], axis=0)]
+        rms, mean = np.sqrt(self.square[rows].mean(axis=0)), self.residual[rows].mean(axis=0)
+        signed = np.concatenate((np.sqrt(_views(mean[None] ** 2, self.scale)[0, :3]), mean))
+        return Cell(words, float(rows.sum() * self.step), rms, signed, np.sqrt(self.noise), self.time[worst])
+
+
+def _views(squares: Array, scale: Array) -> Array:
+    """Squares (K, 6) as (K, V): all on one scale, force, torque, each axis."""
+    whole = squares @ scale
+    norms = [whole, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)]
+    return np.column_stack((*norms, squares))
+
+
+def _quantity(found: Dependence, values: Values, sizes: _Sizes) -> Quantity:
+    members = [(words, rows) for words, rows in _members(found.binned, values) if rows.any()]
+    share = max(found.of_mean, found.of_size)
+    return Quantity(
+        found.label,
+        found.unit,
+        dependence_words(found) if share > 0.0 else f"{found.label} (nothing beyond chance)",
+        found.significant,
+        tuple(sizes.cell(words, rows) for words, rows in members),
+    )
+
+
+def _members(binned: Binned, values: Values) -> list[tuple[str, Rows]]:
+    """The bins of a quantity in words, and which samples (K,) are in each."""
+    rest = np.ones(len(values.values), dtype=bool)
+    out: list[tuple[str, Rows]] = []
+    for low, high in zip(binned.low, binned.high, strict=True):
+        if np.isnan(low):
+            continue
+        rows = _within(values, low, high, last=high == np.nanmax(binned.high))
+        rest &= ~rows
+        out.append((_bounds(values, low, high), rows))
+    if np.isnan(binned.low).any():
+        out.append(("no value or too few", rest))
+    return out
+
+
+def _within(values: Values, low: float, high: float, *, last: bool) -> Rows:
+    """Samples between two bounds; the last bin has its upper bound, an angle wraps."""
+    v = values.values
+    if values.circular:
+        return np.asarray(np.isfinite(v) & ((v - low) % 360.0 < high - low))
+    return np.asarray((v >= low) & ((v <= high) if last else (v < high)))
+
+
+def _bounds(values: Values, low: float, high: float) -> str:
+    if values.circular:
+        return f"{_wrapped(0.5 * (low + high)):.0f} {values.unit}"
+    digits = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-6) * 2.0))))
+    return f"{low:.{digits}f} to {high:.{digits}f} {values.unit}"
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + 180.0) % 360.0 - 180.0
+
+
+def _grid(found: ErrorGrid, values: dict[str, Values], sizes: _Sizes) -> Grid:
+    x, y = values[found.x], values[found.y]
+    inside = np.isfinite(x.values) & np.isfinite(y.values)
+    columns = _sides(x, found.x_edges)
+    lines = _sides(y, found.y_edges)
+    rows = tuple(
+        tuple(
+            sizes.cell(f"{x.label} {across}, {y.label} {up}", inside & a & b)
+            if np.isfinite(found.force[i, j])
+            else None
+            for i, (across, a) in enumerate(columns)
+        )
+        for j, (up, b) in enumerate(lines)
+    )
+    return Grid(
+        found.x_label, found.y_label, rows, tuple(words for words, _ in columns), tuple(words for words, _ in lines)
+    )
+
+
+def _sides(values: Values, edges: Array) -> list[tuple[str, Rows]]:
+    pairs = list(itertools.pairwise(edges))
+    return [(_bounds(values, a, b), _within(values, a, b, last=k == len(pairs) - 1)) for k, (a, b) in enumerate(pairs)]
+
+
+def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: str) -> tuple[Budget, ...]:
+    made = budget(data, nominal, left, process, "given" if source == "given" else "fitted")
+    known = made.source != "none"
+    shares, whole = made.shares(), made.whole()
+    scale = float(np.sqrt(made.nominal @ made.weights**2))
+    rows = [(VIEWS[0], UNITS[0], scale, {name: whole[name] for name in PARTS})]
+    for k, axis in enumerate(AXES):
+        parts = {name: float(shares[name][k]) for name in PARTS}
+        rows.append((axis, "N" if k < 3 else "Nm", float(np.sqrt(made.nominal[k])), parts))
+    return tuple(
+        Budget(view, unit, rms, p["noise"], p["physics"], p["process"] if known else None, p["unexplained"])
+        for view, unit, rms, p in rows
+    )
+
+
+def _worst(data: Dataset, residual: Array) -> tuple[Stretch, ...]:
+    """The worst seconds, and what the vehicle was doing there."""
+    parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
+    return tuple(
+        Stretch(s.start, s.stop, _doing(s.axis, s.tilt_deg, s.rate, s.speed))
+        for s in worst_stretches(data.records, parts, data.weights)
+    )
+
+
+def _doing(axis: str, tilt_deg: float | None, rate: float, speed: float | None) -> str:
+    words: Sequence[str] = [
+        axis.replace("_", " "),
+        *([] if tilt_deg is None else [f"tilt {tilt_deg:.0f} deg"]),
+        f"{rate:.2f} rad/s",
+        *([] if speed is None else [f"{speed:.2f} m/s"]),
+    ]
+    return ", ".join(words)

@@ -1,0 +1,113 @@
+"""A working session for the viewer: logs opened for a model, on the clock of their gap-free stretches.
+
+What is recorded stays; the model changes on the session's bench, and every scene is made anew from it. The desks beside
+it do the analysis: where the model fails, effects, compensation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from wrenchgap import flight
+from wrenchgap.flight.channels import Channel, channels
+from wrenchgap.learn.data.comparison import compare, predictors
+from wrenchgap.learn.data.measurement import CUTOFF_HZ
+from wrenchgap.learn.data.opening import Loader, open_flights
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.session.compensation import CompensationDesk
+from wrenchgap.replay.session.effects import EffectsDesk
+from wrenchgap.replay.session.failure import FailureDesk
+from wrenchgap.replay.session.report_page import report_page
+from wrenchgap.replay.session.scene import Prediction, predicted, recorded
+from wrenchgap.replay.session.working_model import Bench
+from wrenchgap.viewer.session import Scene, Stretch
+
+PREDICTED = "predicted"
+"""The wrench of the model as it stands, in a scene."""
+
+
+class LogSession:
+    """Implements `viewer.session.Session` and `viewer.analysis.Analysis` for logs, a model and, where given, a GP.
+
+    `load` reads logs as `flight.load` does. `against` are other models whose predictions are shown beside; `gp_name` is
+    what the GP is called on the page.
+    Models and trajectories that are saved on the page go into `folder`, by default where the command was started.
+    """
+
+    def __init__(
+        self,
+        logs: Sequence[str | Path],
+        model: Model,
+        gp: GaussianProcess | None = None,
+        *,
+        topics: Mapping[str, str] | None = None,
+        between: tuple[float, float] | None = None,
+        shifts: Mapping[str, float] | None = None,
+        load: Loader = flight.load,
+        against: Sequence[Model] = (),
+        gp_name: str = "GP",
+        folder: Path | None = None,
+    ) -> None:
+        cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
+        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts, load=load)
+        self.bench = Bench({one.records[0].flight: one for one in opened}, model, gp, cutoff)
+        found, notes = predictors(model, against)
+        self._against = found[len(found) - len(against) :]
+        self._notes = (*self.bench.notes, *notes)
+        self.failures = FailureDesk(self.bench)
+        self.effects = EffectsDesk(self.bench, folder or Path.cwd())
+        self.compensations = CompensationDesk(self.bench, gp_name)
+        self._recorded: dict[str, Scene] = {}
+
+    @property
+    def model(self) -> Model:
+        """The model as it stands."""
+        return self.bench.model
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle of the model."""
+        return self.model.vehicle
+
+    @property
+    def flights(self) -> tuple[str, ...]:
+        """Names of the flights."""
+        return tuple(self.bench.opened)
+
+    def scene(self, flight: str) -> Scene:
+        """The flight of this name, with what the model as it stands says of it, and the last replay on it."""
+        with self.bench.lock:
+            made = self.bench.kept(("scene", flight), lambda: self._made(flight))
+            return replace(made, series=(*made.series, *self.compensations.series(flight)))
+
+    def channels(self, flight: str) -> Mapping[str, Channel]:
+        """Everything in the log of a flight, by name."""
+        found = self.bench.flight(flight).flight
+        return channels(found.path, found)
+
+    def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
+        """The HTML report on a flight and the model as it stands."""
+        return report_page(self.bench, flight, progress)
+
+    def _made(self, name: str) -> Scene:
+        one, predictor = self.bench.flight(name), self.bench.predictor
+        if name not in self._recorded:
+            self._recorded[name] = recorded(one, self.vehicle)
+        result = compare([one], self.model, [predictor, *self._against])
+        evaluation, *others = result.evaluations
+        predictions = {other.name: Prediction.of(other) for other in others}
+        trivial = not predictor.model.effects and predictor.gp is None  # the nominal model predicts the command
+        if not trivial:
+            predictions = {PREDICTED: Prediction.of(evaluation), **predictions}
+        return predicted(
+            self._recorded[name],
+            one,
+            predictions,
+            residual_of="commanded" if trivial else PREDICTED,
+            worst=[Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst],
+            notes=(*self._notes, *result.notes),
+        )

@@ -1,0 +1,201 @@
+"""What the viewer draws of a flight: what was recorded, made once, and what models say of it, made for each model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import ReferenceSeries, Samples
+from wrenchgap.learn.data.comparison import Evaluation
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.controller import attitude_error
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.viewer.session import Scene, Series, Stretch
+
+Array = NDArray[np.float64]
+
+RATE = 50.0
+"""Instants per second that the viewer gets [Hz], about: more than a screen shows, more than the filter lets through."""
+XYZ = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a model says of a flight, by record (K, 6) [N, Nm]; `sigma` its standard deviation where it knows one."""
+
+    wrench: Sequence[Array]
+    sigma: Sequence[Array] | None = None
+
+    @classmethod
+    def of(cls, evaluation: Evaluation) -> Prediction:
+        """That of a comparison on this flight alone."""
+        return cls(evaluation.predictions, evaluation.sigma)
+
+
+def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
+    """A flight without any model: poses, reference, actuators, commanded and measured wrenches, tracking errors."""
+    parts = [_thinned(s) for s in one.samples]
+    time = np.concatenate([s.time[part] for s, part in zip(one.samples, parts, strict=True)])
+    reference = one.flight.reference
+    position, quat = (None, None) if reference is None else _reference(reference, time)
+    scene = Scene(
+        name=one.records[0].flight,
+        time=time,
+        position_E=_joined(one, parts, "position_E", (0.0, 0.0, 0.0)),
+        quat_EB=_joined(one, parts, "quat_EB", (1.0, 0.0, 0.0, 0.0)),
+        reference_position_E=position,
+        quat_ED=quat,
+        tilt=_tilt(time, one.records, vehicle),
+        thrust=_thrust(time, one.records, vehicle),
+        wrenches={
+            "commanded": _at(time, one.records, [r.commanded for r in one.records]),
+            "measured": _at(time, one.records, [r.measured for r in one.records]),
+            **_desired(time, one.records),
+        },
+        gaps=tuple(
+            Stretch(float(before.time[-1]), float(after.time[0]), "gap")
+            for before, after in zip(one.samples, one.samples[1:], strict=False)
+        ),
+        notes=one.notes,
+    )
+    pose = one.samples[0].position_E is not None
+    rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))
+    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records), _rates(time, rates)))
+
+
+def predicted(
+    scene: Scene,
+    one: OpenFlight,
+    predictions: Mapping[str, Prediction],
+    *,
+    residual_of: str,
+    worst: Sequence[Stretch] = (),
+    notes: Sequence[str] = (),
+) -> Scene:
+    """A recorded flight with what models say of it, by name; `residual_of` names the wrench to compare with."""
+    wrenches = {name: _at(scene.time, one.records, p.wrench) for name, p in predictions.items()}
+    sigma = {n: _at(scene.time, one.records, p.sigma) for n, p in predictions.items() if p.sigma is not None}
+    return replace(
+        scene,
+        wrenches={**scene.wrenches, **wrenches},
+        sigma=sigma,
+        residual_of=residual_of,
+        series=(*scene.series, *_sigmas(scene.time, sigma)),
+        worst=tuple(worst),
+        notes=tuple(dict.fromkeys((*notes, *scene.notes))),
+    )
+
+
+def _thinned(samples: Samples) -> slice:
+    return slice(0, None, max(1, round(1.0 / (RATE * samples.dt))))
+
+
+def _joined(one: OpenFlight, parts: Sequence[slice], name: str, unknown: Sequence[float]) -> Array:
+    """A quantity of all stretches; `unknown` where a stretch lacks it."""
+    values = []
+    for samples, part in zip(one.samples, parts, strict=True):
+        given = getattr(samples, name)
+        values.append(np.tile(unknown, (len(samples), 1))[part] if given is None else given[part])
+    return np.concatenate(values)
+
+
+def _at(time: Array, records: Sequence[Record], values: Sequence[Array]) -> Array:
+    """What is known at the compared samples of every record, linear between them, at `time`; nan outside."""
+    return _pieces(time, [r.time for r in records], values)
+
+
+def _pieces(time: Array, knots: Sequence[Array], values: Sequence[Array]) -> Array:
+    """Pieces, linear between their samples, at `time` (K,); nan outside all of them."""
+    out = np.full((len(time), values[0].shape[1]), np.nan)
+    for knot, value in zip(knots, values, strict=True):
+        inside = (time >= knot[0]) & (time <= knot[-1])
+        out[inside] = np.stack([np.interp(time[inside], knot, column) for column in value.T], axis=1)
+    return out
+
+
+def _desired(time: Array, records: Sequence[Record]) -> dict[str, Array]:
+    """The wrench before any compensation, where the log tells it from the command."""
+    known = [(r.time, r.desired) for r in records if r.desired is not None]
+    if not known or all(np.allclose(r.desired, r.commanded) for r in records if r.desired is not None):
+        return {}
+    return {"desired": _pieces(time, [t for t, _ in known], [v for _, v in known])}
+
+
+def _tilt(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
+    """Angles of all arms as commanded (logged or allocated), None where the model has no arms."""
+    known = [(r.state.time, r.commands.tilt) for r in records if r.commands.tilt is not None]
+    if vehicle.arms is None or not known:
+        return None
+    return _pieces(time, [t for t, _ in known], [v for _, v in known])
+
+
+def _thrust(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
+    """Thrusts of all rotors as commanded, None where the model has none."""
+    known = [r for r in records if r.commands.tilt is not None and r.commands.rotor_speed is not None]
+    if vehicle.rotors is None or not known:
+        return None
+    thrusts = [actuation(vehicle, r.commands).thrust for r in known]
+    return _pieces(time, [r.state.time for r in known], thrusts)
+
+
+def _reference(reference: ReferenceSeries, time: Array) -> tuple[Array, Array]:
+    """Position (K, 3) and attitude (K, 4) of the reference at `time`; nan where it is not logged."""
+    knots = reference.time
+    position = np.stack([np.interp(time, knots, column) for column in reference.position_E.T], axis=1)
+    quat = so3.interpolate(time, knots, reference.quat_ED)
+    missing = (time < knots[0]) | (time > knots[-1])
+    for gap in reference.gaps:
+        missing |= (time > gap.start) & (time < gap.stop)
+    position[missing], quat[missing] = np.nan, np.nan
+    return position, quat
+
+
+def _tracking(scene: Scene, pose: bool) -> tuple[Series, ...]:
+    """Attitude error e_R, as the angle whose sine it is, and position error, where pose and reference are logged."""
+    if scene.reference_position_E is None or scene.quat_ED is None or not pose:
+        return ()
+    known = np.asarray(np.isfinite(scene.quat_ED).all(axis=1))
+    angle = np.full((len(scene.time), 3), np.nan)
+    e = attitude_error(so3.matrix(scene.quat_EB[known]), so3.matrix(scene.quat_ED[known]))
+    angle[known] = np.degrees(np.arcsin(np.clip(e, -1.0, 1.0)))
+    position = 1e3 * (scene.position_E - scene.reference_position_E)
+    return (
+        Series("attitude error", "deg", scene.time, dict(zip(XYZ, angle.T, strict=True))),
+        Series("position error", "mm", scene.time, dict(zip(XYZ, position.T, strict=True))),
+    )
+
+
+def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
+    """Tilt angles and rotor speeds, as commanded."""
+    found = []
+    if scene.tilt is not None:
+        tilt = np.degrees(scene.tilt).T
+        arms = {f"arm {i}": values for i, values in enumerate(tilt)}
+        found.append(Series("tilt", "deg", scene.time, arms, "Actuators"))
+    known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
+    if known:
+        speed = _pieces(scene.time, [t for t, _ in known], [v for _, v in known]).T
+        rotors = {f"rotor {i}": values for i, values in enumerate(speed)}
+        found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators"))
+    return tuple(found)
+
+
+def _rates(time: Array, omega_B: Array) -> Series:
+    return Series("body rate", "rad/s", time, dict(zip(XYZ, omega_B.T, strict=True)))
+
+
+def _sigmas(time: Array, sigma: Mapping[str, Array]) -> tuple[Series, ...]:
+    """The standard deviations themselves, forces and torques apart, of the axes that are known."""
+    found = []
+    for name, values in sigma.items():
+        for kind, unit, part in (("force", "N", values[:, :3]), ("torque", "Nm", values[:, 3:])):
+            known = {axis: part[:, i] for i, axis in enumerate(XYZ) if np.isfinite(part[:, i]).any()}
+            if known:
+                found.append(Series(f"sigma of {name} {kind}", unit, time, known, "Compensation"))
+    return tuple(found)

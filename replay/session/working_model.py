@@ -1,0 +1,205 @@
+"""The flights of a working session and the model as it stands: effects go in, come out, are undone and done again.
+
+A model is never changed, it is replaced: what was there before comes back with the very same numbers. Everything that
+is computed from the present model is kept until the model changes.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.learn.data.comparison import Predictor, predictors
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.identify.fit import Dataset, dataset, inapplicable
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.history import Trial
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.wrench_model import WrenchModel
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+DEPTH = 200
+"""How many changes can be undone."""
+
+
+@dataclass(frozen=True)
+class Stand:
+    """The model at one moment: by which change, fitted to which flights (file, SHA-256), what that did on other time.
+
+    `order` are its effects in the order in which they came in.
+    """
+
+    model: Model
+    words: str
+    order: tuple[str, ...]
+    flights: tuple[tuple[str, str], ...] = ()
+    trial: Trial | None = None
+
+
+class Bench:
+    """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened."""
+
+    def __init__(self, opened: Mapping[str, OpenFlight], model: Model, gp: GaussianProcess | None, cutoff: float):
+        self.opened, self.gp, self.cutoff_hz = dict(opened), gp, cutoff
+        self.lock = threading.RLock()
+        self.changed: list[Callable[[], None]] = []
+        """Called after every change of the model."""
+        self._done = [Stand(model, "", tuple(e.name for e in model.effects))]
+        self._undone: list[Stand] = []
+        self._saved = model
+        found, self.notes = predictors(model, (), gp, cutoff)
+        self._given, self._given_predictor = model, found[-1]
+        self._data: dict[str, Dataset] = {}
+        self._kept: dict[tuple[str, ...], object] = {}
+
+    # ------------------------------------------------------------ the model
+
+    @property
+    def model(self) -> Model:
+        """The model as it stands."""
+        return self._done[-1].model
+
+    @property
+    def given(self) -> Model:
+        """The model as it was opened."""
+        return self._given
+
+    @property
+    def stands(self) -> tuple[Stand, ...]:
+        """The model as it was opened, and after every change since."""
+        return tuple(self._done)
+
+    @property
+    def undoable(self) -> str:
+        """What would be undone, in words."""
+        return self._done[-1].words if len(self._done) > 1 else ""
+
+    @property
+    def redoable(self) -> str:
+        """What would be done again, in words."""
+        return self._undone[-1].words if self._undone else ""
+
+    @property
+    def saved(self) -> bool:
+        """Whether a file says the same as the model."""
+        return self.model is self._saved
+
+    def change(self, stand: Stand, *, instead: bool = False) -> None:
+        """Let another model stand; `instead` of the last change where that was a part of this one."""
+        with self.lock:
+            if instead and len(self._done) > 1:
+                self._done.pop()
+            self._done.append(stand)
+            if len(self._done) > DEPTH:
+                del self._done[1]
+            self._undone.clear()
+            self._tell()
+
+    def undo(self) -> None:
+        """Take the last change back. Raises UsageError where there is none."""
+        with self.lock:
+            if len(self._done) < 2:
+                raise UsageError("there is nothing to undo: the model stands as it was opened")
+            self._undone.append(self._done.pop())
+            self._tell()
+
+    def redo(self) -> None:
+        """Do again what was taken back last. Raises UsageError where there is nothing."""
+        with self.lock:
+            if not self._undone:
+                raise UsageError("there is nothing to do again")
+            self._done.append(self._undone.pop())
+            self._tell()
+
+    def was_saved(self, model: Model) -> None:
+        """The model as it stands is in a file now: `model`, with its path and history."""
+        with self.lock:
+            self._done[-1] = replace(self._done[-1], model=model)
+            self._saved = model
+            self._tell()
+
+    def _tell(self) -> None:
+        self._kept.clear()
+        for listener in self.changed:
+            listener()
+
+    # ------------------------------------------------------------ the flights
+
+    def flight(self, name: str) -> OpenFlight:
+        """The open flight of this name."""
+        return self.opened[name]
+
+    def data(self, flight: str) -> Dataset:
+        """A flight's records, stacked; evaluators of it remember what models have in common."""
+        with self.lock:
+            if flight not in self._data:
+                self._data[flight] = dataset(self.opened[flight].records, self._given)
+            return self._data[flight]
+
+    def kept(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
+        """The value under `key`, made if it is not there since the model changed."""
+        with self.lock:
+            if key not in self._kept:
+                self._kept[key] = make()
+            return self._kept[key]  # type: ignore[return-value]
+
+    def usable(self, model: Model, flight: str) -> WrenchModel:
+        """The model without effects that need what the flight's log lacks."""
+        records = self.opened[flight].records
+        kept = tuple(e for e in model.effects if inapplicable(e.name, model, records) is None)
+        return WrenchModel(model.vehicle, kept)
+
+    def lacking(self, flight: str) -> list[str]:
+        """A sentence for every effect of the model that cannot be evaluated on a flight."""
+        reasons = (inapplicable(e.name, self.model, self.opened[flight].records) for e in self.model.effects)
+        return [f"left out on {flight}: {reason}" for reason in reasons if reason is not None]
+
+    def left_by(self, model: Model, flight: str) -> Array:
+        """Measured wrench minus the model's prediction (K, 6), without any GP."""
+        with self.lock:
+            data = self.data(flight)
+            return data.measured - data.predict(self.usable(model, flight))
+
+    def residual(self, flight: str) -> Array:
+        """What the model as it stands leaves of the measured wrench (K, 6), with its GP where it has one."""
+
+        def make() -> Array:
+            predictor = self.predictor
+            if predictor.gp is None:
+                return self.left_by(self.model, flight)
+            data, body = self.data(flight), self.model.vehicle.body
+            base = self.usable(replace(self.model, effects=predictor.model.effects), flight)
+            usable = replace(predictor, model=base)
+            return np.asarray(data.measured - np.concatenate([usable.predict(r, body) for r in data.records]))
+
+        return self.kept(("residual", flight), make)
+
+    @property
+    def name(self) -> str:
+        """The model as it stands, in words: the opened one's name, and what is in it now."""
+        names = [e.name for e in self.model.effects]
+        given = [e.name for e in self._given.effects]
+        if self.model is self._given or names == given:
+            return self._given.name if self.saved else f"{self._given.name} (changed)"
+        return " + ".join([self.model.vehicle.name, *self._done[-1].order])
+
+    @property
+    def predictor(self) -> Predictor:
+        """What predicts: the model as it stands. A GP sits on the model as it was opened, and counts only there."""
+        if self.model is self._given:
+            return self._given_predictor
+        return Predictor(self.name, self.model.wrench_model)
+
+    def checked(self, name: str) -> None:
+        """Raise ModelError unless the model has this effect."""
+        if self.model.effect(name) is None:
+            have = ", ".join(e.name for e in self.model.effects) or "none"
+            raise ModelError(f"{self.name}: has no effect {name!r}; its effects: {have}")
