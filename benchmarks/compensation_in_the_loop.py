@@ -27,8 +27,8 @@ from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import so3, write
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.identify.learning import TORQUE, learn
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
-from wrenchgap.learn.process.learning import TORQUE, learn
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model_file import load
 

@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.explain import explain
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.explain import explain
-from wrenchgap.learn.identify.fit import dataset, fit, with_fit
+from wrenchgap.learn.identify.fit import fit, with_fit
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit as fit_gp
 from wrenchgap.plant import model_file

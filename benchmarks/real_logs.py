@@ -29,10 +29,10 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import smooth
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose.timing import barred, sentences, timing_of
 from wrenchgap.learn.identify.explain import explain
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.plant import model_file
 from wrenchgap.replay.present.explanation import validate
 

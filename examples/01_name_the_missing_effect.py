@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.identify.explain import explain
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.plant import model_file, simulate, trajectory
 from wrenchgap.plant.model import make_effect
 

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,9 +71,21 @@ HEARD = (0.0, 1.5)
 """Bounds on the frequency that a bin is found to listen to, relative to its own."""
 SAME = 1e-6
 """Offset and standard deviation [s] below which two series are copies of each other."""
-NOTHING_IN_COMMON = "nothing in common beyond chance: too little motion, or too much noise"
 CERTAIN = 3.0
 """Standard deviations beyond which a difference is not chance."""
+
+
+class Problem(StrEnum):
+    """Why there is no number."""
+
+    STILL = "still"  # one of the signals never changes
+    SLOW = "slow"  # one comes too slowly
+    SHORT = "short"  # too little time that both have without a gap
+    UNRELATED = "unrelated"  # nothing in common beyond chance
+    UNMATCHED = "unmatched"  # no offset makes them match
+    AMBIGUOUS = "ambiguous"  # several offsets match equally well
+    VAGUE = "vague"  # the interval is too wide to be worth printing
+    FEEDBACK = "feedback"  # the command answers the motion
 
 
 @dataclass(frozen=True)
@@ -102,7 +115,7 @@ class Offset:
     `interval` is the half width of the 95 % interval, `drift` the slope of the delay over the flight [s/s] (None where
     blocks are too few), `halves` the delays of first and second half of the flight. `coherence` is the mean over the
     frequencies in use, which reach from `lowest_hz` to `highest_hz`; `blocks` is how many were taken. `problem` says
-    why there is no number; then `seconds` is None.
+    why there is no number, and `about` what that is about (a signal, a rate, an interval); then `seconds` is None.
     """
 
     first: str
@@ -119,7 +132,8 @@ class Offset:
     lowest_hz: float | None = None
     highest_hz: float | None = None
     blocks: int = 0
-    problem: str | None = None
+    problem: Problem | None = None
+    about: str = ""
     correlated: Correlated | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -160,18 +174,19 @@ def offset(
     none = Offset(first.name, second.name)
     moving = (np.ptp(first.values, axis=0) > 0) & (np.ptp(second.values, axis=0) > 0)
     if not moving.any():
-        return replace(none, problem=f"{_still(first, second)} never changes")
+        return replace(none, problem=Problem.STILL, about=_still(first, second))
     first, second = (
         replace(s, values=s.values[:, moving], axes=tuple(np.array(s.axes)[moving])) for s in (first, second)
     )
     slower = max((first, second), key=lambda s: nominal_period(s.time))
     top = min(band[1], OF_NYQUIST * 0.5 / nominal_period(slower.time))
     if top < max(2.0, 2.0 * band[0]):
-        return replace(none, problem=f"{slower.name} comes at {1.0 / nominal_period(slower.time):.1f} Hz: too slowly")
+        about = f"{slower.name}, {1.0 / nominal_period(slower.time):.1f} Hz"
+        return replace(none, problem=Problem.SLOW, about=about)
     pair = _Pair(first, second, (band[0], top), within, gains)
     if len(pair.starts) < FEWEST_BLOCKS:
         least = 0.5 * (FEWEST_BLOCKS + 1) * SHORTEST_BLOCK
-        return replace(none, problem=f"less than {least:g} s that both have without a gap")
+        return replace(none, problem=Problem.SHORT, about=f"{least:g} s")
     return pair.estimate(none)
 
 
@@ -278,14 +293,14 @@ class _Pair:
             moved, nudged = (self._integrals(replace(self.second, time=time - by), self.starts) for by in (0.0, NUDGE))
             found = self._correlate(x, moved, nudged, seconds)
             if found is None:
-                return replace(none, blocks=len(self.starts), problem=NOTHING_IN_COMMON)
+                return replace(none, blocks=len(self.starts), problem=Problem.UNRELATED)
             coarse = float(grid[np.argmax(found.curve(grid))])
             if round_ < 2 and coarse != 0.0:
                 seconds += coarse
                 continue
             step, score, curvature = found.newton()
             if not abs(seconds + step) < 2.0 * self.reach:
-                return replace(none, blocks=len(self.starts), problem="the two do not match at any offset")
+                return replace(none, blocks=len(self.starts), problem=Problem.UNMATCHED)
             spread = scatter(score) / float(curvature.sum())
             seconds += step
             turn, turn_std = _slope(found.when, score, curvature)
@@ -299,11 +314,11 @@ class _Pair:
         """The result, or why there is none."""
         none = replace(none, blocks=len(self.starts))
         if self._rivalled(found):
-            return replace(none, problem="the motion repeats itself: several offsets match equally well")
+            return replace(none, problem=Problem.AMBIGUOUS)
         interval = float(student.ppf(0.975, max(2.0, 0.5 * len(self.starts)))) * spread
         if interval > WIDEST:
-            words = f"no better than {1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms: too little motion in common"
-            return replace(none, problem=words)
+            about = f"{1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms"
+            return replace(none, problem=Problem.VAGUE, about=about)
         _, score, curvature = found.newton()
         turn, turn_std = _slope(found.when, score, curvature)
         enough = len(self.starts) >= 2 * FEWEST_BLOCKS

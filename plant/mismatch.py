@@ -134,6 +134,11 @@ class LinearMismatch:
             if np.shape(value) != shape:
                 raise ModelError(f"linear mismatch: {name} has shape {np.shape(value)}, expected {shape}")
 
+    @property
+    def input_groups(self) -> tuple[str, ...]:
+        """Inputs besides the command: none."""
+        return ()
+
     def mean(self, wrench_cmd: Array, /) -> Array:
         """Expected mismatch (N, L)."""
         return np.asarray(self.offset + wrench_cmd @ self.gain.T)

@@ -13,8 +13,8 @@ from benchmarks.paper.pitch import summary
 from benchmarks.paper.plants import LegWake, vehicle
 from benchmarks.paper.prediction import PAPER, knowledge
 from benchmarks.paper.running import EXPERIMENTS, PAGE, Output, experiment, in_parallel, plain
+from wrenchgap.learn.identify.learning import TORQUE
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.learning import TORQUE
 from wrenchgap.learn.process.train import fit
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import catalogue

@@ -13,9 +13,9 @@ from benchmarks.hidden_effects.engine import Truth, fly
 from benchmarks.hidden_effects.truths import true_values
 from wrenchgap import flight
 from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.identify.explain import Explanation, explain
-from wrenchgap.learn.identify.fit import Dataset, dataset
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present import explanation
 

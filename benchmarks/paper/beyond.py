@@ -19,10 +19,10 @@ from benchmarks.paper.plants import Plant, vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, table, triple
 from wrenchgap.compensate import Compensator
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.identify.learning import TORQUE, alternatives, samples
 from wrenchgap.learn.process import train
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
-from wrenchgap.learn.process.learning import TORQUE, alternatives, samples
 from wrenchgap.learn.process.sparse import Kernel
 from wrenchgap.learn.process.subsample import subsample
 from wrenchgap.plant.model import make_effect

@@ -23,7 +23,7 @@ from benchmarks.paper.plants import MODEL, vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, table
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.process.learning import NEARLY_SINGULAR
+from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.learn.process.store import load
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.trajectory import named

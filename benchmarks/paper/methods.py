@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from wrenchgap.learn.data.comparison import Predictor
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.explain import Explanation, explain
-from wrenchgap.learn.identify.fit import dataset
+from wrenchgap.learn.identify.learning import TORQUE, learn, samples
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
-from wrenchgap.learn.process.learning import TORQUE, learn, samples
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.mismatch import LinearMismatch

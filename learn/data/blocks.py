@@ -1,13 +1,32 @@
-"""Comparing what two models leave, block of time by block of time.
+"""Whether a difference is significant: statistics over blocks of time, and every threshold that they are held against.
 
-The loss of a block is the mean over its samples of sum_l r_l^2 / v_l, with v_l the geometric mean of both models' mean
-squares on axis l: a pure number in which every axis counts, whatever its unit and size.
+Filtered samples are not independent, so blocks of 2 s are (docs/decisions/0006-blocks.md). What is compared is a loss
+of two models, block by block:
 
-Whether one model is better than another is uncertain for two reasons. Blocks differ: the standard error of the paired
-difference over blocks (blocks of 2 s, because filtered samples are not independent; docs/decisions/0006-blocks.md).
-And no model is exactly right: what the better one leaves above the noise was made by something that neither has, and
-that something may as well have made the difference. The second is counted as `DISCREPANCY` times the excess that the
-better one leaves. Source of the idea: model discrepancy, Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001.
+    t = mean_b d_b / (std_b d_b / sqrt(B)),        d_b the difference of block b, B blocks
+
+`paired_t` is that, for any loss; fewer than `FEWEST` blocks say nothing. The losses differ with the question: energies
+on one scale where that is what a user sees, mean squares normalised by both models' own where every axis is to count.
+
+Whether one model is better than another is uncertain for two reasons. Blocks differ: the standard error above. And no
+model is exactly right: what the better one leaves above the noise was made by something that neither has, and that
+something may as well have made the difference. `Contrast.separation` counts the second as `DISCREPANCY` times the
+excess that the better one leaves. Source of the idea: model discrepancy, Kennedy and O'Hagan, J. R. Stat. Soc. B 63,
+2001.
+
+The thresholds. A t is judged by one of these, whatever is compared:
+
+    SIGNIFICANT  3.0   on its own. With 10 to 20 blocks Student's t exceeds it by chance in 0.2 to 0.7 % of trials on
+                       one side, and some thirty effects are tried at every step
+    LARGE        2.0   where the gain itself is large (`Gain.large`): an effect that acts in few blocks only (near the
+                       ground, at speed) makes blocks differ and its own t small, but chance does not take so much off
+                       blocks that were not fitted
+    INDISTINCT   2.5   below it two explanations are indistinguishable: between the others, so that what was named on
+                       the strength of a t of 3 is not at once indistinguishable from nothing
+    UNSTEADY     1.0   for what is strong in some blocks and absent in others by its nature (a load that swings); the
+                       share of the energy that it explains decides there
+
+Where chance is counted by random orders or by a distribution instead, `LEVEL` is the probability of a false alarm.
 """
 
 from __future__ import annotations
@@ -17,12 +36,41 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.learn.identify.fit import Dataset
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import rms
 
 Array = NDArray[np.float64]
 
+FEWEST = 3
+"""Blocks below which no difference can be judged."""
+SIGNIFICANT, LARGE, INDISTINCT, UNSTEADY = 3.0, 2.0, 2.5, 1.0
+LEVEL = 0.01
+LARGE_EVIDENCE = 0.5
+"""Evidence (sum of log rms ratios over axes) of a large gain: 40 % off the rms of one axis, or as much over several."""
 DISCREPANCY = 0.25
 """Share of the better model's excess over the noise that may be chance's choice between two models."""
+
+
+def significant(t: float, *, large: bool = False) -> bool:
+    """Whether a paired t is beyond chance; `large` where the gain itself is large."""
+    return t > (LARGE if large else SIGNIFICANT)
+
+
+def by_block(block: NDArray[np.intp], values: Array) -> Array:
+    """Means (B,) of values (K,) over blocks numbered from zero."""
+    return np.asarray(np.bincount(block, weights=values) / np.bincount(block))
+
+
+def standard_error(differences: Array) -> Array:
+    """Of the mean over blocks: () of (B,), (L,) of (B, L)."""
+    return np.asarray(np.std(differences, axis=0, ddof=1) / np.sqrt(len(differences)))
+
+
+def paired_t(differences: Array) -> Array:
+    """Paired t of differences by block, () of (B,) or (L,) of (B, L); zero where there are fewer than `FEWEST`."""
+    if len(differences) < FEWEST:
+        return np.zeros(differences.shape[1:])
+    return np.asarray(np.mean(differences, axis=0) / np.maximum(standard_error(differences), 1e-300))
 
 
 @dataclass(frozen=True)
@@ -48,22 +96,23 @@ class Contrast:
 
 
 def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
-    """Compare two held-out residuals (K, 6); `Contrast` of nothing where there are fewer than three blocks."""
+    """Compare two held-out residuals (K, 6); `Contrast` of nothing where there are fewer than three blocks.
+
+    The loss of a sample is sum_l r_l^2 / v_l, with v_l the geometric mean of both models' mean squares on axis l: a
+    pure number in which every axis counts, whatever its unit and size.
+    """
     squares = np.mean(worse**2, axis=0), np.mean(better**2, axis=0)
     variance = np.sqrt(squares[0] * squares[1]) + 1e-30
-    counts = np.bincount(data.block)
-    loss = np.sum((worse**2 - better**2) / variance, axis=1)
-    difference = np.bincount(data.block, weights=loss) / counts
-    if len(difference) < 3:
+    difference = by_block(data.block, np.sum((worse**2 - better**2) / variance, axis=1))
+    if len(difference) < FEWEST:
         return Contrast(0.0, 1.0, 0.0)
-    spread = float(np.std(difference, ddof=1) / np.sqrt(len(difference)))
     excess = float(np.sum(np.maximum(squares[1] - data.noise**2, 0.0) / variance))
-    return Contrast(float(np.mean(difference)), spread, excess)
+    return Contrast(float(np.mean(difference)), float(standard_error(difference)), excess)
 
 
 def evidence(worse: Array, better: Array) -> float:
     """Sum over axes of log rms ratios of two residuals (K, 6): scale-free, so that a small axis counts too."""
-    before, after = (np.maximum(np.sqrt(np.mean(r**2, axis=0)), 1e-30) for r in (worse, better))
+    before, after = (np.maximum(rms(r), 1e-30) for r in (worse, better))
     return float(np.sum(np.log(before / after)))
 
 
@@ -72,9 +121,3 @@ def cosine(data: Dataset, start: Array, first: Array, second: Array) -> float:
     a = ((start - first) * data.weights).ravel()
     b = ((start - second) * data.weights).ravel()
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30))
-
-
-def energy(data: Dataset, residual: Array) -> float:
-    """sum_kl (w_l r_kl)^2 with the weights of the data: newtons and newton metres on one scale."""
-    weighted = residual * data.weights
-    return float(np.vdot(weighted, weighted))

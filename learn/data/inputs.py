@@ -9,16 +9,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.measurement import Record, low_pass
-from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.plant.mismatch import MismatchModel
 from wrenchgap.plant.mismatch_inputs import POSED, extra_inputs
 
 Array = NDArray[np.float64]
-
-
-def groups(model: MismatchModel) -> tuple[str, ...]:
-    """Groups of inputs besides the command that a mismatch model wants."""
-    return model.settings.inputs if isinstance(model, GaussianProcess) else ()
 
 
 def check(names: Sequence[str], record: Record) -> None:

@@ -13,10 +13,8 @@ from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Flight, Samples
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, low_pass, prepare
-from wrenchgap.learn.identify.fit import inapplicable
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.plant.wrench_model import ModelEffect
 
 Loader = Callable[..., Flight]
 GROUNDED = 0.3
@@ -137,18 +135,6 @@ def _part(samples: Samples, rows: slice) -> Samples:
     every = {f.name: getattr(samples, f.name) for f in fields(Samples)}
     arrays: dict[str, Any] = {name: value[rows] for name, value in every.items() if isinstance(value, np.ndarray)}
     return replace(samples, **arrays)
-
-
-def check_effects(effects: Sequence[ModelEffect], model: Model, records: Sequence[Record]) -> None:
-    """Raise FitError, in one line, where one of the effects needs what a log lacks: rotors, pose or voltage."""
-    for item in effects:
-        for record in records:
-            reason = inapplicable(item.name, model, [record])
-            if reason is not None:
-                raise FitError(
-                    f"{record.flight}: {reason}, or take the effect out of the model with "
-                    f"`wrenchgap remove {item.name}`"
-                )
 
 
 def _never_flew(found: Flight, model: Model) -> str:

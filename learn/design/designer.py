@@ -23,6 +23,9 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Flight, Samples
 from wrenchgap.flight.resample import uniform
+from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.blocks import INDISTINCT
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.design.manoeuvres import LARGEST_ERROR, SEEDED, Limits, available, space, usual, violations
 from wrenchgap.learn.design.screening import Piece, Screen
@@ -35,8 +38,6 @@ from wrenchgap.learn.design.separability import (
     separability,
     sized,
 )
-from wrenchgap.learn.identify.fit import Dataset, dataset, inapplicable
-from wrenchgap.learn.identify.search import INDISTINCT
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.controller import evaluate, pushes_along_z_only
 from wrenchgap.plant.effects import find

@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from wrenchgap.learn.data.applicable import unexcited
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict
 from wrenchgap.learn.design.separability import (
     Direction,
@@ -31,7 +33,7 @@ from wrenchgap.learn.design.separability import (
     visibility,
     visible,
 )
-from wrenchgap.learn.identify.fit import ACCELEROMETER_BIAS, Dataset, dataset, unexcited
+from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 

@@ -7,7 +7,7 @@ instead of A can do, with everything else that is fitted along (the model's own 
     left = W_A - min over theta_B, nuisance of W(model + B)                        through the filter, without noise
 
     cosine        between what A adds and its imitation: 1 means that B can do exactly what A does
-    share         |left| / |what A adds|, newtons and newton metres on one scale (weights of `learn.identify.fit.Dataset`)
+    share         |left| / |what A adds|, newtons and newton metres on one scale (weights of `learn.data.dataset.Dataset`)
     evidence      sum over the axes of log rms ratios, as in `learn.data.blocks`: whether the difference shows beyond noise
     separation    that of `learn.data.blocks` between the two explanations, in paired-t units, expected
 
@@ -33,10 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.learn.data.blocks import Contrast, contrast
+from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, by_block, contrast
+from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.identify.fit import Dataset, Fit, dataset, fit, held_out
-from wrenchgap.learn.identify.search import INDISTINCT, LEAST_EVIDENCE, comparable
+from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.search import LEAST_EVIDENCE, comparable
 from wrenchgap.plant.effects import Parameter, find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -198,8 +200,8 @@ def direction(
     return Direction(
         truth,
         imitator,
-        _rms(added),
-        _rms(left),
+        rms(added),
+        rms(left),
         data.noise,
         float(np.vdot(a, b)) / max(size * float(np.linalg.norm(b)), 1e-30),
         float(np.linalg.norm(left * data.weights)) / size,
@@ -212,7 +214,7 @@ def direction(
 
 def visible(data: Dataset, added: Array) -> bool:
     """Whether what an effect adds (K, 6) shows at all on a flight."""
-    return bool(np.any(_rms(added) >= INVISIBLE * data.noise))
+    return bool(np.any(rms(added) >= INVISIBLE * data.noise))
 
 
 def nothing(data: Dataset, base: Model, truth: str, imitator: str) -> Direction:
@@ -292,8 +294,8 @@ def expected_separation(data: Dataset, left: Array, sensor: Array | None = None)
     noise = data.noise**2
     scale = np.sqrt(noise * (noise + np.mean(left**2, axis=0)))
     counts = np.bincount(data.block)
-    excess = np.bincount(data.block, weights=np.sum(left**2 / scale, axis=1)) / counts
-    shaken = np.bincount(data.block, weights=np.sum(4.0 * noise * left**2 / scale**2, axis=1)) / counts
+    excess = by_block(data.block, np.sum(left**2 / scale, axis=1))
+    shaken = by_block(data.block, np.sum(4.0 * noise * left**2 / scale**2, axis=1))
     variance = float(np.var(excess, ddof=1)) if len(counts) > 1 else float(excess[0] ** 2)
     variance += float(np.mean(shaken / np.maximum(data.independence * counts, 1.0)))
     wrong = 0.0 if sensor is None else float(np.sum(np.maximum(noise - sensor**2, 0.0) / scale))
@@ -356,7 +358,3 @@ def typical(name: str, model: Model) -> ModelEffect:
 
 def _within(value: float, parameter: Parameter) -> float:
     return float(np.clip(value, parameter.low, parameter.high))
-
-
-def _rms(values: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -17,32 +17,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.identify.fit import Dataset
+from wrenchgap.learn.data.blocks import LARGE, by_block, paired_t
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit
 
 Array = NDArray[np.float64]
-Source = Literal["fitted", "given", "none"]
 
 POINTS = 150
 FOLDS = 4
-BEYOND_CHANCE = 2.0
-"""Paired t over blocks above which the process is believed on an axis."""
 PARTS = ("noise", "physics", "process", "unexplained")
+
+
+class Source(StrEnum):
+    """Which process is meant: fitted for the budget and judged on blocks that it had not seen, given, or none."""
+
+    FITTED = "fitted"
+    GIVEN = "given"
+    NONE = "none"
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Mean squares (6,) [N^2, Nm^2] that add up to `nominal`; `weights` (6,) put them on one scale.
-
-    `source` says which process is meant: "fitted" here and judged on blocks that it had not seen, "given", or "none".
-    """
+    """Mean squares (6,) [N^2, Nm^2] that add up to `nominal`; `weights` (6,) put them on one scale."""
 
     nominal: Array
     noise: Array
@@ -62,11 +65,6 @@ class Budget:
         total = max(float(self.nominal @ scale), 1e-300)
         return {name: float(getattr(self, name) @ scale) / total for name in PARTS}
 
-    def to_json(self) -> dict[str, Any]:
-        """Mean squares by part, and shares of the whole."""
-        parts = {name: getattr(self, name).tolist() for name in ("nominal", *PARTS)}
-        return {"mean_square": parts, "whole_shares": self.whole(), "process_source": self.source}
-
 
 def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: Source) -> Budget:
     """Budget of residuals (K, 6): of the nominal model, of the model, and the process's prediction of the latter.
@@ -77,8 +75,9 @@ def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, so
     after = squares[1]
     if process is not None:
         better = np.mean((left - process) ** 2, axis=0)
-        least = 0.0 if source == "given" else BEYOND_CHANCE
-        believed = (better < after) & (gain_t(data, left, left - process) > least)
+        least = 0.0 if source is Source.GIVEN else LARGE
+        t = paired_t(np.stack([by_block(data.block, c) for c in (left**2 - (left - process) ** 2).T], axis=1))
+        believed = (better < after) & (t > least)
         after = np.where(believed, better, after)
     noise = np.minimum(data.noise**2, after)
     return Budget(
@@ -88,19 +87,8 @@ def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, so
         squares[1] - after,
         after - noise,
         data.weights,
-        source if process is not None else "none",
+        source if process is not None else Source.NONE,
     )
-
-
-def gain_t(data: Dataset, before: Array, after: Array) -> Array:
-    """Paired t over blocks (6,) for the squares of `before` (K, 6) being larger than those of `after`."""
-    counts = np.bincount(data.block)
-    columns = [np.bincount(data.block, weights=c) / counts for c in (before**2 - after**2).T]
-    difference = np.stack(columns, axis=1)
-    if len(difference) < 3:
-        return np.zeros(before.shape[1])
-    spread = difference.std(axis=0, ddof=1) / np.sqrt(len(difference))
-    return np.asarray(difference.mean(axis=0) / np.maximum(spread, 1e-300))
 
 
 def held_out_process(

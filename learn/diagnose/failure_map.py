@@ -30,15 +30,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.blocks import LEVEL
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
-from wrenchgap.learn.identify.fit import Dataset
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -49,8 +49,6 @@ GRID_BINS = 6
 """Bins along the first side of the map over two quantities."""
 INDEPENDENT = 8.0
 """Fewest independent samples in a bin; sectors with fewer are put aside."""
-SIGNIFICANT = 0.01
-"""p below which an error goes with a quantity beyond chance."""
 PERMUTATIONS = 400
 
 
@@ -79,10 +77,6 @@ class Binned:
     def __len__(self) -> int:
         return len(self.low)
 
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {name: np.asarray(value).tolist() for name, value in self.__dict__.items()}
-
 
 @dataclass(frozen=True)
 class Dependence:
@@ -107,27 +101,12 @@ class Dependence:
     @property
     def significant(self) -> bool:
         """Whether chance would hardly do it."""
-        return self.p < SIGNIFICANT
+        return self.p < LEVEL
 
     @property
     def score(self) -> float:
         """What the quantities are ranked by: the larger of the two shares."""
         return max(self.of_mean, self.of_size)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain."""
-        return {
-            "quantity": self.name,
-            "label": self.label,
-            "unit": self.unit,
-            "of_mean": self.of_mean,
-            "of_size": self.of_size,
-            "axes_mean": self.axes_mean.tolist(),
-            "p": self.p,
-            "significant": self.significant,
-            "axes": list(self.axes),
-            "bins": self.binned.to_json(),
-        }
 
 
 @dataclass(frozen=True)
@@ -149,10 +128,6 @@ class Grid:
     torque: Array
     mean: Array
 
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in self.__dict__.items()}
-
 
 @dataclass(frozen=True)
 class FailureMap:
@@ -166,14 +141,6 @@ class FailureMap:
     def significant(self) -> tuple[Dependence, ...]:
         """Those beyond chance."""
         return tuple(d for d in self.dependences if d.significant)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain."""
-        return {
-            "quantities": [d.to_json() for d in self.dependences],
-            "grid": None if self.grid is None else self.grid.to_json(),
-            "lacking": [{"quantity": name, "reason": reason} for name, reason in self.lacking.items()],
-        }
 
 
 def failure_map(
@@ -342,7 +309,7 @@ class _Test:
         standardised = (_fisher(observed) - middle) / spread
         p = (1.0 + np.sum(largest[:, None, None] >= standardised, axis=0)) / (1.0 + count)
         share = np.maximum((observed - centre) / np.maximum(1.0 - centre, 1e-9), 0.0)
-        return share, p.min(axis=1), p[:, 2:] < SIGNIFICANT
+        return share, p.min(axis=1), p[:, 2:] < LEVEL
 
 
 def _fisher(ratio: Array) -> Array:

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record, derivative, low_pass
-from wrenchgap.learn.identify.fit import Dataset
 
 Array = NDArray[np.float64]
 

@@ -26,14 +26,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from wrenchgap.learn.data.blocks import LARGE_EVIDENCE, by_block, evidence, paired_t, significant
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
-from wrenchgap.learn.identify.fit import Dataset
 from wrenchgap.learn.process.subsample import subsample
 
 Array = NDArray[np.float64]
@@ -43,11 +43,6 @@ CENTRES = 24
 """Most representative samples per group; a single input gets 8."""
 SHRINKAGE = np.logspace(-6, 3, 10)
 """Ridge penalties tried, relative to the mean eigenvalue of the features."""
-SURE = 3.0
-"""Paired t over blocks beyond which a group is believed."""
-PLAIN = (0.5, 2.0)
-"""Evidence (sum over axes of log rms ratios) beyond which a smaller t is enough, as in `learn.identify.explain`: what acts in
-few blocks only, e.g. at speed, makes blocks differ and its own t small."""
 LEAST = 0.02
 """Smallest share of the error, or of one axis ten times this, that is worth another group."""
 MOST = 4
@@ -80,11 +75,6 @@ class GroupRelevance:
         """Whether the residual depends on these inputs beyond chance and beyond the others chosen."""
         return self.step > 0
 
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in self.__dict__.items()}
-        return {**plain, "columns": list(self.columns), "chosen": self.chosen}
-
 
 @dataclass(frozen=True)
 class Relevance:
@@ -102,15 +92,6 @@ class Relevance:
     def chosen(self) -> tuple[GroupRelevance, ...]:
         """The inputs on which the residual depends."""
         return tuple(g for g in self.groups if g.chosen)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain."""
-        return {
-            "groups": [g.to_json() for g in self.groups],
-            "explained": self.explained,
-            "explained_axes": self.explained_axes.tolist(),
-            "lacking": [{"input": name, "reason": reason} for name, reason in self.lacking.items()],
-        }
 
 
 def relevance(
@@ -233,17 +214,11 @@ class _Search:
     def t_value(self, before: Array, after: Array) -> float:
         """Paired t over blocks, every axis counting by its own size."""
         size = np.sqrt(np.mean(before**2, axis=0) * np.mean(after**2, axis=0)) + 1e-300
-        total = np.bincount(self.data.block, weights=np.sum((before**2 - after**2) / size, axis=1))
-        loss = total / np.bincount(self.data.block)
-        if len(loss) < 3:
-            return 0.0
-        return float(loss.mean() / max(float(loss.std(ddof=1)) / np.sqrt(len(loss)), 1e-300))
+        return float(paired_t(by_block(self.data.block, np.sum((before**2 - after**2) / size, axis=1))))
 
     def beyond_chance(self, before: Array, after: Array) -> bool:
         """Whether held-out blocks are predicted better than luck would have it."""
-        t = self.t_value(before, after)
-        ratios = np.mean(before**2, axis=0) / np.maximum(np.mean(after**2, axis=0), 1e-300)
-        return t > SURE or (t > PLAIN[1] and 0.5 * float(np.sum(np.log(ratios))) > PLAIN[0])
+        return significant(self.t_value(before, after), large=evidence(before, after) > LARGE_EVIDENCE)
 
     def select(self) -> tuple[list[int], Array]:
         """The groups chosen, in order, and what they leave."""

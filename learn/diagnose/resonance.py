@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from wrenchgap.flight.so3 import rotate
+from wrenchgap.learn.data.blocks import UNSTEADY, by_block, paired_t
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.identify.fit import Dataset
 
 Array = NDArray[np.float64]
 Frame = Literal["E", "B"]
@@ -41,9 +42,6 @@ LOOSE = 0.35
 """Damping ratio up to which something is said to swing."""
 PLAIN = 1.0
 """Damping ratio of what does not swing."""
-SIGNIFICANT = 1.0
-"""Paired t over blocks between the weakly and the critically damped oscillator; small, since what swings does so in
-some blocks much and in others little. `LEAST_SHARE` does the rest."""
 SAME = 1.15
 """Ratio of the frequencies found in E and B up to which they are one and the same oscillation."""
 LEAST_SHARE = 0.25
@@ -51,7 +49,7 @@ LEAST_SHARE = 0.25
 
 
 @dataclass(frozen=True)
-class Swing:
+class Oscillation:
     """Something that swings at `frequency_hz` with damping ratio `damping`, in frame E or B; None if either would do.
 
     `share` of the energy that is left above the noise is predicted by it on held-out blocks, beyond what the best
@@ -64,21 +62,8 @@ class Swing:
     share: float
     significance: float
 
-    @property
-    def words(self) -> str:
-        """One clause."""
-        where = {
-            "E": "it keeps to the world, as a load on a rope does",
-            "B": "it moves with the hull",
-            None: "whether it keeps to the world, like a load on a rope, or moves with the hull is not clear",
-        }[self.frame]
-        return (
-            f"something swings at {self.frequency_hz:.2g} Hz (damping {self.damping:.2g}, {100 * self.share:.0f} % of "
-            f"what is left): {where}"
-        )
 
-
-def swing(data: Dataset, residual: Array) -> Swing | None:
+def oscillation(data: Dataset, residual: Array) -> Oscillation | None:
     """Look for an oscillator in what a model leaves, `residual` (K, 6); None where there is none."""
     frames: tuple[Frame, ...] = ("E", "B")
     found = [s for frame in frames if (s := _in_frame(data, residual, frame)) is not None]
@@ -89,7 +74,7 @@ def swing(data: Dataset, residual: Array) -> Swing | None:
     return replace(best, frame=None) if len(found) == 2 and alike else best
 
 
-def _in_frame(data: Dataset, residual: Array, frame: Literal["E", "B"]) -> Swing | None:
+def _in_frame(data: Dataset, residual: Array, frame: Literal["E", "B"]) -> Oscillation | None:
     if frame == "E" and not all(r.has_pose for r in data.records):
         return None
     inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
@@ -114,14 +99,9 @@ def _in_frame(data: Dataset, residual: Array, frame: Literal["E", "B"]) -> Swing
     plain = min(cost(slow, PLAIN), given)
     share = (plain - cost(f, zeta)) / excess
     before = left(slow, PLAIN) if cost(slow, PLAIN) < given else target
-    t = _paired_t(data, before / noise, left(f, zeta) / noise)
-    return Swing(f, zeta, frame, share, t) if t > SIGNIFICANT and share > LEAST_SHARE and zeta < LOOSE else None
-
-
-def _paired_t(data: Dataset, worse: Array, better: Array) -> float:
-    """Paired t over blocks for `worse` having the larger energy."""
-    gain = np.bincount(data.block, weights=np.sum(worse**2 - better**2, axis=1)) / np.bincount(data.block)
-    return float(np.mean(gain) / max(float(np.std(gain, ddof=1)) / np.sqrt(len(gain)), 1e-30))
+    gain = np.sum((before / noise) ** 2 - (left(f, zeta) / noise) ** 2, axis=1)
+    t = float(paired_t(by_block(data.block, gain)))
+    return Oscillation(f, zeta, frame, share, t) if t > UNSTEADY and share > LEAST_SHARE and zeta < LOOSE else None
 
 
 def _steps(zeta: float) -> Array:

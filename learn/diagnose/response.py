@@ -37,12 +37,14 @@ from wrenchgap.flight.offsets import (
     Correlated,
     Intervals,
     Offset,
+    Problem,
     Signal,
     differences,
     odometry_motion,
     offset,
     scatter,
 )
+from wrenchgap.learn.data.blocks import SIGNIFICANT
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import Vehicle
@@ -55,13 +57,10 @@ BAND_HZ = (0.5, 10.0)
 """Frequencies at which commands and response are compared: beyond, vibration; below, trim and battery."""
 LONGEST_LAG = 0.5
 """Longest time constant that is tried [s]."""
-CERTAIN = 3.0
-"""Paired t over blocks at which one form is better than the other."""
 FITS = 0.93
 """Mean cosine of the phase misfit at which a form fits: 21 deg rms."""
 GAIN_FITS = 1.5
 """Factor (rms) between measured gain and that of a form within which it fits: more than any plausible effect makes."""
-FEEDBACK = "the command follows the motion, not the motion the command: feedback of disturbances"
 NOTICEABLE = 3.0
 """How many times the sensor noise a delay must leave in the residual to be worth attention."""
 LEAST_SHARE = 0.1
@@ -111,7 +110,7 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
         return Response(name, found)
     shape, lag = _shape(found.correlated)
     if shape is None:
-        return Response(name, replace(found, seconds=None, std=None, interval=None, problem=FEEDBACK))
+        return Response(name, replace(found, seconds=None, std=None, interval=None, problem=Problem.FEEDBACK))
     weight = np.array([len(r) for r in records], dtype=float)
 
     def rms(by_record: Sequence[float]) -> float:
@@ -204,7 +203,7 @@ def _shape(found: Correlated) -> tuple[Shape | None, float]:
         return ("delay" if fits[0] else "lag"), lag
     difference = late - slow
     t = float(difference.sum()) / max(scatter(difference), 1e-300)
-    return ("delay" if t > CERTAIN else "lag" if t < -CERTAIN else "either"), lag
+    return ("delay" if t > SIGNIFICANT else "lag" if t < -SIGNIFICANT else "either"), lag
 
 
 def _gain_fits(gain: Array, weight: Array, model: Array) -> bool:

@@ -42,15 +42,14 @@ from scipy.special import ndtri, stdtr, stdtrit
 from scipy.stats import norm
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.blocks import LEVEL
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
-from wrenchgap.learn.identify.fit import Dataset
 
 Array = NDArray[np.float64]
 
 LAGS = 1.0
 """Largest lag that is looked at [s]."""
-LEVEL = 0.01
-"""Chance of a false alarm: the bands hold 99 %."""
 MEMORY = 4.0
 """Correlation beyond this time is not believed when bands are made [s]; two blocks of time."""
 FEWEST = 8.0
@@ -81,10 +80,6 @@ class Autocorrelation:
         """Whether filtered sensor noise would look like it."""
         return self.p >= LEVEL
 
-    def to_json(self) -> dict[str, Any]:
-        """By name."""
-        return {**_plain(self), "white": self.white}
-
 
 @dataclass(frozen=True)
 class CrossCorrelation:
@@ -108,11 +103,6 @@ class CrossCorrelation:
         """Whether independent series would hardly do it."""
         return abs(self.peak) > self.band
 
-    def to_json(self, curve: bool = True) -> dict[str, Any]:
-        """By name; without the curve where only the peak is of interest."""
-        left_out = () if curve else ("lags", "value")
-        return {k: v for k, v in {**_plain(self), "outside": self.outside}.items() if k not in left_out}
-
 
 @dataclass(frozen=True)
 class Whiteness:
@@ -128,15 +118,6 @@ class Whiteness:
         """
         own = [c for c in self.crosscorrelation if c.axis == axis]
         return max(own, key=lambda c: (c.outside, abs(c.peak)), default=None)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain; curves for the strongest input of each axis, peaks for all."""
-        best = [self.strongest(axis) for axis in AXES]
-        return {
-            "autocorrelation": [a.to_json() for a in self.autocorrelation],
-            "strongest": [c.to_json() for c in best if c is not None],
-            "peaks": [c.to_json(curve=False) for c in self.crosscorrelation],
-        }
 
 
 def _plain(item: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 A GP that is learnt on a model is a change c(W_cmd) of the predicted wrench. So is every effect of the catalogue: fitted
 alone to what the model leaves, it changes the prediction by e. On the axes that the GP knows, over the flights that
-it was learnt on, with the weights w of `learn.identify.fit.Dataset`,
+it was learnt on, with the weights w of `learn.data.dataset.Dataset`,
 
     cosine = <e, c>_w / (|e|_w |c|_w)         whether the two changes look alike
     share  = 1 - |c - e|_w^2 / |c|_w^2        how much of the GP's correction the effect reproduces
@@ -22,15 +22,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.data.inputs import groups, pooled_inputs
-from wrenchgap.learn.identify.fit import Dataset, Fit, dataset, fit, held_out, inapplicable, spread_out, unexcited
-from wrenchgap.learn.identify.search import INDISTINCT, MATERIAL, PLAIN, SIGNIFICANT
+from wrenchgap.learn.data.applicable import inapplicable, unexcited
+from wrenchgap.learn.data.blocks import INDISTINCT, by_block, paired_t, significant
+from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
+from wrenchgap.learn.data.errors import energy, rms
+from wrenchgap.learn.data.inputs import pooled_inputs
+from wrenchgap.learn.data.prediction import Process
+from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.search import MATERIAL
 from wrenchgap.plant.effects import catalogue
-from wrenchgap.plant.mismatch import MismatchModel, output_indices
+from wrenchgap.plant.history import Value
+from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, int, int], None]
+Progress = Callable[[float, str], None]
 
 CLEAR = 0.5
 """Least share of the correction that an effect must reproduce to be named."""
@@ -53,10 +59,10 @@ class Absorbed:
     t: float
     named: bool
 
-    def values(self) -> list[tuple[str, float, float, str]]:
-        """(parameter, value, standard deviation, unit)."""
-        rows = zip(self.fit.parameters, self.fit.theta, self.fit.std, strict=True)
-        return [(p.name, float(v), float(s), p.unit) for (_, p), v, s in rows]
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """Its parameters as fitted."""
+        return self.fit.values(self.name)
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ class Absorption:
 def absorbed(
     data: Dataset,
     model: Model,
-    gp: MismatchModel,
+    gp: Process,
     *,
     names: Sequence[str] | None = None,
     progress: Progress | None = None,
@@ -87,9 +93,9 @@ def absorbed(
     some = spread_out(data.records, SECONDS)
     data = data if some is data.records else dataset(some, model)
     rows = output_indices(gp.outputs)
-    correction = gp.mean(pooled_inputs(groups(gp), data.records))
+    correction = gp.mean(pooled_inputs(gp.input_groups, data.records))
     size = np.full(6, np.nan)
-    size[rows] = np.sqrt(np.mean(correction**2, axis=0))
+    size[rows] = rms(correction)
     try:
         base = fit(data, model, ())
         given = held_out(data, model, (), base)
@@ -101,7 +107,7 @@ def absorbed(
     tried = [n for n in (names or catalogue()) if n not in present and _possible(n, model, data)]
     for k, name in enumerate(tried):
         if progress is not None:
-            progress(f"does the GP absorb {name}?", k, len(tried))
+            progress(k / len(tried), f"does the GP absorb {name}?")
         fitted = fit(data, model, (name,), base=base)
         left = held_out(data, model, (name,), fitted)
         found.append(guard.compare(name, fitted, given, left))
@@ -122,20 +128,11 @@ class _Guard:
         self.weights = data.weights[rows]
         self.correction = correction
         self.block = data.block
-        self.counts = np.bincount(data.block)
-        self.energy = self.blocks(correction).sum()
-
-    def blocks(self, difference: Array) -> Array:
-        """Weighted squares, summed over each block."""
-        return np.asarray(np.bincount(self.block, weights=((difference * self.weights) ** 2).sum(axis=1)))
+        self.energy = energy(correction, self.weights)
 
     def t_value(self, worse: Array, better: Array) -> float:
         """Paired t over blocks for `worse` (K, L) being larger than `better`."""
-        gain = (self.blocks(worse) - self.blocks(better)) / self.counts
-        if len(gain) < 3:
-            return 0.0
-        spread = float(np.std(gain, ddof=1) / np.sqrt(len(gain)))
-        return float(np.mean(gain)) / max(spread, 1e-30)
+        return float(paired_t(by_block(self.block, ((worse**2 - better**2) * self.weights**2).sum(axis=1))))
 
     def compare(self, name: str, fitted: Fit, given: Array, left: Array) -> tuple[Absorbed, Array]:
         """One effect, and what of the correction it does not reproduce (K, L)."""
@@ -143,13 +140,12 @@ class _Guard:
         change = before - after
         rest = self.correction - change
         product = float(np.sum(change * self.correction * self.weights**2))
-        lengths = np.sqrt(self.blocks(change).sum() * self.energy)
-        share = 1.0 - float(self.blocks(rest).sum() / max(self.energy, 1e-30))
+        lengths = np.sqrt(energy(change, self.weights) * self.energy)
+        share = 1.0 - energy(rest, self.weights) / max(self.energy, 1e-30)
         t = self.t_value(before, after)
         large = any(abs(v) >= MATERIAL * p.scale for (_, p), v in zip(fitted.parameters, fitted.theta, strict=True))
-        halved = self.blocks(after).sum() < 0.5 * self.blocks(before).sum()
-        beyond_chance = t > SIGNIFICANT or (halved and t > PLAIN[1])
-        named = share >= CLEAR and beyond_chance and large and not fitted.at_bound
+        halved = energy(after, self.weights) < 0.5 * energy(before, self.weights)
+        named = share >= CLEAR and significant(t, large=halved) and large and not fitted.at_bound
         return Absorbed(name, fitted, product / max(float(lengths), 1e-30), share, t, named), rest
 
     def choose(self, found: Sequence[tuple[Absorbed, Array]]) -> tuple[str, ...]:

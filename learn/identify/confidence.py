@@ -15,13 +15,10 @@ is exactly true, and none ever is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from wrenchgap.learn.identify.search import Member
+from wrenchgap.learn.identify.search import Member
 
 Array = NDArray[np.float64]
 
@@ -47,7 +44,7 @@ def features(nearest: float, share: float, evidence: float, left: float, unknown
     )
 
 
-def probability(member: Member, left: float, unknown: bool) -> float:
+def confidence(member: Member, left: float, unknown: bool) -> float:
     """Probability that the member, or one of its group, is really there.
 
     `left` is the rms that the whole set leaves, over the noise, the worse of force and torque.

@@ -1,57 +1,60 @@
 """Which physical effect is missing: candidates of the catalogue, ranked by the error they leave on held-out blocks.
 
-`learn.identify.search` finds the set of effects; this module says what that means. Two measures, both on held-out blocks:
+`explain` is the one way from opened flights to a verdict: timing, the effects to try (`learn.identify.candidates`), the
+search for the set (`learn.identify.search`), what that set leaves, and the verdict. Two measures, both on held-out
+blocks:
 
-    energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.identify.fit.Dataset`): what a user sees;
-              orders the candidates. score = 1 - energy left / energy of the model as given
+    energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.data.dataset.Dataset`): what a user
+              sees; orders the candidates. score = 1 - energy left / energy of the model as given
     evidence  sum_l log(rms_l before / rms_l after): scale-free, so that a small axis counts too; decides whether an
-              effect is there at all, with a paired test over blocks (blocks, because filtered samples are not
-              independent; docs/decisions/0006-blocks.md)
+              effect is there at all, with a paired test over blocks (docs/decisions/0006-blocks.md)
 
-The verdict is "effect" where the set explains the residual and nothing else would do in the place of its largest
-member, "group" where something else would, "unknown" where structure is left, "nothing" where there is none.
+What a verdict needs (`_verdict`):
+
+    unknown   force or torque stay above `LOUD` times the noise and above the share `UNEXPLAINED` of what they were, the
+              worst `UNUSUAL` of the time left aside; or an oscillation is found in what is left
+    nothing   no effect was named
+    group     another effect would do as well in the place of the largest member
+    effect    else
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.learn.data.applicable import Lack, Untried
+from wrenchgap.learn.data.blocks import by_block
+from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
+from wrenchgap.learn.data.errors import energy, force_and_torque, rms
+from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
-from wrenchgap.learn.diagnose.resonance import Swing, swing
-from wrenchgap.learn.identify.confidence import probability
-from wrenchgap.learn.identify.fit import Dataset, Fit, dataset, inapplicable, spread_out, unexcited, with_fit
-from wrenchgap.learn.identify.search import (
-    INDISTINCT,
-    MATERIAL,
-    SIGNIFICANT,
-    Candidate,
-    Member,
-    Progress,
-    Search,
-    Step,
-)
-from wrenchgap.plant.effects import catalogue
+from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
+from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of
+from wrenchgap.learn.identify.candidates import Candidates, candidates
+from wrenchgap.learn.identify.confidence import confidence
+from wrenchgap.learn.identify.fit import Fit, with_fit
+from wrenchgap.learn.identify.search import Candidate, Member, Search, Step
+from wrenchgap.learn.identify.validation import Validation, validate
+from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model import Model
 
-__all__ = [
-    "INDISTINCT",
-    "MATERIAL",
-    "SIGNIFICANT",
-    "Candidate",
-    "Explanation",
-    "Member",
-    "Step",
-    "Verdict",
-    "explain",
-]
-
 Array = NDArray[np.float64]
-Verdict = Literal["effect", "group", "unknown", "nothing"]
+Progress = Callable[[float, str], None]
+
+
+class Verdict(StrEnum):
+    """What the flights show to be missing; see the module."""
+
+    EFFECT = "effect"
+    GROUP = "group"
+    UNKNOWN = "unknown"
+    NOTHING = "nothing"
+
 
 SEARCH_SECONDS = 200.0
 """Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
@@ -73,9 +76,10 @@ class Explanation:
     """What is missing, according to the logs. `rms_*` are (6,) held-out; `noise` (6,) is the sensor noise.
 
     `effects` are the members' names, that with the largest share of the error first; `steps` the trace of the forward
-    search. `swing` is an oscillation found in what is left; `depends` says on what that depends, where the verdict is
-    "unknown"; `concentrated` is the share of what is left that sits in the worst tenth of the time; `left` is the rms
-    that is left over that of the noise, the worse of force and torque.
+    search. `oscillation` is one found in the residual; `depends` says on what that depends, where the verdict is
+    "unknown"; `concentrated` is the share of the residual that sits in the worst tenth of the time; `left` is its rms
+    over that of the noise, the worse of force and torque. `timing` is that of each of `flights`; `validation` the test
+    on flights that were not fitted, where some were given.
     """
 
     verdict: Verdict
@@ -86,21 +90,24 @@ class Explanation:
     rms_before: Array
     rms_after: Array
     noise: Array
-    inapplicable: dict[str, str]
+    untried: tuple[Untried, ...]
     dropped: tuple[str, ...]
-    swing: Swing | None
+    oscillation: Oscillation | None
     depends: Relevance | None
     concentrated: float
     left: float
+    flights: tuple[OpenFlight, ...] = ()
+    timing: tuple[FlightTiming, ...] = ()
+    validation: Validation | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the members."""
         return tuple(m.name for m in self.members)
 
-    def probability(self, member: Member) -> float:
-        """How often a name with this much behind it is right (`learn.identify.confidence`)."""
-        return probability(member, self.left, self.verdict == "unknown")
+    def confidence(self, member: Member) -> float:
+        """How often a name with this much evidence is right (`learn.identify.confidence`)."""
+        return confidence(member, self.left, self.verdict is Verdict.UNKNOWN)
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
@@ -119,91 +126,97 @@ class Explanation:
 
 
 def explain(
-    data: Dataset,
+    flights: Sequence[OpenFlight],
     model: Model,
     *,
-    names: Sequence[str] | None = None,
+    names: Sequence[str] = (),
+    validation: Sequence[OpenFlight] = (),
     most: int = 4,
-    barred: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Explanation:
+    """Find the effects that `model` is missing on flights that were opened for it, at most `most` of them.
+
+    Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
+    fitted, the result is tested on them. `jobs` processes, by default one for each core. Raises ModelError for unknown
+    names, FitError where the flights are too short.
+    """
+    report = progress or (lambda fraction, words: None)
+    report(0.0, "timing of the topics")
+    timing = tuple(timing_of(f, model) for f in flights)
+    data = dataset([r for f in flights for r in f.records], model)
+    chosen = candidates(data.records, model, names, timing)
+    found = search_dataset(data, model, chosen, most=most, jobs=cores() if jobs is None else jobs, progress=report)
+    tested = validate(validation, flights, model, found.model) if validation else None
+    return replace(found, flights=tuple(flights), timing=timing, validation=tested)
+
+
+def search_dataset(
+    data: Dataset,
+    model: Model,
+    chosen: Candidates,
+    *,
+    most: int = 4,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Explanation:
-    """Find the missing effects, at most `most` of them, among `names` (default: the catalogue), by `jobs` processes.
-
-    `barred` are effects not to be tried, by name, with the reason.
-    """
-    present = [e.name for e in model.effects]
-    tried = [n for n in (names or catalogue()) if n not in present]
-    reasons = {n: r for n, r in (barred or {}).items() if n in tried}
-    reasons |= {
-        n: r
-        for n in tried
-        if n not in reasons
-        and (r := inapplicable(n, model, data.records) or unexcited(n, model, data.records)) is not None
-    }
-    tried = [n for n in tried if n not in reasons]
+    """The part of `explain` that needs no flights: search, what is left, verdict."""
     some = spread_out(data.records, SEARCH_SECONDS)
     part = data if some is data.records else dataset(some, model)
-    search = Search(part, model, tried, progress, jobs)
+    search = Search(part, model, chosen.tried, progress, jobs)
     members = search.run(most)
-    whole = search if part is data else Search(data, model, tried, progress)
+    whole = search if part is data else Search(data, model, chosen.tried, progress)
     if whole is not search:
         whole.take([m.name for m in members], search.fit)
-    before = np.sqrt(np.mean(whole.given**2, axis=0))
-    after = np.sqrt(np.mean(whole.current**2, axis=0))
     named = {m.name for m in members}
     left = part, search.current
-    swinging = swing(*left) if _left_over(*left) > QUIET else None
+    swinging = oscillation(*left) if _over_noise(*left) > QUIET else None
     verdict = _verdict(members, part, search.given, search.current, swinging)
+    failed = tuple(Untried(name, Lack.FIT, words) for name, words in search.failed.items())
     return Explanation(
         verdict,
         members,
         tuple(search.steps),
         whole.fit,
         with_fit(model, whole.fit),
-        before,
-        after,
+        rms(whole.given),
+        rms(whole.current),
         data.noise,
-        {**reasons, **search.failed},
+        (*chosen.untried, *failed),
         tuple(dict.fromkeys(s.chosen for s in search.steps if s.chosen and s.chosen not in named)),
         swinging,
-        relevance(*left) if verdict == "unknown" and len(np.unique(part.block)) >= FEWEST else None,
+        relevance(*left) if verdict is Verdict.UNKNOWN and len(np.unique(part.block)) >= FEWEST else None,
         _concentrated(*left),
-        _left_over(*left),
+        _over_noise(*left),
     )
 
 
 def _concentrated(data: Dataset, residual: Array) -> float:
     """Share of the energy that sits in the worst tenth of the time."""
-    loud = np.sum((residual * data.weights) ** 2, axis=1)
-    return float(1.0 - np.sum(loud[_usual(data, residual)]) / max(float(np.sum(loud)), 1e-30))
+    usual = residual[_usual(data, residual)]
+    return 1.0 - energy(usual, data.weights) / max(energy(residual, data.weights), 1e-30)
 
 
 def _usual(data: Dataset, residual: Array) -> NDArray[np.bool_]:
     """Samples (K,) outside the tenth of the blocks with the largest residual: one gust or touch is no verdict."""
-    loud = np.bincount(data.block, weights=np.sum((residual * data.weights) ** 2, axis=1)) / np.bincount(data.block)
+    loud = by_block(data.block, np.sum((residual * data.weights) ** 2, axis=1))
     return np.asarray(loud[data.block] <= np.quantile(loud, 1.0 - UNUSUAL, method="lower"))
 
 
-def _norms(data: Dataset, residual: Array) -> Array:
-    """Root mean square norm of force and torque, (2,)."""
-    squares = np.mean(residual**2, axis=0)
-    return np.asarray(np.sqrt([squares[:3].sum(), squares[3:].sum()]))
+def _over_noise(data: Dataset, residual: Array) -> float:
+    """The residual over the noise, the worse of force and torque."""
+    return float(np.max(force_and_torque(rms(residual)) / force_and_torque(data.noise)))
 
 
-def _left_over(data: Dataset, residual: Array) -> float:
-    """What is left over the noise, the worse of force and torque."""
-    noise = np.sqrt(np.array([np.sum(data.noise[:3] ** 2), np.sum(data.noise[3:] ** 2)]))
-    return float(np.max(_norms(data, residual) / noise))
-
-
-def _verdict(members: Sequence[Member], data: Dataset, given: Array, current: Array, swinging: Swing | None) -> Verdict:
+def _verdict(
+    members: Sequence[Member], data: Dataset, given: Array, current: Array, swinging: Oscillation | None
+) -> Verdict:
     """Unknown where force or torque stay well above the noise and above a quarter of what they were, or swing."""
     usual = _usual(data, current)
-    before, after = _norms(data, given[usual]), _norms(data, current[usual])
-    noise = np.sqrt(np.array([np.sum(data.noise[:3] ** 2), np.sum(data.noise[3:] ** 2)]))
+    before, after = force_and_torque(rms(given[usual])), force_and_torque(rms(current[usual]))
+    noise = force_and_torque(data.noise)
     if swinging is not None or np.any((after > LOUD * noise) & (after > UNEXPLAINED * before)):
-        return "unknown"
+        return Verdict.UNKNOWN
     if not members:
-        return "nothing"
-    return "group" if members[0].alike else "effect"
+        return Verdict.NOTHING
+    return Verdict.GROUP if members[0].alike else Verdict.EFFECT

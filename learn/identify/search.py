@@ -17,23 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.learn.data.blocks import Contrast, contrast, cosine, energy, evidence
-from wrenchgap.learn.identify.fit import Dataset, Fit, fit, held_out
+from wrenchgap.learn.data.blocks import INDISTINCT, LARGE_EVIDENCE, Contrast, contrast, cosine, evidence, significant
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import energy, reduction, rms
+from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.parallel import each
 from wrenchgap.plant.effects import find
+from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, int, int], None]
+Progress = Callable[[float, str], None]
 
-SIGNIFICANT = 3.0
-"""Paired t over blocks beyond which an improvement is not chance."""
-PLAIN = (0.5, 2.0)
-"""Evidence beyond which a smaller paired t is enough. An effect that acts in few blocks only (near the ground, at
-speed) makes blocks differ and so its own t small; chance does not take 40 % off an axis in blocks not fitted."""
-INDISTINCT = 2.5
-"""Separation below which two explanations cannot be told apart."""
 LEAST_EVIDENCE = 0.2
 """Smallest evidence (sum of log rms ratios over the axes) worth a name: e.g. 7 % of the rms of three axes."""
 LIKE = 0.8
@@ -50,10 +46,9 @@ MOST_RIVALS = 6
 """How many other effects are tried in a member's place."""
 
 
-def beyond_chance(significance: float, gained: float) -> bool:
-    """Whether an improvement with this paired t and this evidence is none of luck's."""
-    certain = significance > SIGNIFICANT and gained > LEAST_EVIDENCE
-    return certain or (gained > PLAIN[0] and significance > PLAIN[1])
+def beyond_chance(t: float, gained: float) -> bool:
+    """Whether an improvement with this paired t and this evidence is significant and worth a name."""
+    return gained > LEAST_EVIDENCE and significant(t, large=gained > LARGE_EVIDENCE)
 
 
 @dataclass(frozen=True)
@@ -91,10 +86,10 @@ class Candidate:
         """Whether it may be named at all."""
         return not self.implausible and self.material and self.beyond_chance
 
-    def values(self) -> list[tuple[str, float, float, str]]:
-        """(parameter, value, standard deviation, unit) of this effect."""
-        rows = zip(self.fit.parameters, self.fit.theta, self.fit.std, strict=True)
-        return [(p.name, float(v), float(s), p.unit) for (name, p), v, s in rows if name == self.name]
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """Parameters of this effect as fitted."""
+        return self.fit.values(self.name)
 
 
 @dataclass(frozen=True)
@@ -286,13 +281,14 @@ class Search:
         names = [*self.present, *others, name]
         found = fit(self.data, self.model, names, base=base)
         left = held_out(self.data, self.model, names, found, exact=False)
-        before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (residual, left))
+        weights = self.data.weights
+        before, after = rms(residual), rms(left)
         return Candidate(
             name,
             replace(found, jacobian=np.empty((0, 6, 0))),
             left,
-            1.0 - after / np.maximum(before, 1e-30),
-            1.0 - energy(self.data, left) / max(energy(self.data, self.given), 1e-30),
+            reduction(before, after),
+            1.0 - energy(left, weights) / max(energy(self.given, weights), 1e-30),
             evidence(residual, left),
             contrast(self.data, residual, left).t,
             tuple(b for b in found.at_bound if b.startswith(f"{name}.")),
@@ -372,9 +368,9 @@ class Search:
         base, without = self.fitted(rest, self.fit)
         needed = contrast(self.data, without, self.current).t
         gained = evidence(without, self.current)
-        share = (energy(self.data, without) - energy(self.data, self.current)) / max(
-            energy(self.data, self.given), 1e-30
-        )
+        weights = self.data.weights
+        lost = energy(without, weights) - energy(self.current, weights)
+        share = lost / max(energy(self.given, weights), 1e-30)
         stuck = any(b.startswith(f"{name}.") for b in self.fit.at_bound) and share < MAJOR
         if stuck or not beyond_chance(needed, gained) or not material(self.fit, name):
             return None
@@ -400,4 +396,4 @@ class Search:
     def tell(self, words: str, k: int, count: int) -> None:
         """Progress."""
         if self.progress is not None:
-            self.progress(words, k, count)
+            self.progress(min(1.0, k / max(count, 1)), words)

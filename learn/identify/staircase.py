@@ -7,22 +7,24 @@ Two staircases tell the same story on data that was not fitted:
     unseen      flights that nothing was fitted to; raw errors, as `wrenchgap compare` reports them
 
 At each step all effects up to there are fitted together. "In all" is sqrt(sum_l (w_l rms_l)^2) with the weights of
-`learn.identify.fit.Dataset`, newtons and newton metres on one scale.
+`learn.data.dataset.Dataset`, newtons and newton metres on one scale.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.learn.data.comparison import Comparison, Predictor, compare
-from wrenchgap.learn.data.inputs import groups, pooled_inputs
+from wrenchgap.learn.data.comparison import Comparison, compare
+from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.errors import rms, whole
+from wrenchgap.learn.data.inputs import pooled_inputs
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.identify.fit import Dataset, Fit, dataset, fit, held_out, with_fit
+from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
@@ -53,11 +55,6 @@ class Staircase:
     def falling(self) -> tuple[Stair, ...]:
         """The steps proper."""
         return tuple(s for s in self.stairs if not s.beside)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain."""
-        rows = [{"name": s.name, "rms": s.rms, "in_all": s.in_all, "beside": s.beside} for s in self.stairs]
-        return {"title": self.title, "stairs": rows, "noise": {"rms": self.noise.rms, "in_all": self.noise.in_all}}
 
 
 @dataclass(frozen=True)
@@ -102,18 +99,18 @@ class Process:
 
 def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Process | None) -> Staircase:
     """On blocks of the given logs that were not fitted."""
-    rms = [_rms(held_out(data, made.nominal, made.names[:k], f)) for k, f in enumerate(made.fits)]
-    stairs = [_stair(name, r, data.weights) for name, r in zip(_names(made), rms, strict=True)]
+    left = (held_out(data, made.nominal, made.names[:k], f) for k, f in enumerate(made.fits))
+    stairs = [_stair(name, rms(r), data.weights) for name, r in zip(_names(made), left, strict=True)]
     as_given = held_out(data, model, (), fit(data, model, ()))
     if model.effects:
-        stairs.append(_stair(f"{model.name} as given", _rms(as_given), data.weights, beside=True))
+        stairs.append(_stair(f"{model.name} as given", rms(as_given), data.weights, beside=True))
     if process is not None and process.left is not None:
-        stairs.append(_stair(PROCESS, _rms(process.left), data.weights))
+        stairs.append(_stair(PROCESS, rms(process.left), data.weights))
     elif process is not None:
         rows = output_indices(process.gp.outputs)
-        as_given[:, rows] -= process.gp.mean(pooled_inputs(groups(process.gp), data.records))
+        as_given[:, rows] -= process.gp.mean(pooled_inputs(process.gp.input_groups, data.records))
         note = "learnt on these logs: not held out" if process.known else ""
-        stairs.append(_stair(_given_name(model), _rms(as_given), data.weights, _beside(model, made), note))
+        stairs.append(_stair(_given_name(model), rms(as_given), data.weights, _beside(model, made), note))
     return Staircase("held-out time of the given logs", tuple(stairs), _stair("sensor noise", data.noise, data.weights))
 
 
@@ -156,9 +153,5 @@ def _names(made: Steps) -> list[str]:
     return ["nominal", *(f"+ {name}" for name in made.names)]
 
 
-def _rms(residual: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
-
-
 def _stair(name: str, rms: Array, weights: Array, beside: bool = False, note: str = "") -> Stair:
-    return Stair(name, rms, float(np.sqrt(np.sum((weights * rms) ** 2))), beside, note)
+    return Stair(name, rms, whole(rms, weights), beside, note)

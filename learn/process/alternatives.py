@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.data.blocks import by_block, paired_t, significant
+from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.process.calibration import BLOCKS
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import left_out_errors
@@ -33,12 +35,10 @@ WORTH_IT = 0.1
 """Least gain worth an input that has to be known in flight, or another inference."""
 POINTS = 80
 """Points at most in a comparison, to be done within seconds."""
-SIGNIFICANT = 2.0
-"""Least paired t over blocks."""
 
 
 @dataclass(frozen=True)
-class Choice:
+class Alternative:
     """An alternative: its settings, rms (L,) [N, Nm] on left-out blocks, gain and t against what was asked for."""
 
     settings: FitSettings
@@ -49,18 +49,18 @@ class Choice:
     @property
     def worth_it(self) -> bool:
         """Whether it is better beyond chance."""
-        return self.gain > WORTH_IT and self.t > SIGNIFICANT
+        return self.gain > WORTH_IT and significant(self.t, large=True)
 
 
 @dataclass(frozen=True)
-class Choices:
+class Alternatives:
     """All that were tried, what was asked for first, and the settings that are best."""
 
-    tried: tuple[Choice, ...]
+    tried: tuple[Alternative, ...]
     best: FitSettings
 
     @property
-    def better(self) -> Choice | None:
+    def better(self) -> Alternative | None:
         """The best, where it is not what was asked for."""
         asked = not self.tried or self.best == self.tried[0].settings
         return None if asked else next(c for c in self.tried if c.settings == self.best)
@@ -92,12 +92,12 @@ class _Trials:
             self.errors[settings] = error
         return error is not None
 
-    def choice(self, settings: FitSettings, against: FitSettings) -> Choice:
+    def choice(self, settings: FitSettings, against: FitSettings) -> Alternative:
         """One against another, both fitted."""
         scale = np.sqrt(np.mean(self.outputs**2, axis=0)) + 1e-12
         error = self.errors[settings]
         gain, t = _gain(self.errors[against] / scale, error / scale)
-        return Choice(settings, np.sqrt(np.mean(error**2, axis=0)), gain, t)
+        return Alternative(settings, rms(error), gain, t)
 
     def better(self, current: FitSettings, others: list[FitSettings]) -> FitSettings:
         """The best of the others that is worth it, else the current."""
@@ -106,20 +106,20 @@ class _Trials:
         return current if best is None else best.settings
 
 
-def choose(
+def compare_alternatives(
     inputs: Inputs,
     outputs: Array,
     names: tuple[str, ...],
     asked: FitSettings,
     progress: Progress | None = None,
-) -> Choices:
+) -> Alternatives:
     """Whether other inputs or the other inference would predict mismatches (M, L) named `names` better than `asked`.
 
     Groups of inputs that the logs do not have are left out. Nothing is compared where the samples are too few.
     """
     trials = _Trials(inputs, outputs, names, progress)
     if not trials.fit(asked):
-        return Choices((), asked)
+        return Alternatives((), asked)
     best = asked
     while True:
         more = [replace(best, inputs=(*best.inputs, name)) for name in COLUMNS if name not in best.inputs]
@@ -128,14 +128,12 @@ def choose(
             break
         best = better
     best = trials.better(best, [replace(best, inference="sparse" if best.inference == "exact" else "exact")])
-    return Choices(tuple(trials.choice(s, asked) for s in trials.errors), best)
+    return Alternatives(tuple(trials.choice(s, asked) for s in trials.errors), best)
 
 
 def _gain(asked: Array, other: Array) -> tuple[float, float]:
     """Gain and t of errors (K, L) in common units."""
     before, after = np.mean(asked**2, axis=1), np.mean(other**2, axis=1)
     block = np.arange(len(before)) * BLOCKS // len(before)
-    difference = np.bincount(block, weights=before - after) / np.bincount(block)
-    spread = float(np.std(difference, ddof=1)) / np.sqrt(len(difference))
     gain = 1.0 - float(np.sqrt(np.mean(after) / max(float(np.mean(before)), 1e-30)))
-    return gain, float(np.mean(difference)) / max(spread, 1e-30)
+    return gain, float(paired_t(by_block(block, before - after)))

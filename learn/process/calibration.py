@@ -64,7 +64,3 @@ class Coverage:
         """From errors and standard deviations (K, L)."""
         size = np.abs(error) / std
         return cls(np.mean(size < NORMAL_QUANTILE, axis=0), np.mean(size < 3.0, axis=0))
-
-    def to_json(self) -> dict[str, list[float]]:
-        """Plain."""
-        return {"within_95": self.within_95.tolist(), "within_3_sigma": self.within_3_sigma.tolist()}

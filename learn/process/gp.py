@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Literal
 
 import numpy as np
@@ -54,6 +55,27 @@ class LogSource:
     sha256: str
 
 
+class CautionKind(StrEnum):
+    """What a user should know before trusting the correction."""
+
+    NEARLY_SINGULAR = "nearly singular"  # of I + dmu/dW on the training flights
+    WORSE = "worse"  # on unseen flights the process makes the error of `axes` larger
+    NOT_WORTH_IT = "not worth it"  # on unseen flights something simpler does as well on `axes`
+    SAID = "said"  # `text` of a file that an older version wrote
+
+
+@dataclass(frozen=True)
+class Caution:
+    """One of them: axes with their rms on unseen flights before and after, or the smallest `eigenvalue`."""
+
+    kind: CautionKind
+    axes: tuple[str, ...] = ()
+    before: tuple[float, ...] = ()
+    after: tuple[float, ...] = ()
+    eigenvalue: float | None = None
+    text: str = ""
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Where a fitted model comes from. `physics` names the effects whose remainder was learnt, and `warnings` are what
@@ -67,7 +89,7 @@ class Provenance:
     logs: tuple[LogSource, ...] = ()
     version: str = ""
     date: str = ""
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -190,6 +212,11 @@ class GaussianProcess:
             "weights": sparse,
             "whitener": (*sparse, sparse[-1]),
         }
+
+    @property
+    def input_groups(self) -> tuple[str, ...]:
+        """Groups of inputs besides the command."""
+        return self.settings.inputs
 
     @property
     def sigma_prior(self) -> Array:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, LogSource, Provenance
+from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 
 Array = NDArray[np.float64]
 
@@ -118,7 +118,15 @@ def _array(archive: zipfile.ZipFile, name: str) -> Array:
 
 def _provenance(entries: dict[str, Any]) -> Provenance:
     logs = tuple(LogSource(**log) for log in entries["logs"])
-    return Provenance(**{**entries, "logs": logs, "warnings": tuple(entries.get("warnings", ()))})
+    return Provenance(**{**entries, "logs": logs, "warnings": tuple(map(_caution, entries.get("warnings", ())))})
+
+
+def _caution(entry: str | dict[str, Any]) -> Caution:
+    """A caution; older files hold sentences."""
+    if isinstance(entry, str):
+        return Caution(CautionKind.SAID, text=entry)
+    lists = {name: tuple(entry[name]) for name in ("axes", "before", "after")}
+    return Caution(**{**entry, **lists, "kind": CautionKind(entry["kind"])})
 
 
 def _settings(entries: dict[str, Any]) -> FitSettings:

@@ -19,6 +19,7 @@ class ArmReaction(WrenchEffect):
     """
 
     name = "arm_reaction"
+    needs_tilt = True
     excited_by = "tilt acceleration: steps and fast multisines"
     confused_with = ("inertia", "servo_lag")
     needs_rotors = True

@@ -19,6 +19,7 @@ class ArmTwist(CommandEffect):
     """
 
     name = "arm_twist"
+    needs_tilt = True
     excited_by = "thrust that changes while the arms are tilted"
     confused_with = ("tilt_offset", "com_offset")
     order = 40

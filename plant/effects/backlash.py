@@ -20,6 +20,7 @@ class Backlash(CommandEffect):
     """
 
     name = "backlash"
+    needs_tilt = True
     excited_by = "reversals of the tilt angles"
     confused_with = ("servo_lag", "tilt_offset")
     order = 20

@@ -21,6 +21,7 @@ class CoaxialLoss(ThrustEffect):
     """
 
     name = "coaxial_loss"
+    needs_coaxial = True
     excited_by = "unequal speeds within a pair"
     confused_with = ("thrust_scale", "drag_torque")
 

@@ -24,6 +24,7 @@ class DownwashBlockage(ThrustEffect):
     """
 
     name = "downwash_blockage"
+    needs_tilt = True
     excited_by = "sustained high tilt, at which a wake sweeps over a neighbour's boom"
     confused_with = ("rotor_interference", "thrust_scale", "com_offset")
 

@@ -96,6 +96,9 @@ class Effect(ABC):
     """Effects that this one stands for when they come together (a payload: mass, centre of mass, inertia)."""
     order: ClassVar[int] = 0
     needs_rotors: ClassVar[bool] = False
+    needs_tilt: ClassVar[bool] = False
+    """Whether it is about arms that tilt; `needs_coaxial`: about two rotors on one arm."""
+    needs_coaxial: ClassVar[bool] = False
     needs_voltage: ClassVar[bool] = False
     needs_pose: ClassVar[bool] = False
     needs_rates: ClassVar[bool] = False

@@ -24,6 +24,7 @@ class RotorInterference(ThrustEffect):
     """
 
     name = "rotor_interference"
+    needs_tilt = True
     excited_by = "sustained high tilt in several azimuths; sets in above about 60 deg"
     confused_with = ("com_offset", "rotor_thrust", "downwash_blockage")
 

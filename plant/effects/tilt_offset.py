@@ -17,6 +17,7 @@ class TiltOffset(CommandEffect):
     """
 
     name = "tilt_offset"
+    needs_tilt = True
     excited_by = "every tilt; in hover a common offset is a yaw torque"
     confused_with = ("constant_wrench", "com_offset", "arm_twist", "imu_misalignment")
     order = 30

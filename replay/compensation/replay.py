@@ -23,11 +23,13 @@ from threadpoolctl import threadpool_limits
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, ActuatorSeries, Flight, WrenchSeries
-from wrenchgap.learn.data.comparison import Predictor, predictors
+from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.inputs import check
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, from_actuators
-from wrenchgap.learn.data.opening import check_effects, opened
+from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
 from wrenchgap.plant.mismatch import Conditioning, conditioning, output_indices
 from wrenchgap.plant.mismatch_inputs import extra_inputs

@@ -23,7 +23,7 @@ from wrenchgap.flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-from wrenchgap.learn.data.opening import check_effects
+from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.identify.disturbance import Inference, with_offsets
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.closed_loop import Flown, Report, integrate

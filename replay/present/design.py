@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.designer import Design
 from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.design.separability import LEAST_SHARE, Direction, Separability
-from wrenchgap.learn.identify.search import INDISTINCT
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory_file import TrajectoryFile

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.comparison import Comparison, Predictor, compare
+from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.diagnose import timing
 from wrenchgap.learn.diagnose.timing import Timing
 from wrenchgap.learn.identify.explain import Candidate, Explanation, Member

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from wrenchgap.flight import Named, write
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.process.learning import NEARLY_SINGULAR
+from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.comparison import Comparison
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.designer import Design, design
 from wrenchgap.learn.diagnose.budget import budget, held_out_process
@@ -27,7 +29,7 @@ from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.identify.add import Edited, add_fitted
 from wrenchgap.learn.identify.explain import Explanation, explain
-from wrenchgap.learn.identify.fit import Dataset, dataset, held_out, inapplicable
+from wrenchgap.learn.identify.fit import held_out
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
 from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.process import learning

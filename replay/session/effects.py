@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.diagnose.timing import barred, timing_of
 from wrenchgap.learn.identify.add import add_fitted
 from wrenchgap.learn.identify.explain import Explanation, explain
-from wrenchgap.learn.identify.fit import Dataset, dataset, fit, held_out, inapplicable
+from wrenchgap.learn.identify.fit import fit, held_out
 from wrenchgap.learn.identify.search import Step
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant import model_file, trajectory_file
@@ -235,7 +238,7 @@ class EffectsDesk:
         stairs = []
         for name, model in steps:
             residual = np.concatenate([bench.left_by(model, f) for f in flights])
-            stairs.append(_stair(name, _rms(residual), weights))
+            stairs.append(_stair(name, rms(residual), weights))
         lengths = np.array([len(bench.data(f).measured) for f in flights], dtype=float)
         noise = np.sqrt(lengths @ np.array([bench.data(f).noise ** 2 for f in flights]) / lengths.sum())
         return Staircase(title, tuple(stairs), _stair("sensor noise", noise, weights), held_out)
@@ -264,7 +267,7 @@ class EffectsDesk:
             nominal = self.bench.model.nominal
             if len(np.unique(data.block)) < 2:
                 return None
-            self._held_out[key] = _rms(held_out(data, nominal, names, fit(data, nominal, names)))
+            self._held_out[key] = rms(held_out(data, nominal, names, fit(data, nominal, names)))
         return self._held_out[key]
 
     # ------------------------------------------------------------ the search
@@ -313,10 +316,6 @@ class EffectsDesk:
             )
 
         return apart(work, report, self.bench.lock)
-
-
-def _rms(residual: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
 
 
 def _stair(name: str, rms: Array, weights: Array) -> Stair:

@@ -11,13 +11,13 @@ from scipy.ndimage import uniform_filter1d
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import worst_stretches
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.budget import PARTS, budget, held_out_process
 from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
 from wrenchgap.learn.diagnose.failure_map import Grid as ErrorGrid
 from wrenchgap.learn.diagnose.quantities import Quantity as Values
 from wrenchgap.learn.diagnose.quantities import quantities
 from wrenchgap.learn.diagnose.where import dependence_words, goes_with
-from wrenchgap.learn.identify.fit import Dataset
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import Bench
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report

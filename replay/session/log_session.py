@@ -12,10 +12,11 @@ from pathlib import Path
 
 from wrenchgap import flight
 from wrenchgap.flight.channels import Channel, channels
-from wrenchgap.learn.data.comparison import compare, predictors
+from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Loader, open_flights
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.session.compensation import CompensationDesk

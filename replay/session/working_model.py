@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.learn.data.comparison import Predictor, predictors
+from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.identify.fit import Dataset, dataset, inapplicable
+from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel

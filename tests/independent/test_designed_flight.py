@@ -8,9 +8,9 @@ pytest.importorskip("mujoco", reason="the independent engine needs MuJoCo (a dev
 
 from benchmarks.hidden_effects import engine, trajectories
 from wrenchgap.flight import uniform
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.design.separability import measured_separation
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.plant import model_file
 from wrenchgap.plant.moves import Moves, Tilt, Turn
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap import flight
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.learn.identify.search import Candidate, Member, Rival
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import Parameter

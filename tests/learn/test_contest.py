@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 from scipy.signal import butter, lfilter
 
-from wrenchgap.learn.data.blocks import Contrast, contrast, cosine, energy, evidence
-from wrenchgap.learn.identify.search import INDISTINCT
+from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, contrast, cosine, energy, evidence
 
 BLOCKS, SAMPLES = 30, 80
 NOISE = np.array([0.03, 0.03, 0.04, 0.003, 0.003, 0.005])

@@ -69,8 +69,8 @@ def test_what_no_effect_explains_is_unknown(fly, hexarotor):
 
 def test_many_flights_are_searched_in_part_and_fitted_in_full(fly, hexarotor):
     """Ten flights, more than the search looks at: the answer is that of one, and every flight gets its own bias."""
+    from wrenchgap.learn.data.dataset import dataset
     from wrenchgap.learn.identify.explain import SEARCH_SECONDS
-    from wrenchgap.learn.identify.fit import dataset
 
     one, _ = fly("com_offset", None, "train", seed=21, seconds=25)
     records = [replace(r, flight=f"flight {k}") for k in range(10) for r in one.records]

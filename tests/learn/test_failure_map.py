@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import derivative, low_pass
 from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.quantities import quantities
-from wrenchgap.learn.identify.fit import dataset
 
 
 def noise(data, rng):

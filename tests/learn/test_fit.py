@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.identify.fit import fit, held_out, inapplicable, with_fit
+from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.identify.fit import fit, held_out, with_fit
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 

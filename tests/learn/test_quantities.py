@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose.quantities import NO_ARMS, NO_POSE, NO_VOLTAGE, heading, input_groups, quantities
-from wrenchgap.learn.identify.fit import dataset
 
 
 @pytest.fixture

@@ -9,18 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.blocks import contrast, energy
-from wrenchgap.learn.identify.search import (
-    INDISTINCT,
-    LEAST_EVIDENCE,
-    LIKE,
-    MATERIAL,
-    PLAIN,
-    SIGNIFICANT,
-    Search,
-    beyond_chance,
-    material,
-)
+from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT, contrast, energy
+from wrenchgap.learn.identify.search import LEAST_EVIDENCE, LIKE, MATERIAL, PLAIN, Search, beyond_chance, material
 from wrenchgap.plant.effects import Parameter
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Swing
 from wrenchgap.learn.identify.explain import Explanation, explain
-from wrenchgap.learn.identify.fit import Dataset, dataset
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present import tables

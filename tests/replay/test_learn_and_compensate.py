@@ -13,9 +13,9 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.identify.learning import TORQUE, Learnt, learn
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.learning import TORQUE, Learnt, learn
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose import where
 from wrenchgap.learn.identify.explain import explain
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.plant import model_file, trajectory_file
 from wrenchgap.plant.moves import Moves, Turn
 from wrenchgap.plant.trajectory_file import TrajectoryFile

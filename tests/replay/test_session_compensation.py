@@ -8,8 +8,8 @@ import pytest
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.identify.learning import TORQUE, learn
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.learning import TORQUE, learn
 from wrenchgap.plant import model_file
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.session.log_session import LogSession

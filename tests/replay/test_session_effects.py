@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.design import designer as design
-from wrenchgap.learn.identify.fit import dataset, fit, with_fit
+from wrenchgap.learn.identify.fit import fit, with_fit
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import effects as session_effects
 from wrenchgap.replay.session.log_session import LogSession

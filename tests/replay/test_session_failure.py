@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose.budget import budget
 from wrenchgap.learn.diagnose.failure_map import failure_map
 from wrenchgap.learn.diagnose.quantities import quantities
-from wrenchgap.learn.identify.fit import dataset
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import failure as session_failure
 from wrenchgap.replay.session.failure import PERMUTATIONS, SMOOTH

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.identify.learning import TORQUE, learn
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.learning import TORQUE, learn
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.analysis import VIEWS, NextFlight, Ranking

@@ -63,10 +63,10 @@ def explain(
     Example: `wrenchgap explain train.mcap -m tilt_hexarotor --validate test.mcap`
     """
     from wrenchgap.learn.data import comparison
+    from wrenchgap.learn.data.dataset import dataset
     from wrenchgap.learn.data.opening import open_flights
     from wrenchgap.learn.diagnose.timing import barred, timing_of
     from wrenchgap.learn.identify.explain import explain as find_missing
-    from wrenchgap.learn.identify.fit import dataset
     from wrenchgap.learn.parallel import cores
     from wrenchgap.plant import model_file
     from wrenchgap.plant.effects import find

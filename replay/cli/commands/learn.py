@@ -30,8 +30,8 @@ from wrenchgap.replay.cli.options import (
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from wrenchgap.learn.identify.learning import Learnt
     from wrenchgap.learn.process.alternatives import Choices
-    from wrenchgap.learn.process.learning import Learnt
     from wrenchgap.replay.cli.console import Printer
 
 

@@ -1,0 +1,116 @@
+"""Records of flights, stacked and cut into blocks of time: what every analysis is given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.data.measurement import Evaluator, Record, window
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.wrench_model import WrenchModel
+
+Array = NDArray[np.float64]
+
+BLOCK_SECONDS = 2.0
+"""Length of the blocks of time that are treated as independent [s]; many filter lengths."""
+FEWEST_BLOCKS = 8
+"""Into how many blocks at least a short log is cut, as long as a block holds four periods of the cut-off."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Records of one or several flights, stacked: K samples in all.
+
+    `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
+    `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
+    independent.
+    """
+
+    records: tuple[Record, ...]
+    measured: Array
+    commanded: Array
+    block: NDArray[np.intp]
+    flight: NDArray[np.intp]
+    weights: Array
+    independence: float
+
+    def predict(self, model: WrenchModel) -> Array:
+        """Predicted measured wrench (K, 6)."""
+        return np.concatenate([evaluate(model) for evaluate in self.evaluators])
+
+    @cached_property
+    def evaluators(self) -> tuple[Evaluator, ...]:
+        """One for each record; they remember what models have in common."""
+        return tuple(Evaluator(record) for record in self.records)
+
+    @property
+    def noise(self) -> Array:
+        """Sensor noise (6,), the mean over records."""
+        lengths = np.array([len(r) for r in self.records], dtype=float)
+        squared = np.array([r.noise**2 for r in self.records])
+        return np.asarray(np.sqrt(lengths @ squared / lengths.sum()))
+
+
+def length_scale(model: Model) -> float:
+    """The length [m] that makes torques comparable with forces: the vehicle's radius of gyration times sqrt(3)."""
+    body = model.vehicle.body
+    return float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
+
+
+def dataset(records: Sequence[Record], model: Model) -> Dataset:
+    """Stack records; weights are 1/N for forces and 1/(N l) for torques, l the vehicle's `length_scale`."""
+    if not records:
+        raise FitError("no stretch of flight is long enough to be used; see `wrenchgap inspect`")
+    blocks: list[NDArray[np.intp]] = []
+    count = 0
+    total = sum(float(r.time[-1] - r.time[0]) for r in records)
+    length = min(BLOCK_SECONDS, max(total / FEWEST_BLOCKS, 4.0 / records[0].cutoff_hz))
+    for record in records:
+        duration = float(record.time[-1] - record.time[0])
+        pieces = max(1, round(duration / length))
+        index = np.minimum((record.time - record.time[0]) / max(duration, 1e-9) * pieces, pieces - 1).astype(np.intp)
+        blocks.append(index + count)
+        count += pieces
+    first = records[0]
+    names = list(dict.fromkeys(r.flight for r in records))
+    dt_kept = first.dt * (first.keep.step or 1)
+    weights = np.concatenate((np.ones(3), np.full(3, 1.0 / length_scale(model))))
+    return Dataset(
+        tuple(records),
+        np.concatenate([r.measured for r in records]),
+        np.concatenate([r.commanded for r in records]),
+        np.concatenate(blocks),
+        np.concatenate([np.full(len(r), names.index(r.flight)) for r in records]),
+        weights,
+        min(1.0, dt_kept * 2.0 * first.cutoff_hz),
+    )
+
+
+def spread_out(records: tuple[Record, ...], seconds: float, piece: float = 40.0) -> tuple[Record, ...]:
+    """About `seconds` of flight in pieces of at most `piece` seconds, evenly spread; all where there is no more."""
+    step = records[0].dt * (records[0].keep.step or 1)
+    total = sum(len(r) for r in records) * step
+    if total <= seconds:
+        return records
+    share, length = seconds / total, round(piece / step)
+    out: list[Record] = []
+    passed = kept = 0
+    for record in records:
+        passed += len(record)
+        wanted = share * passed - kept
+        if wanted < 0.5 * min(length, len(record)):
+            continue
+        if len(record) <= length:
+            out.append(record)
+            kept += len(record)
+            continue
+        count = max(1, round(wanted / length))
+        starts = np.linspace(0, len(record) - length, count).astype(int)
+        out += [window(record, int(s), int(s) + length) for s in starts]
+        kept += count * length
+    return tuple(out)

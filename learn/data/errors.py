@@ -1,0 +1,60 @@
+"""How an error is averaged: the one place where residuals become numbers that a user reads.
+
+A residual (K, 6) is measured minus predicted wrench over K samples. Per axis it is averaged to mean, standard deviation,
+rms and maximum of its size; over all axes, newtons and newton metres come on one scale with the weights w (6,) of
+`learn.data.dataset.Dataset`:
+
+    energy = sum_kl (w_l r_kl)^2,        whole = sqrt(sum_l (w_l rms_l)^2)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def rms(residual: Array) -> Array:
+    """Root mean square over samples: (L,) of (K, L)."""
+    return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
+
+
+def reduction(before: Array, after: Array) -> Array:
+    """Fraction of an error, e.g. of rms (L,), that is gone; negative where it grew."""
+    return np.asarray(1.0 - after / np.maximum(before, 1e-30))
+
+
+def energy(residual: Array, weights: Array) -> float:
+    """sum_kl (w_l r_kl)^2: newtons and newton metres on one scale."""
+    weighted = residual * weights
+    return float(np.vdot(weighted, weighted))
+
+
+def whole(rms_by_axis: Array, weights: Array) -> float:
+    """One number for all axes of rms (6,), on the scale of the weights."""
+    return float(np.sqrt(np.sum((weights * rms_by_axis) ** 2)))
+
+
+def force_and_torque(rms_by_axis: Array) -> Array:
+    """Root mean square norms (2,) of force [N] and torque [Nm] from the rms by axis (6,)."""
+    squares = rms_by_axis**2
+    return np.asarray(np.sqrt([squares[:3].sum(), squares[3:].sum()]))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of the absolute error, per axis (6,): mean, standard deviation, root mean square, maximum [N, Nm]."""
+
+    mean_abs: Array
+    std_abs: Array
+    rms: Array
+    max_abs: Array
+
+    @classmethod
+    def of(cls, residual: Array) -> Errors:
+        """Errors of residuals (K, 6)."""
+        size = np.abs(residual)
+        return cls(size.mean(axis=0), size.std(axis=0), rms(residual), size.max(axis=0))

@@ -1,0 +1,62 @@
+"""Which effects are tried: the one place that decides it.
+
+Of the catalogue, or of the names that a user gave, an effect is tried unless
+
+    the model has it already                        it is then fitted together with every candidate
+    it needs what model or logs lack                `learn.data.applicable.inapplicable`
+    the flights cannot show it                      `learn.data.applicable.unexcited`: never that fast, that low ...
+    it is one of time, and on most axes of every    a lag found there would be the controller's own phase
+    flight the commands answer the motion           (`learn.diagnose.response`); not where a user asked for it by name
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from wrenchgap.flight.offsets import Problem
+from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.diagnose.timing import FlightTiming
+from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.model import Model
+
+LAGS = ("servo_lag", "motor_lag", "command_delay", "backlash")
+"""Effects that show in when, not in how much: where commands answer the motion they are not identifiable."""
+FEEDBACK_AXES = 3
+"""Axes on which the commands answer the motion, from which on a flight says nothing about lags and delays."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Names to try, and what is not tried with the reason."""
+
+    tried: tuple[str, ...]
+    untried: tuple[Untried, ...]
+
+
+def candidates(
+    records: Sequence[Record], model: Model, names: Sequence[str] = (), timing: Sequence[FlightTiming] = ()
+) -> Candidates:
+    """The effects to try on these records, among `names` where there are any. Raises ModelError for unknown names."""
+    present = {e.name for e in model.effects}
+    wanted = [n for n in (names or catalogue()) if n not in present]
+    barred = {} if names else {u.effect: u for u in feedback_dominated(timing)}
+    reasons = {
+        n: barred.get(n) or inapplicable(n, model, records) or unexcited(n, model, records)
+        for n in wanted
+        if find(n) is not None
+    }
+    left_out = sorted((u for u in reasons.values() if u is not None), key=lambda u: u.effect not in barred)
+    return Candidates(tuple(n for n in wanted if reasons[n] is None), tuple(left_out))
+
+
+def feedback_dominated(timing: Sequence[FlightTiming]) -> tuple[Untried, ...]:
+    """Effects of time that these flights cannot identify; none where one flight can."""
+    details = []
+    for flight in timing:
+        axes = [r.axis for r in flight.responses if r.offset.problem is Problem.FEEDBACK]
+        if len(axes) < FEEDBACK_AXES:
+            return ()
+        details.append(f"{flight.flight}: on {', '.join(axes)}")
+    return tuple(Untried(name, Lack.FEEDBACK, details[0]) for name in LAGS) if details else ()

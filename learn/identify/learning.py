@@ -1,0 +1,260 @@
+"""A Gaussian process learnt from flights, how well it predicts, and what to know before it is used.
+
+Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench. Samples are thinned to
+1 / (2 f_c) or more, because the filter has made closer ones dependent (Nyquist: a signal below f_c has 2 f_c independent
+values per second).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.applicable import check_effects
+from wrenchgap.learn.data.comparison import Comparison, compare
+from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.data.inputs import process_inputs
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.identify.absorption import Absorption, absorbed
+from wrenchgap.learn.process.alternatives import Alternatives, compare_alternatives
+from wrenchgap.learn.process.calibration import Coverage
+from wrenchgap.learn.process.gp import (
+    Caution,
+    CautionKind,
+    FitSettings,
+    GaussianProcess,
+    LogSource,
+    MeanKind,
+    Provenance,
+)
+from wrenchgap.learn.process.predictors import NOMINAL
+from wrenchgap.learn.process.train import fit, fit_linear
+from wrenchgap.plant.mismatch import conditioning, output_indices
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import content_hash, tool_version
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+TORQUE = AXES[3:]
+NEARLY_SINGULAR = 0.2
+"""Smallest real part of the eigenvalues of I + dmu/dW below which the correction is ill-conditioned."""
+
+
+WORSE = 1.2
+"""Ratio of rms on unseen flights above which a GP does harm."""
+WORTH_IT = 0.95
+"""Ratio of rms on unseen flights, to the best of the simpler alternatives, above which a GP is not worth it."""
+CONSTANT, LINEAR = "constant offset", "linear in the command"
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is learnt from: `inputs` (M, D), the command first, and mismatch `outputs` (M, 6), `spacing` [s] apart."""
+
+    inputs: Array
+    outputs: Array
+    spacing: float
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """A GP and what it does on the training flights and, where given, on others.
+
+    `real_min` (3,): 1st percentile, median and maximum, along the training commands, of the smallest real part of the
+    eigenvalues of I + dmu/dW. `alternatives` are other inputs and the other inference on held-out time; `absorption`
+    is which effect of the catalogue the process reproduces. Both None where nobody asked.
+    """
+
+    gp: GaussianProcess
+    samples: int
+    spacing: float
+    training: Comparison
+    validation: Comparison | None
+    real_min: Array
+    alternatives: Alternatives | None = None
+    absorption: Absorption | None = None
+
+    @property
+    def cautions(self) -> tuple[Caution, ...]:
+        """What a user should know before trusting the correction."""
+        found = []
+        if self.real_min[0] < NEARLY_SINGULAR:
+            found.append(Caution(CautionKind.NEARLY_SINGULAR, eigenvalue=float(self.real_min[0])))
+        if self.validation is not None:
+            given, simple, learnt = self._rms(-2), np.min([self._rms(1), self._rms(2)], axis=0), self._rms(-1)
+            given = given if self.gp.settings.mean == "physics" else self._rms(0)
+            worse = learnt > WORSE * given
+            idle = ~worse & (learnt > WORTH_IT * np.minimum(given, simple))
+            for kind, rows in ((CautionKind.WORSE, worse), (CautionKind.NOT_WORTH_IT, idle)):
+                if rows.any():
+                    axes = tuple(name for name, row in zip(self.gp.outputs, rows, strict=True) if row)
+                    found.append(Caution(kind, axes, tuple(given[rows].tolist()), tuple(learnt[rows].tolist())))
+        return tuple(found)
+
+    def _rms(self, place: int) -> Array:
+        """On the validation flights, of the predictor at this place (L,)."""
+        assert self.validation is not None
+        return np.asarray(self.validation.evaluations[place].pooled.rms[output_indices(self.gp.outputs)])
+
+    @property
+    def coverage(self) -> dict[str, tuple[Coverage, Coverage]]:
+        """How often sigma is right, before and after calibration, on the training flights and unseen ones."""
+        flights = {"training": self.training, "unseen": self.validation}
+        return {name: _coverage(self.gp, one) for name, one in flights.items() if one is not None}
+
+
+def _coverage(gp: GaussianProcess, flights: Comparison) -> tuple[Coverage, Coverage]:
+    """Without and with the factor of calibration."""
+    rows, last = output_indices(gp.outputs), flights.evaluations[-1]
+    error = np.concatenate([r.measured - p for r, p in zip(flights.records, last.predictions, strict=True)])[:, rows]
+    assert last.sigma is not None
+    sigma = np.concatenate(last.sigma)[:, rows]
+    return Coverage.of(error, sigma / gp.sigma_scale), Coverage.of(error, sigma)
+
+
+def absorption(
+    flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess, *, progress: Progress | None = None
+) -> Absorption:
+    """Which effect of the catalogue the GP, learnt on `model` from `flights`, is absorbing."""
+    return absorbed(dataset([r for f in flights for r in f.records], model), model, gp, progress=progress)
+
+
+def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = ()) -> Samples:
+    """Inputs and mismatches of all records, thinned to at least 1 / (2 f_c).
+
+    Raises FitError where an effect of the model, or a group of inputs, needs what a log lacks.
+    """
+    check_effects(model.effects, model, records)
+    physics = Predictor("physics", model.wrench_model)
+    inputs, outputs = [], []
+    spacing = 0.0
+    for record in records:
+        kept = record.dt * (record.keep.step or 1)
+        step = max(1, math.ceil(1.0 / (2.0 * record.cutoff_hz * kept) - 1e-9))
+        residual = record.measured - physics.predict(record, model.vehicle.body)
+        inputs.append(process_inputs(groups, record)[::step])
+        outputs.append(residual[::step])
+        spacing = kept * step
+    return Samples(np.concatenate(inputs), np.concatenate(outputs), spacing)
+
+
+def learn(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    outputs: tuple[str, ...] = TORQUE,
+    settings: FitSettings | None = None,
+    *,
+    validation: Sequence[OpenFlight] = (),
+    best_inputs: bool = False,
+    guard: bool = True,
+    progress: Progress | None = None,
+) -> Learnt:
+    """Learn what `model` leaves on `flights`, and see what the GP does there and on `validation`.
+
+    With a mean other than physics, the nominal vehicle is what leaves it (`settings` by default as the paper's, with
+    physics where the model has effects). With `best_inputs` the process looks at what predicts held-out time best,
+    with `guard` it is compared with other inputs and with every effect of the catalogue. Raises UsageError for physics
+    without any.
+    """
+    settings = settings or FitSettings(mean=default_mean(model))
+    others = None
+    if best_inputs or guard:
+        others = alternatives(flights, model, outputs, settings, progress=progress)
+        settings = others.best if best_inputs else settings
+    found = learn_process(flights, model, outputs, settings, validation=validation, progress=progress)
+    reproduced = absorption(flights, physics_of(model, settings), found.gp, progress=progress) if guard else None
+    return replace(found, alternatives=others, absorption=reproduced)
+
+
+def learn_process(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    outputs: tuple[str, ...],
+    settings: FitSettings,
+    *,
+    validation: Sequence[OpenFlight] = (),
+    progress: Progress | None = None,
+) -> Learnt:
+    """`learn` with settings as they are, compared with nothing but the simplest alternatives."""
+    records = [r for f in flights for r in f.records]
+    base = physics_of(model, settings)
+    data = samples(records, base, settings.inputs)
+    provenance = Provenance(
+        vehicle=model.vehicle.name,
+        model_hash=content_hash(base),
+        physics=", ".join(e.name for e in base.effects) or NOMINAL,
+        cutoff_hz=records[0].cutoff_hz,
+        logs=tuple(LogSource(f.flight.path.name, f.flight.content_hash) for f in flights),
+        version=tool_version(),
+        date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+    )
+    targets = data.outputs[:, output_indices(outputs)]
+    gp = fit(data.inputs, targets, outputs, settings, provenance=provenance, progress=progress)
+    found = [Predictor(NOMINAL, model.nominal.wrench_model), *_lines(records, model, outputs)]
+    found += [Predictor(model.name, base.wrench_model)] if base.effects else []
+    found.append(Predictor(f"{model.name if base.effects else NOMINAL}+GP", base.wrench_model, gp))
+    real = conditioning(gp, data.inputs).real_min
+    learnt = Learnt(
+        gp,
+        len(data.inputs),
+        data.spacing,
+        compare(flights, model, found),
+        compare(validation, model, found) if validation else None,
+        np.array([np.percentile(real, 1), np.median(real), real.max()]),
+    )
+    return replace(learnt, gp=replace(gp, provenance=replace(provenance, warnings=learnt.cautions)))
+
+
+def alternatives(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    outputs: tuple[str, ...],
+    settings: FitSettings,
+    *,
+    progress: Progress | None = None,
+) -> Alternatives:
+    """How other inputs and the other inference would predict held-out time of these flights."""
+    records = [r for f in flights for r in f.records]
+    base = physics_of(model, settings)
+    targets = samples(records, base).outputs[:, output_indices(outputs)]
+    return compare_alternatives(
+        lambda groups: samples(records, base, groups).inputs, targets, outputs, settings, progress
+    )
+
+
+def default_mean(model: Model) -> MeanKind:
+    """Physics where the model has effects, else the paper's zero."""
+    return "physics" if model.effects else "zero"
+
+
+def physics_of(model: Model, settings: FitSettings) -> Model:
+    """On top of what a process with these settings is learnt."""
+    if settings.mean != "physics":
+        return model.nominal
+    if not model.effects:
+        raise UsageError(
+            f"--mean physics: {model.name} has no effects; name some with `wrenchgap explain` and put them into it "
+            "with `wrenchgap add`, or say --mean zero"
+        )
+    return model
+
+
+def _lines(records: Sequence[Record], model: Model, outputs: tuple[str, ...]) -> list[Predictor]:
+    """The simplest alternatives: a constant offset, and a straight line in the command, on the nominal vehicle."""
+    nominal = model.nominal
+    every = samples(records, nominal)
+    rows = output_indices(outputs)
+    return [
+        Predictor(name, nominal.wrench_model, fit_linear(every.inputs, every.outputs[:, rows], outputs, slope=slope))
+        for name, slope in ((CONSTANT, False), (LINEAR, True))
+    ]

@@ -1,0 +1,263 @@
+"""The least-squares problem behind a fit of effects: unknowns, steps within bounds, relevance, covariance.
+
+What is minimised, and the sources, are in `learn.identify.fit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.plant.effects import Parameter, find
+from wrenchgap.plant.history import Snapshot, Value
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
+
+Array = NDArray[np.float64]
+
+ACCELEROMETER_BIAS = 0.05
+"""Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
+MISFIT = 0.03
+"""Relative error of a parameter that comes from forms being nearly right only: what the intervals of all effects
+together need to cover hidden truths made by other formulas (docs/hidden-effects.md)."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Effects with fitted values, and what they leave.
+
+    `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, 3) [m/s^2] of the accelerometer;
+    `residual` (K, 6) on the fitted data, without the bias; `jacobian` (K, 6, P + 3 flights) of the prediction; `scale`
+    (P + 3 flights,) the prior's sizes and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names
+    parameters that ended at a plausible limit.
+    """
+
+    effects: tuple[ModelEffect, ...]
+    parameters: tuple[tuple[str, Parameter], ...]
+    theta: Array
+    bias: Array
+    covariance: Array
+    residual: Array
+    jacobian: Array
+    scale: Array
+    axis_weights: Array
+    at_bound: tuple[str, ...]
+    iterations: int
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each parameter (P,)."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
+    @property
+    def snapshot(self) -> tuple[Snapshot, ...]:
+        """The effects as plain values, in the order in which they were named."""
+        rows: dict[str, list[Value]] = {}
+        for (name, p), value, std in zip(self.parameters, self.theta, self.std, strict=True):
+            rows.setdefault(name, []).append(Value(p.name, float(value), float(std), p.unit))
+        return tuple(Snapshot(name, tuple(values)) for name, values in rows.items())
+
+    def values(self, name: str) -> tuple[Value, ...]:
+        """Of one effect; empty where it was not fitted."""
+        return next((s.values for s in self.snapshot if s.effect == name), ())
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where the search is: unknowns (P + 3 flights,) and their residual (K, 6)."""
+
+    x: Array
+    residual: Array
+
+
+class Problem:
+    """The least-squares problem of one set of effects. Unknowns: parameters, then one bias (3,) per flight."""
+
+    def __init__(
+        self,
+        data: Dataset,
+        model: Model,
+        names: tuple[str, ...],
+        base: Fit | None = None,
+        tick: Callable[[], None] | None = None,
+    ) -> None:
+        self.data = data
+        self.model = model
+        self.names = names
+        self.tick = tick
+        self.parameters = tuple((n, p) for n in names for p in find(n).parameters(model.vehicle))
+        self.size = len(self.parameters)
+        self.flights = int(data.flight.max()) + 1
+        biases = 3 * self.flights
+        self.low = np.array([p.low for _, p in self.parameters] + [-ACCELEROMETER_BIAS] * biases)
+        self.high = np.array([p.high for _, p in self.parameters] + [ACCELEROMETER_BIAS] * biases)
+        self.scale = np.array([p.scale for _, p in self.parameters] + [0.5 * ACCELEROMETER_BIAS] * biases)
+        self.typical = self.scale
+        self.sparse = np.array([find(n).sparse for n, _ in self.parameters] + [False] * biases, dtype=bool)
+        self.fixed = tuple(e for e in model.effects if e.name not in names)
+        self.base = base
+        self.known = 0 if base is None else len(base.theta)
+        self.bias_jacobian = np.zeros((len(data.measured), 6, biases))
+        for axis in range(3):
+            self.bias_jacobian[np.arange(len(data.flight)), axis, 3 * data.flight + axis] = model.vehicle.body.mass
+
+    def start(self, earlier: Fit | None) -> Point:
+        """Start values: the earlier fit's, else the model's, else the parameters' own."""
+        known = {e.name: e.theta for e in self.model.effects}
+        if earlier is not None:
+            known |= {e.name: e.theta for e in earlier.effects}
+        own = {n: np.array([p.start for p in find(n).parameters(self.model.vehicle)]) for n in self.names}
+        bias = np.zeros(3 * self.flights)
+        if earlier is not None and len(earlier.bias) == self.flights:  # a fit of some flights knows other biases
+            bias = earlier.bias.ravel()
+        x = np.concatenate([*(known.get(n, own[n]) for n in self.names), bias])
+        return self.at(np.clip(x, self.low, self.high))
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Parameters (P,) and biases (flights, 3) of the unknowns."""
+        return x[: self.size], x[self.size :].reshape(self.flights, 3)
+
+    def effects(self, theta: Array, std: Array | None = None) -> tuple[ModelEffect, ...]:
+        """The named effects with these values."""
+        out: list[ModelEffect] = []
+        at = 0
+        for name in self.names:
+            effect = find(name)
+            size = len(effect.parameters(self.model.vehicle))
+            spread = None if std is None else std[at : at + size]
+            out.append(ModelEffect(effect, theta[at : at + size], spread))
+            at += size
+        return tuple(out)
+
+    def at(self, x: Array) -> Point:
+        """Residual W_meas - W_pred - m b (K, 6) at these unknowns."""
+        theta, bias = self.split(x)
+        model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
+        residual = self.data.measured - self.data.predict(model)
+        residual[:, :3] -= self.model.vehicle.body.mass * bias[self.data.flight]
+        return Point(x, residual)
+
+    def jacobian(self, point: Point) -> Array:
+        """Derivative of the prediction (K, 6, P + 3 flights), forward differences that stay within the bounds."""
+        columns = np.empty((*point.residual.shape, self.size))
+        if self.base is not None:
+            columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
+        for k in range(self.known, self.size):
+            step = 0.02 * self.scale[k]
+            if point.x[k] + step > self.high[k]:
+                step = -step
+            moved = point.x.copy()
+            moved[k] += step
+            columns[:, :, k] = (point.residual - self.at(moved).residual) / step
+            if self.tick is not None:
+                self.tick()
+        return np.concatenate((columns, self.bias_jacobian), axis=2)
+
+    def minimise(
+        self, point: Point, jacobian: Array | None, weights: Array, iterations: int
+    ) -> tuple[Point, Array, int]:
+        """Bounded Gauss-Newton with step halving; returns the derivative that the last step relied on.
+
+        A step whose gain is the one that the linearisation promised ends the search: the prediction is linear there,
+        the step was the best, and the derivative still holds. Not so where a parameter had no derivative at all: the
+        place of a mass shows only once there is a mass.
+        """
+        cost = self.cost(point.x, point.residual, weights)
+        derivative = self.jacobian(point) if jacobian is None else jacobian
+        for count in range(1, iterations + 1):
+            step = self.step(point, derivative, weights)
+            promised = cost - self.cost(point.x + step, point.residual - derivative @ step, weights)
+            fraction = 1.0
+            for _ in range(5):
+                trial = self.at(point.x + fraction * step)
+                gain = cost - self.cost(trial.x, trial.residual, weights)
+                if gain >= 0:
+                    break
+                fraction *= 0.5
+            else:
+                return point, derivative, count
+            point, cost = trial, cost - gain
+            linear = abs(promised - gain) <= 0.005 * promised + 1e-4 * cost
+            blind = ~np.any(derivative != 0.0, axis=(0, 1))
+            if fraction == 1.0 and linear and not blind.any():
+                return point, derivative, count
+            derivative = self.jacobian(point)
+            still = bool(np.all(blind == ~np.any(derivative != 0.0, axis=(0, 1))))
+            if gain <= 1e-3 * cost or (fraction == 1.0 and linear and still):
+                return point, derivative, count
+        return point, derivative, iterations
+
+    def cost(self, x: Array, residual: Array, weights: Array) -> float:
+        """The minimised quantity."""
+        data_part = self.data.independence * float(np.sum((residual * weights) ** 2))
+        return data_part + float(np.sum((x / self.scale) ** 2))
+
+    def step(
+        self, point: Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
+    ) -> Array:
+        """Gauss-Newton step within the bounds, from the rows given."""
+        H, g = self.normal_equations(point, jacobian, weights, rows)
+        return self.bounded_step(point, H * np.outer(self.scale, self.scale), g * self.scale)
+
+    def normal_equations(
+        self, point: Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
+    ) -> tuple[Array, Array]:
+        """Curvature H and gradient g of the data's half of the cost, without the prior."""
+        factor = np.sqrt(self.data.independence) * weights
+        A = (jacobian[rows] * factor[:, None]).reshape(-1, point.x.size)
+        return A.T @ A, A.T @ (point.residual[rows] * factor).reshape(-1)
+
+    def bounded_step(self, point: Point, H: Array, g: Array) -> Array:
+        """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
+        L = np.linalg.cholesky(H + np.eye(point.x.size))
+        target = np.linalg.solve(L, g - point.x / self.scale)
+        low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
+        solution = lsq_linear(L.T, target, bounds=(low - 1e-12, high + 1e-12), method="bvls")
+        return np.asarray(np.clip(point.x + solution.x * self.scale, self.low, self.high) - point.x)
+
+    def find_relevance(self, point: Point, jacobian: Array, weights: Array, rounds: int = 200) -> None:
+        """Set the prior's sizes of sparse parameters to what the evidence says, on the linearised problem."""
+        H, g = self.normal_equations(point, jacobian, weights)
+        least = 1e-2 * self.scale
+        x = point.x.copy()
+        for _ in range(rounds):
+            posterior = np.linalg.inv(H + np.diag(self.scale**-2.0))
+            x = np.clip(posterior @ (g + H @ point.x), self.low, self.high)
+            size = np.maximum(np.sqrt(x**2 + np.diag(posterior)), least)
+            change = np.abs(np.log(size / self.scale))[self.sparse].max()
+            self.scale = np.where(self.sparse, size, self.scale)
+            if change < 0.01:
+                return
+
+    def covariance(self, point: Point, jacobian: Array, weights: Array) -> Array:
+        """Covariance (P, P) of the parameters, the biases estimated along with them.
+
+        Block sandwich, plus what the data leave open, which is as wide as the parameters' typical sizes, plus what a
+        form that is nearly right and stamps that are nearly right may be off by.
+        """
+        prior = 1.0 / (self.data.independence * self.typical**2)
+        A = jacobian * weights[:, None]
+        scores = np.einsum("klp,kl->kp", A, point.residual * weights)
+        blocks = np.zeros((int(self.data.block.max()) + 1, point.x.size))
+        np.add.at(blocks, self.data.block, scores)
+        flat = A.reshape(-1, point.x.size)
+        inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
+        count = len(blocks)
+        whole = count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse
+        whole += inverse @ np.diag(prior) @ inverse / self.data.independence
+        seconds = np.array([p.unit == "s" for _, p in self.parameters], dtype=bool)
+        dt = max(r.dt for r in self.data.records)
+        inexact = (MISFIT * point.x[: self.size]) ** 2 + seconds * dt**2 / 12.0
+        return np.asarray(whole[: self.size, : self.size] + np.diag(inexact))
+
+    def at_bound(self, theta: Array) -> tuple[str, ...]:
+        """Parameters that are at a plausible limit other than zero, or within half a per cent of the range of it."""
+        low, high = self.low[: self.size], self.high[: self.size]
+        margin = 5e-3 * (high - low)
+        stuck = ((theta - low < margin) & (low != 0.0)) | ((high - theta < margin) & (high != 0.0))
+        return tuple(f"{n}.{p.name}" for (n, p), s in zip(self.parameters, stuck, strict=True) if s)

@@ -1,0 +1,103 @@
+"""What to compare on some flights: the nominal vehicle, a model, others, a Gaussian process on what it was learnt on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file import content_hash
+
+NOMINAL = "nominal"
+"""Name of the vehicle without effects."""
+
+
+@dataclass(frozen=True)
+class WithoutEffects:
+    """A model that has no effects: it differs from nominal only where its vehicle does."""
+
+    model: str
+
+
+@dataclass(frozen=True)
+class OtherFilter:
+    """The process was learnt behind another filter [Hz] than the one in use."""
+
+    learnt_hz: float
+    used_hz: float
+
+
+@dataclass(frozen=True)
+class OtherPhysics:
+    """The process was learnt on another version of the model, which had the effects `physics`."""
+
+    physics: str
+
+
+ProcessNote = WithoutEffects | OtherFilter | OtherPhysics
+
+
+def predictors(
+    model: Model, against: Sequence[Model] = (), gp: GaussianProcess | None = None, cutoff_hz: float | None = None
+) -> tuple[list[Predictor], list[ProcessNote]]:
+    """What to compare, and notes: the nominal vehicle, the model if it has effects, others, the GP on its model.
+
+    The Gaussian process is added to what it was learnt on: the model itself, or the nominal vehicle. Raises ModelError
+    for models of different vehicles, FitError for a process of another one.
+    """
+    found = [Predictor(NOMINAL, model.nominal.wrench_model)]
+    notes: list[ProcessNote] = []
+    if model.effects:
+        found.append(Predictor(_fresh(model.name, found), model.wrench_model))
+    for other in against:
+        _check_geometry(model, other)
+        found.append(Predictor(_fresh(other.name, found), other.wrench_model))
+        if not other.effects:
+            notes.append(WithoutEffects(other.name))
+    if gp is not None:
+        gp.check_vehicle(model.vehicle.name)
+        base, name = _base_of(gp, model, against)
+        if base is None:
+            notes.append(OtherPhysics(gp.provenance.physics))
+        learnt = gp.provenance.cutoff_hz
+        if learnt is not None and cutoff_hz is not None and learnt != cutoff_hz:
+            notes.append(OtherFilter(learnt, cutoff_hz))
+        found.append(Predictor(f"{name}+GP", (base or model).wrench_model, gp))
+    return found, notes
+
+
+def _base_of(gp: GaussianProcess, model: Model, against: Sequence[Model]) -> tuple[Model | None, str]:
+    """The model that a GP was learnt on, None if it is not at hand, and the name of what it is added to."""
+    candidates = [(model.nominal, NOMINAL), (model, model.name), *((other, other.name) for other in against)]
+    for candidate, name in candidates:
+        if content_hash(candidate) == gp.provenance.model_hash:
+            return candidate, name
+    return None, model.name if model.effects else NOMINAL
+
+
+def _fresh(name: str, taken: Sequence[Predictor]) -> str:
+    """A name that no other predictor has."""
+    names = {p.name for p in taken}
+    if name not in names:
+        return name
+    return next(f"{name} ({n})" for n in range(2, len(names) + 3) if f"{name} ({n})" not in names)
+
+
+def _check_geometry(model: Model, other: Model) -> None:
+    if other.vehicle.name != model.vehicle.name:
+        raise ModelError(
+            f"{other.name}: is a model of {other.vehicle.name}, {model.name} is one of {model.vehicle.name}; only "
+            "models of one vehicle can be compared (the name is vehicle.name)"
+        )
+    sizes = [
+        (0 if v.arms is None else len(v.arms), 0 if v.rotors is None else len(v.rotors))
+        for v in (model.vehicle, other.vehicle)
+    ]
+    if sizes[0] != sizes[1]:
+        raise ModelError(
+            f"{other.name}: {sizes[1][0]} arms and {sizes[1][1]} rotors, {model.name} has {sizes[0][0]} and "
+            f"{sizes[0][1]}; only models of one vehicle can be compared"
+        )
