@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.load import build
 from wrenchgap.flight.roles import Assignment, merged_topics, propose, selection
 from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
-
-SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -69,23 +66,6 @@ class Inspection:
     def level(self) -> str:
         """The worst level of all checks: ok, warn or bad."""
         return max((check.level for check in self.checks), key=("ok", "warn", "bad").index, default="ok")
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain numbers, strings, lists and dicts."""
-        return {
-            "version": SCHEMA_VERSION,
-            "path": str(self.path),
-            "format": self.format,
-            "size_bytes": self.size,
-            "sha256": self.content_hash,
-            "start_ns": self.start_ns,
-            "duration_s": self.duration,
-            "level": self.level,
-            "topics": [asdict(topic) for topic in self.topics],
-            "mapping": self.mapping,
-            "checks": [asdict(check) for check in self.checks],
-            "notes": list(self.notes),
-        }
 
 
 def inspect(

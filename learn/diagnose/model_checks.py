@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,52 @@ from wrenchgap.flight.checks import Check
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.roles import parse_source
+from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
+from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import about_com
 
 
-def inspect(path: Path, topics: Mapping[str, str], model: Model | None) -> Inspection:
+@dataclass(frozen=True)
+class LogReport:
+    """What is in a log: `inspection`, what the model's numbers say of it, and the timing of its topics.
+
+    `model_checks` is empty without a model, `timing` None where no topic plays a role; `shifts` [s] moved stamps.
+    """
+
+    inspection: Inspection
+    model_checks: tuple[Check, ...]
+    timing: FlightTiming | None
+    shifts: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+def inspect(
+    path: str | Path,
+    model: Model | None = None,
+    *,
+    topics: Mapping[str, str] | None = None,
+    shifts: Mapping[str, float] | None = None,
+    cutoff_hz: float = CUTOFF_HZ,
+) -> LogReport:
+    """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
+    path, wanted, moves = Path(path), dict(topics or {}), dict(shifts or {})
+    seen = _with_topics_of(path, wanted, model)
+    against: tuple[Check, ...] = ()
+    opened: OpenFlight | None = None
+    if model is not None:
+        against, opened = checks(path, wanted, model, cutoff_hz, moves)
+    moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
+    found = None if moved is None else timing(moved)
+    if opened is not None and model is not None:
+        found = timing_of(opened, model)
+    return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes))
+
+
+def _with_topics_of(path: Path, topics: Mapping[str, str], model: Model | None) -> Inspection:
     """`flight.inspect` with the model file's topics, where the log has them."""
     plain = flight.inspect(path, topics)
     if model is None or not model.topics:

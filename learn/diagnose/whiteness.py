@@ -33,7 +33,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,10 +117,6 @@ class Whiteness:
         """
         own = [c for c in self.crosscorrelation if c.axis == axis]
         return max(own, key=lambda c: (c.outside, abs(c.peak)), default=None)
-
-
-def _plain(item: Any) -> dict[str, Any]:
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in item.__dict__.items()}
 
 
 def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | None = None) -> Whiteness:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.blocks import by_block
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
-from wrenchgap.learn.data.errors import energy, force_and_torque, rms
+from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
@@ -99,6 +99,11 @@ class Explanation:
     flights: tuple[OpenFlight, ...] = ()
     timing: tuple[FlightTiming, ...] = ()
     validation: Validation | None = None
+
+    @property
+    def reduction(self) -> Array:
+        """Fraction (6,) of the rms on held-out time that is gone."""
+        return reduction(self.rms_before, self.rms_after)
 
     @property
     def effects(self) -> tuple[str, ...]:

@@ -53,14 +53,14 @@ def beyond_chance(t: float, gained: float) -> bool:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect tried on top of a model. `residual` (K, 6) is held out; `falls` (6,) are fractions of rms taken off
+    """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that are gone
     relative to the model that it was tried on; `score` is the share of the given model's energy that is gone in all.
     """  # noqa: D205
 
     name: str
     fit: Fit
     residual: Array
-    falls: Array
+    reduction: Array
     score: float
     evidence: float
     significance: float

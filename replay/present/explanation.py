@@ -1,243 +1,280 @@
-"""What `explain` found, in words and in plain types, and how it does on flights that it has not seen."""
+"""What `explain` found: the verdict in sentences, tables, JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+from rich.markup import escape
+from rich.table import Table
 
-from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.comparison import Comparison, compare
-from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.diagnose import timing
-from wrenchgap.learn.diagnose.timing import Timing
-from wrenchgap.learn.identify.explain import Candidate, Explanation, Member
-from wrenchgap.plant.model import Model
-from wrenchgap.replay.present.design import next_flight
+from wrenchgap.learn.data.applicable import Lack, Untried
+from wrenchgap.learn.diagnose.resonance import Oscillation
+from wrenchgap.learn.identify.explain import Explanation, Verdict
+from wrenchgap.learn.identify.search import Candidate, Member, Step
+from wrenchgap.learn.identify.validation import Validation
+from wrenchgap.plant.history import Value
+from wrenchgap.replay.present import comparison, timing, where
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of
+from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, parameters, reductions, table
 
 Array = NDArray[np.float64]
 
 CONCENTRATED = 0.7
-"""Share of what is left in the worst tenth of the time that is worth saying."""
-BEYOND = 1.15
-"""A flight lies outside when its 95th percentile exceeds the fitted maximum by this factor."""
+"""Share of the residual in the worst tenth of the time that is worth saying."""
+PROMINENT = 0.3
+"""Parameters of this share of the largest, in typical sizes, are named in the verdict."""
+MOST = 10
+"""Candidates shown of the first step; of the others, four."""
 
 
-@dataclass(frozen=True)
-class Range:
-    """How far a quantity went: `maximum` over the fitted flights, `percentile` (95th) over a validation flight."""
+def parts(found: Explanation) -> list[Part]:
+    """Timing, verdict, members, how the set was found, errors before and after."""
+    out: list[Part] = []
+    for one in found.timing:
+        out += [Line(text, "dim") for text in timing.certain_offsets(one)]
+        out += note_lines(timing.warnings(one), "warning")
+    out += [Line(summary(found), "bold"), Line()]
+    if found.members:
+        out += [members(found), Line(MEMBERS_LEGEND + "\n", "dim")]
+    for step in found.steps:
+        if step.chosen is None and step.on:
+            out.append(Line(f"on top of {', '.join(step.on)}: no further effect stands out\n"))
+        else:
+            title = f"how it was found: on top of {', '.join(step.on)}" if step.on else "candidates"
+            out.append(ranking(title, step, most=4 if step.on else MOST))
+    out.append(Line(RANKING_LEGEND + "\n", "dim"))
+    if found.fit.snapshot:
+        out += [parameters(found.fit.snapshot, "fitted together"), Line(INTERVAL_LEGEND + "\n", "dim")]
+    rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
+    out.append(before_after("held-out time of the given logs", rows, found.reduction))
+    out += _validation_parts(found.validation)
+    if found.dropped:
+        out.append(Line(f"found on the way, then dropped or replaced: {', '.join(found.dropped)}"))
+    out += [
+        Line(f"not tried: {', '.join(names)}: {reason}", "dim") for reason, names in not_tried(found.untried).items()
+    ]
+    return [*out, *note_lines(sentences(note for f in found.flights for note in f.notes))]
 
-    quantity: str
-    unit: str
-    maximum: float
-    percentile: float
 
-    @property
-    def outside(self) -> bool:
-        """Whether the validation flight left what was fitted."""
-        return self.percentile > BEYOND * self.maximum
+def _validation_parts(tested: Validation | None) -> list[Part]:
+    if tested is None:
+        return []
+    rows = [("rms before", tested.before), ("rms after", tested.after)]
+    title = f"unseen: {', '.join(tested.comparison.flights)}"
+    return [before_after(title, rows, tested.reduction), *note_lines(validation_warnings(tested), "warning")]
 
 
-def ranges(fitted: Sequence[Record], unseen: Sequence[Record]) -> list[Range]:
-    """Tilt, body rate, speed and force of both sides; tilt and speed only where all logs have a pose."""
-    posed = all(r.has_pose for r in (*fitted, *unseen))
+def validation_warnings(tested: Validation) -> list[str]:
+    """One sentence for axes that got worse, and for each quantity that left the fitted range."""
     out = []
-    for quantity, unit, values in _quantities(posed):
-        known = np.concatenate([values(r) for r in fitted])
-        new = np.concatenate([values(r) for r in unseen])
-        out.append(Range(quantity, unit, float(np.max(known)), float(np.percentile(new, 95))))
-    return out
-
-
-def _quantities(posed: bool) -> list[tuple[str, str, Any]]:
-    always = [
-        ("body rate", "rad/s", lambda r: np.linalg.norm(r.state_kept.omega_B, axis=1)),
-        ("commanded force", "N", lambda r: np.linalg.norm(r.commanded[:, :3], axis=1)),
-        ("commanded torque", "Nm", lambda r: np.linalg.norm(r.commanded[:, 3:], axis=1)),
+    if tested.worse:
+        before, after = tested.comparison.evaluations[-2].pooled.rms, tested.after
+        rows = [(a, AXES.index(a)) for a in tested.worse]
+        listed = ", ".join(f"{a} ({before[k]:.2g} to {after[k]:.2g})" for a, k in rows)
+        out.append(f"on the unseen flights the error of {listed} grows with what was named.")
+    return out + [
+        f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} (fitted up to "
+        f"{r.maximum:.3g}); the result may not carry over."
+        for flight, r in tested.outside
     ]
-    with_pose = [
-        ("tilt", "deg", lambda r: np.degrees(so3.tilt_angle(r.state_kept.quat_EB))),
-        ("speed", "m/s", lambda r: np.linalg.norm(r.state_kept.velocity_E, axis=1)),
-    ]
-    return with_pose + always if posed else always
 
 
-@dataclass(frozen=True)
-class Validation:
-    """The fitted model on flights that were not fitted: `comparison` of nominal, given and fitted model."""
-
-    comparison: Comparison
-    ranges: tuple[tuple[str, tuple[Range, ...]], ...]
-
-    @property
-    def warnings(self) -> list[str]:
-        """One sentence for each quantity that left the fitted range, and for axes that got worse."""
-        return [*self._worse(), *self._outside()]
-
-    def _worse(self) -> list[str]:
-        given, fitted = self.comparison.evaluations[-2].pooled.rms, self.comparison.evaluations[-1].pooled.rms
-        lost = (fitted > 1.1 * given) & (fitted > 1.5 * self.comparison.noise)
-        axes = [f"{AXES[k]} ({given[k]:.2g} to {fitted[k]:.2g})" for k in np.flatnonzero(lost)]
-        return [f"on the unseen flights the error of {', '.join(axes)} grows with what was named."] if axes else []
-
-    def _outside(self) -> list[str]:
-        return [
-            f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} "
-            f"(fitted up to {r.maximum:.3g}); the result may not carry over."
-            for flight, listed in self.ranges
-            for r in listed
-            if r.outside
-        ]
-
-    @property
-    def falls(self) -> Array:
-        """Fraction (6,) of the given model's rms that the fitted model takes off."""
-        return fall(self.comparison)
-
-
-def fall(comparison: Comparison) -> Array:
-    """Fraction (6,) of rms taken off from the first to the last model."""
-    return comparison.falls(comparison.evaluations[-1])
-
-
-def validate(flights: Sequence[OpenFlight], fitted_on: Sequence[OpenFlight], given: Model, fitted: Model) -> Validation:
-    """Given and fitted model on unseen flights."""
-    predictors = [Predictor("given", given.wrench_model), Predictor("explained", fitted.wrench_model)]
-    known = [r for f in fitted_on for r in f.records]
-    listed = tuple((f.records[0].flight, tuple(ranges(known, f.records))) for f in flights)
-    return Validation(compare(flights, given, predictors), listed)
-
-
-def timing_first(found: Timing) -> list[str]:
-    """Offsets between the sensor topics of one flight, before any physics: a line each, where they are certain."""
-    return [f"timing, {found.flight}: {timing.sentence(o)}" for o in found.sensors if o.certain]
-
-
-def sentence(explanation: Explanation) -> str:
+def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    named = " and ".join(_member(explanation, m) for m in explanation.members)
-    left = _left(explanation)
-    if explanation.verdict == "nothing":
-        return f"Nothing is missing that these logs can show. {left}"
-    if explanation.verdict == "unknown":
+    named = " and ".join(_member(found, m) for m in found.members)
+    residual = _largest_residual(found)
+    if found.verdict is Verdict.NOTHING:
+        return f"Nothing is missing that these logs can show. {residual}"
+    if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {named}; more is missing than the catalogue can explain." if named else ""
         none = "Something is missing, but no effect of the catalogue explains it."
-        return " ".join(filter(None, (partly or none, _clue(explanation), left)))
-    groups = "; ".join(" or ".join(group) for group in explanation.groups)
-    untold = f" These logs cannot tell apart: {groups}." if groups else ""
-    return f"Explained by {named}.{untold} {left}"
+        return " ".join(filter(None, (partly or none, _clue(found), residual)))
+    groups = "; ".join(" or ".join(group) for group in found.groups)
+    alike = f" Indistinguishable on these logs: {groups}." if groups else ""
+    return f"Explained by {named}.{alike} {residual}"
 
 
-def _member(explanation: Explanation, member: Member) -> str:
-    """Name with values, and how sure."""
-    return f"{_with_values(explanation, member.name)}, {100 * explanation.probability(member):.0f} % sure"
+def _member(found: Explanation, member: Member) -> str:
+    """Name with values, and the confidence."""
+    return f"{_with_values(found, member.name)}, confidence {100 * found.confidence(member):.0f} %"
 
 
-def _clue(explanation: Explanation) -> str:
+def _clue(found: Explanation) -> str:
     """What is known about what is not in the catalogue."""
     clues = []
-    if explanation.swing is not None:
-        words = explanation.swing.words
+    if found.oscillation is not None:
+        words = oscillation_in_words(found.oscillation)
         clues.append(f"{words[:1].upper()}{words[1:]}.")
-    if explanation.depends is not None and explanation.depends.chosen:
-        inputs = " and ".join(g.label for g in explanation.depends.chosen[:3])
-        share = f"{100 * explanation.depends.explained:.0f} % of it can be predicted from"
-        clues.append(f"What is left depends on {inputs} ({share} them on held-out time).")
-    if explanation.concentrated > CONCENTRATED:
-        share = f"{100 * explanation.concentrated:.0f} %"
-        clues.append(f"{share} of what is left sits in a tenth of the time: see `wrenchgap where`.")
+    if found.depends is not None and found.depends.chosen:
+        inputs = " and ".join(g.label for g in found.depends.chosen[:3])
+        clues.append(
+            f"The residual depends on {inputs} ({100 * found.depends.explained:.0f} % of it can be predicted from them "
+            "on held-out time)."
+        )
+    if found.concentrated > CONCENTRATED:
+        clues.append(
+            f"{100 * found.concentrated:.0f} % of the residual sits in a tenth of the time: see `wrenchgap where`."
+        )
     return " ".join(clues)
 
 
-def _with_values(explanation: Explanation, name: str) -> str:
+def oscillation_in_words(found: Oscillation) -> str:
+    """One clause."""
+    where = {
+        "E": "fixed in the inertial frame, as a load on a rope is",
+        "B": "body-fixed",
+        None: "whether it is fixed in the inertial frame, like a load on a rope, or body-fixed is not clear",
+    }[found.frame]
+    return (
+        f"a lightly damped mode at {found.frequency_hz:.2g} Hz (damping {found.damping:.2g}, {100 * found.share:.0f} % "
+        f"of the residual): {where}"
+    )
+
+
+def _with_values(found: Explanation, name: str) -> str:
     """The effect with its parameters, or of many the three largest, as far as they are comparable with the largest."""
-    values = parameters(explanation).get(name, [])
-    shown = values
-    if len(values) > 3:
-        typical = {p.name: p.scale for owner, p in explanation.fit.parameters if owner == name}
-        by_size = sorted(values, key=lambda row: -abs(row[1]) / typical[row[0]])
-        largest = abs(by_size[0][1]) / typical[by_size[0][0]]
-        shown = [row for row in by_size[:3] if abs(row[1]) / typical[row[0]] > 0.3 * largest]
+    shown: Sequence[Value] = found.fit.values(name)
+    if len(shown) > 3:
+        typical = {p.name: p.scale for owner, p in found.fit.parameters if owner == name}
+        by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])
+        largest = abs(by_size[0].value) / typical[by_size[0].name]
+        shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > PROMINENT * largest]
     if not shown:
         return name
-    words = ", ".join(f"{n} {v:.3g} {u if u != '1' else ''}".strip() for n, v, _, u in shown)
-    return f"{name} ({words})"
+    return f"{name} ({', '.join(f'{v.name} {quantity(v.value, v.unit)}' for v in shown)})"
 
 
-def _left(explanation: Explanation) -> str:
-    after, noise = explanation.rms_after, explanation.noise
+def _largest_residual(found: Explanation) -> str:
+    after, noise = found.rms_after, found.noise
     axis = int(np.argmax(after / np.maximum(noise, 1e-30)))
-    unit = "N" if axis < 3 else "Nm"
-    return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit} rms (sensor noise {noise[axis]:.2g})."
+    return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit_of(axis)} rms (sensor noise {noise[axis]:.2g})."
 
 
-def what_next(explanation: Explanation, source: str, logs: str) -> list[str]:
-    """The commands that follow from the verdict."""
-    out = [f"to tell {' from '.join(g)}: {next_flight(g, source, [logs])}" for g in explanation.groups]
-    if explanation.full:
+def what_next(found: Explanation, model: str, logs: str) -> list[Line]:
+    """The commands that follow from the verdict, for the model and the logs as the user named them."""
+    out = [f"to separate {' from '.join(g)}: {design_command(g, model, logs)}" for g in found.groups]
+    if found.full:
         out.append("the search ended at its limit of effects: add these, then explain with the new model, for more")
-    add = f"wrenchgap add {' '.join(explanation.effects)} -m {source} --from {logs} -o fitted.toml"
-    if explanation.verdict == "unknown":
-        out.append(f"next: wrenchgap where {logs} -m {source}: something is missing that has no name here")
-        return [*out, f"what is named can be added all the same: {add}"] if explanation.effects else out
-    return [*out, f"next: {add}"] if explanation.effects else out
+    add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
+    if found.verdict is Verdict.UNKNOWN:
+        out.append(f"next: wrenchgap where {logs} -m {model}: something is missing that has no name here")
+        out += [f"what is named can be added all the same: {add}"] if found.effects else []
+    elif found.effects:
+        out.append(f"next: {add}")
+    return [Line(text) for text in out]
 
 
-def not_tried(explanation: Explanation) -> dict[str, list[str]]:
+def design_command(names: Sequence[str], model: str, logs: str = "") -> str:
+    """The command that designs a flight to separate `names`."""
+    return f"wrenchgap design {' '.join(names)} -m {model}{f' --from {logs}' if logs else ''} -o separate.toml"
+
+
+def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
     """Effects that these logs or this model do not allow, by reason."""
     by_reason: dict[str, list[str]] = {}
-    for name, reason in explanation.inapplicable.items():
-        by_reason.setdefault(reason.removeprefix(f"effect {name} ").replace(f"effect {name} ", ""), []).append(name)
+    for one in untried:
+        by_reason.setdefault(reason(one), []).append(one.effect)
     return by_reason
 
 
-def parameters(explanation: Explanation) -> dict[str, list[tuple[str, float, float, str]]]:
-    """(parameter, value, std, unit) of the chosen effects as fitted together, by effect."""
-    fit = explanation.fit
-    out: dict[str, list[tuple[str, float, float, str]]] = {}
-    for (name, p), value, std in zip(fit.parameters, fit.theta, fit.std, strict=True):
-        out.setdefault(name, []).append((p.name, float(value), float(std), p.unit))
+def reason(one: Untried) -> str:
+    """Why an effect is not tried, without its name."""
+    if one.lack is Lack.FEEDBACK:
+        return f"{one.detail} the flight is feedback-dominated: a lag found there would be the controller's own phase"
+    return f"could not be fitted ({one.detail})" if one.lack is Lack.FIT else one.reason
+
+
+MEMBERS_LEGEND = (
+    "confidence: how often a name with this much evidence was right on hidden effects (docs/hidden-effects.md)   "
+    "share: of the error energy that returns without it   group: indistinguishable from it here   nearest other: and by "
+    "how many standard errors it does worse"
+)
+RANKING_LEGEND = (
+    "* chosen   = indistinguishable from it   score: share of the error energy that is gone   F, M: change of rms on "
+    "held-out time   t: paired over blocks of time, significant above 3"
+)
+INTERVAL_LEGEND = (
+    "+-: one standard deviation. It never falls below 3 % of the value, because the forms of effects are right to a few "
+    "per cent only (docs/decisions/0009-honest-intervals.md)"
+)
+
+
+def members(found: Explanation) -> Table:
+    """The effects that were named: confidence, size, and what comes nearest in their place."""
+    out = table("named", "effect", "confidence", "share", "t", "group", "nearest other", left=1)
+    for column in out.columns[-2:]:
+        column.justify = "left"
+    for m in found.members:
+        group = ", ".join(f"{r.name} (cosine {r.cosine:.2f})" for r in m.alike)
+        others = [r for r in m.rivals if not r.alike and r.candidate.worthy]
+        far = f"{others[0].name} ({others[0].separation:.1f})" if others else "-"
+        sure = f"{100 * found.confidence(m):.0f} %"
+        out.add_row(m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far)
     return out
 
 
-def to_json(explanation: Explanation, validation: Validation | None) -> dict[str, Any]:
+def ranking(title: str, step: Step, most: int | None = None) -> Table:
+    """Candidates of one step of the selection, best first; those that can stand for the chosen one are marked."""
+    out = table(title, "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2)
+    out.columns[-1].justify = "left"
+    alike = {name for name, _ in step.alike}
+    for candidate in step.candidates[:most]:
+        mark = "*" if candidate.name == step.chosen else "=" if candidate.name in alike else ""
+        limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
+        out.add_row(
+            mark,
+            candidate.name,
+            f"{candidate.score:.3f}",
+            *reductions(candidate.reduction),
+            f"{candidate.significance:.1f}",
+            escape(parameters_in_words(candidate.values)) + limit,
+            style="bold" if mark == "*" else "",
+        )
+    return out
+
+
+def to_json(found: Explanation) -> dict[str, Any]:
     """The body of the `explain` schema."""
-    fitted = parameters(explanation)
+    fitted = {s.effect: s.values for s in found.fit.snapshot}
     return {
-        "verdict": explanation.verdict,
-        "effects": list(explanation.effects),
-        "groups": [list(group) for group in explanation.groups],
-        "members": [_one_member(explanation, m) for m in explanation.members],
-        "left": _what_is_left(explanation),
-        "ranking": [_candidate(c) for c in explanation.ranking],
+        "verdict": str(found.verdict),
+        "effects": list(found.effects),
+        "groups": [list(group) for group in found.groups],
+        "members": [_member_json(found, m) for m in found.members],
+        "left": _left_json(found),
+        "ranking": [_candidate_json(c) for c in found.ranking],
         "axes": list(AXES),
-        "summary": sentence(explanation),
-        "fitted": [{"effect": name, "parameters": _named(fitted.get(name, []))} for name in explanation.effects],
+        "summary": summary(found),
+        "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
         "steps": [
             {
                 "on": list(step.on),
                 "chosen": step.chosen,
                 "alike": [{"effect": name, "cosine": cosine} for name, cosine in step.alike],
-                "candidates": [_candidate(c) for c in step.candidates],
+                "candidates": [_candidate_json(c) for c in step.candidates],
             }
-            for step in explanation.steps
+            for step in found.steps
         ],
-        "dropped": list(explanation.dropped),
-        "not_tried": [{"effect": name, "reason": reason} for name, reason in explanation.inapplicable.items()],
-        "rms_before": explanation.rms_before,
-        "rms_after": explanation.rms_after,
-        "noise": explanation.noise,
-        "validation": None if validation is None else _validation(validation),
+        "dropped": list(found.dropped),
+        "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
+        "rms_before": found.rms_before,
+        "rms_after": found.rms_after,
+        "noise": found.noise,
+        "validation": None if found.validation is None else _validation_json(found.validation),
+        "flights": [f.records[0].flight for f in found.flights],
+        "timing": [timing.to_json(one) for one in found.timing],
+        "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
+        "notes": sentences(note for f in found.flights for note in f.notes),
     }
 
 
-def _one_member(explanation: Explanation, member: Member) -> dict[str, Any]:
+def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
     rivals = [
         {
             "effect": r.name,
@@ -251,7 +288,7 @@ def _one_member(explanation: Explanation, member: Member) -> dict[str, Any]:
     ]
     return {
         "effect": member.name,
-        "probability": explanation.probability(member),
+        "probability": found.confidence(member),
         "share": member.share,
         "significance": member.significance,
         "evidence": member.evidence,
@@ -260,36 +297,54 @@ def _one_member(explanation: Explanation, member: Member) -> dict[str, Any]:
     }
 
 
-def _what_is_left(explanation: Explanation) -> dict[str, Any]:
-    swinging, depends = explanation.swing, explanation.depends
+def _left_json(found: Explanation) -> dict[str, Any]:
+    mode, depends = found.oscillation, found.depends
     return {
-        "over_noise": explanation.left,
-        "in_worst_tenth": explanation.concentrated,
-        "swing": None if swinging is None else {**swinging.__dict__, "words": swinging.words},
-        "depends_on": None if depends is None else depends.to_json(),
+        "over_noise": found.left,
+        "in_worst_tenth": found.concentrated,
+        "swing": None if mode is None else {**mode.__dict__, "words": oscillation_in_words(mode)},
+        "depends_on": None if depends is None else where.relevance_json(depends),
     }
 
 
-def _candidate(candidate: Candidate) -> dict[str, Any]:
+def _candidate_json(candidate: Candidate) -> dict[str, Any]:
     return {
         "effect": candidate.name,
-        "heldout_fall": candidate.falls,
+        "heldout_fall": candidate.reduction,
         "score": candidate.score,
-        "parameters": _named(candidate.values()),
+        "parameters": values_json(candidate.values),
         "evidence": candidate.evidence,
         "significance": candidate.significance,
         "implausible": list(candidate.implausible),
     }
 
 
-def _named(values: Sequence[tuple[str, float, float, str]]) -> list[dict[str, Any]]:
-    return [{"name": n, "value": v, "std": s, "unit": u} for n, v, s, u in values]
+def values_json(values: Sequence[Value]) -> list[dict[str, Any]]:
+    """Parameters by name."""
+    return [{"name": v.name, "value": v.value, "std": v.std, "unit": v.unit} for v in values]
 
 
-def _validation(validation: Validation) -> dict[str, Any]:
-    body = validation.comparison.to_json()
+def _validation_json(tested: Validation) -> dict[str, Any]:
     listed = [
         {"flight": flight, "ranges": [{**r.__dict__, "outside": r.outside} for r in found]}
-        for flight, found in validation.ranges
+        for flight, found in tested.ranges
     ]
-    return {**body, "fall": validation.falls, "ranges": listed, "warnings": validation.warnings}
+    body = comparison.to_json(tested.comparison)
+    return {**body, "fall": tested.reduction, "ranges": listed, "warnings": validation_warnings(tested)}
+
+
+def to_frame(found: Explanation) -> pd.DataFrame:
+    """One row for each candidate of the first step: effect, score, t, evidence, reduction of rms by axis, parameters."""
+    rows = [
+        {
+            "effect": c.name,
+            "named": c.name in found.effects,
+            "score": c.score,
+            "t": c.significance,
+            "evidence": c.evidence,
+            **{f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)},
+            "parameters": parameters_in_words(c.values),
+        }
+        for c in found.ranking
+    ]
+    return pd.DataFrame(rows)

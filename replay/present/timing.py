@@ -1,216 +1,85 @@
-"""Offsets between the topics of a log: as sentences, as a table, as JSON, and what to do about them.
-
-Reported before any physics, and never acted on: whether an offset is a clock, a link or an actuator is for the user to
-say (`--shift`) or for `explain` to weigh (`command_delay`, `servo_lag`, `motor_lag`).
-"""
+"""Offsets between the topics of a flight: sentences, a table, JSON, and what to do about them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from wrenchgap.flight.derivative import angular_velocity, smooth
-from wrenchgap.flight.flight import Flight, OdometrySeries
-from wrenchgap.flight.offsets import (
-    EVERYWHERE,
-    Intervals,
-    Offset,
-    Part,
-    controller_offset,
-    sensor_offsets,
-    tracking_offsets,
+from wrenchgap.flight.offsets import Offset, Part, Problem
+from wrenchgap.learn.diagnose.response import Response
+from wrenchgap.learn.diagnose.timing import (
+    Drift,
+    FeedbackDominated,
+    FlightTiming,
+    LateResponse,
+    OdometryOffset,
+    UnevenOffset,
 )
-from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.response import FEEDBACK, Response, responses
-from wrenchgap.plant.model import Model
-from wrenchgap.replay.present.tables import table
+from wrenchgap.replay.present.tables import Line, note_lines, table
+from wrenchgap.replay.present.tables import Part as Shown
 
-Array = NDArray[np.float64]
-
-MATTERS = 0.05
-"""Error of an effect that reads the odometry at which an offset is worth a warning: half of the 10 % to which
-parameters are wanted. A velocity that is late by d is off by d times the acceleration, relative to the speed; a force
-that is fixed in E, turned by an attitude that is late, is off by d times the rate."""
-DRIFTS = 2e-3
-"""Change of an offset over a flight that is worth a warning [s]: one sample at 500 Hz."""
-UNLIKE = 2e-3
-"""Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
-DEAF = 3
-"""Axes on which commands mostly answer to the motion, from which on lags and delays are not asked for."""
-IDLE_SPEED, IDLE_RATE = 0.05, 0.02
-"""Slower motion [m/s, rad/s] drives no effect, and no error of one."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Offsets of one flight. `sensors` between IMU and odometry, `tracking` of the odometry behind the reference,
-    `controller` of the commanded behind the desired wrench, `responses` of the vehicle behind its commands.
-
-    `worth` (one for each of `sensors`) is the error that the offset makes in an effect driven by the odometry, as a
-    share of that effect; None where it is not the odometry that is late. `duration` [s].
-    """  # noqa: D205
-
-    flight: str
-    duration: float
-    sensors: tuple[Offset, ...]
-    worth: tuple[float | None, ...]
-    tracking: tuple[Offset, ...] = ()
-    controller: Offset | None = None
-    responses: tuple[Response, ...] = ()
-
-    @property
-    def offsets(self) -> tuple[Offset, ...]:
-        """All offsets, responses last."""
-        one = () if self.controller is None else (self.controller,)
-        return (*self.sensors, *self.tracking, *one, *(r.offset for r in self.responses))
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a user should act on, each with what to do."""
-        return (*self._sensor_warnings(), *self._drift_warnings(), *_response_warnings(self.responses))
-
-    def _sensor_warnings(self) -> list[str]:
-        rows = [(o, w) for o, w in zip(self.sensors, self.worth, strict=True) if w is not None and o.certain]
-        if not any(w > MATTERS for _, w in rows):
-            return []
-        weight = np.array([1.0 / max(o.std or 0.0, 1e-6) ** 2 for o, _ in rows])
-        seconds = np.array([o.seconds for o, _ in rows], dtype=float)
-        mean = float(weight @ seconds / weight.sum())
-        found = [
-            f"The odometry {'lags' if mean > 0 else 'leads'} the IMU by {1e3 * abs(mean):.1f} ms: effects that are "
-            "driven by speed or attitude come out up to "
-            f"{100 * max(w for _, w in rows):.0f} % wrong. Read it with --shift odometry={-mean:.4f}."
-        ]
-        if float(np.ptp(seconds)) > UNLIKE:
-            parts = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o, _ in rows)
-            found.append(f"Not all of it is late by as much ({parts}): an estimator's filter rather than a clock.")
-        return found
-
-    def _drift_warnings(self) -> list[str]:
-        found = []
-        for o in (*self.sensors, *(r.offset for r in self.responses)):
-            if o.drifts and abs(o.drift or 0.0) * self.duration > DRIFTS:
-                found.append(
-                    f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
-                    f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
-                )
-        return found
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain numbers, strings, lists and dicts; seconds."""
-        rows = zip(self.sensors, self.worth, strict=True)
-        return {
-            "sensors": [{**_offset_json(o), "effect_error": w} for o, w in rows],
-            "tracking": [_offset_json(o) for o in self.tracking],
-            "controller": None if self.controller is None else _offset_json(self.controller),
-            "responses": [
-                {
-                    **_offset_json(r.offset),
-                    "axis": r.axis,
-                    "shape": r.shape,
-                    "lag": r.lag,
-                    "leaves": r.leaves,
-                    "residual": r.residual,
-                    "noise": r.noise,
-                    "matters": r.matters,
-                }
-                for r in self.responses
-            ],
-            "warnings": list(self.warnings),
-            "words": sentences(self),
-        }
+LEGEND = (
+    "delay: positive where the first is stamped later   form: what a late response looks like   matters: error of "
+    "effects that are driven by the odometry; error that a model without the lag leaves"
+)
+PROBLEMS = {
+    Problem.STILL: "{about} never changes",
+    Problem.SLOW: "too slow a topic ({about})",
+    Problem.SHORT: "less than {about} that both have without a gap",
+    Problem.UNRELATED: "nothing in common beyond chance: too little motion, or too much noise",
+    Problem.UNMATCHED: "the two do not match at any offset",
+    Problem.AMBIGUOUS: "the motion repeats itself: several offsets match equally well",
+    Problem.VAGUE: "no better than {about}: too little motion in common",
+    Problem.FEEDBACK: "feedback-dominated: the command answers the motion, not the motion the command",
+}
+FORMS = {"delay": "a delay", "lag": "a lag", "either": "a lag or a delay", None: "a lag or a delay"}
 
 
-def timing(flight: Flight, within: Intervals = EVERYWHERE, answers: tuple[Response, ...] = ()) -> Timing:
-    """Offsets between the topics of a flight, without knowing the vehicle."""
-    sensors = sensor_offsets(flight, within)
-    ends = [(s.time[0], s.time[-1]) for s in flight.series().values()]
-    duration = float(max(b for _, b in ends) - min(a for a, _ in ends)) if ends else 0.0
-    worth = tuple(_worth(o, flight.odometry) if flight.imu is not None else None for o in sensors)
-    return Timing(
-        flight.name,
-        duration,
-        sensors,
-        worth,
-        tracking_offsets(flight, within),
-        controller_offset(flight, within),
-        answers,
-    )
+def parts(found: FlightTiming) -> list[Shown]:
+    """Table, what cannot be estimated, warnings."""
+    if not found.offsets:
+        return []
+    lines = [*note_lines(problems(found), "cannot be estimated"), *note_lines(warnings(found), "warning")]
+    return [offsets_table(found), Line(LEGEND, "dim"), *lines]
 
 
-def timing_of(opened: OpenFlight, model: Model) -> Timing:
-    """Offsets between the topics of a flight while it is in the air, and of the response behind its commands."""
-    flown = [(float(r.time[0]), float(r.time[-1])) for r in opened.records]
-    return timing(opened.flight, flown, responses(opened.flight, model.vehicle, opened.records))
-
-
-def _worth(offset: Offset, odometry: OdometrySeries | None) -> float | None:
-    """What the offset of odometry behind IMU costs an effect that is driven by the odometry."""
-    if odometry is None or offset.seconds is None or offset.same:
-        return None
-    if offset.first == "gyroscope" and offset.second == "odometry attitude":
-        return abs(offset.seconds) * _rate(odometry)
-    if offset.first == "accelerometer" and odometry.velocity_E is not None:
-        speed = _rms(odometry.velocity_E)
-        change = _rms(smooth(odometry.time, odometry.velocity_E, derivative=1))
-        return abs(offset.seconds) * change / speed if speed > IDLE_SPEED else 0.0
-    return None
-
-
-def _rate(odometry: OdometrySeries) -> float:
-    """Rms rate of the attitude [rad/s], zero where it hardly moves."""
-    rate = _rms(angular_velocity(odometry.time, odometry.quat_EB))
-    return rate if rate > IDLE_RATE else 0.0
-
-
-def _rms(vectors: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
-
-
-LAGS = ("servo_lag", "motor_lag", "command_delay", "backlash")
-"""Effects that show in when, not in how much: where commands answer to the motion they cannot be told from that."""
-
-
-def barred(timings: Sequence[Timing]) -> dict[str, str]:
-    """Effects of time that these flights must not be asked about, with the reason; none where one flight is sound."""
-    reasons = []
-    for found in timings:
-        deaf = [r.axis for r in found.responses if r.offset.problem == FEEDBACK]
-        if len(deaf) < DEAF:
-            return {}
-        reasons.append(f"{found.flight}: on {', '.join(deaf)} {FEEDBACK}; a lag found there would be the controller's")
-    return dict.fromkeys(LAGS, reasons[0]) if reasons else {}
-
-
-def _response_warnings(found: Sequence[Response]) -> list[str]:
-    out = []
-    late = [r for r in found if r.matters]
-    if late:
-        listed = ", ".join(f"{r.axis} {_milliseconds(r.offset)} ms ({_forms(r)})" for r in late)
-        out.append(
-            f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or the "
-            "clocks of commands and IMU, and `explain` weighs the first three."
-        )
-    deaf = [r.axis for r in found if r.offset.problem == FEEDBACK]
-    if deaf:
-        out.append(
-            f"On {', '.join(deaf)} the commands mostly answer to the motion: neither lag nor delay can be seen there, "
-            "and one that is fitted there would be the controller's own phase. Fly with more excitation."
+def offsets_table(found: FlightTiming) -> Table:
+    """All offsets, one a row; what cannot be estimated is listed by `problems`."""
+    heads = ("", "behind", "delay [ms]", "drift [ms/min]", "band [Hz]", "form", "matters")
+    out = table(f"timing of {found.flight}", *heads, left=2)
+    errors = dict(zip(map(id, found.sensors), found.effect_error, strict=True))
+    forms = {id(r.offset): r for r in found.responses}
+    for o in found.offsets:
+        if o.seconds is None:
+            continue
+        response = forms.get(id(o))
+        out.add_row(
+            escape(o.second),
+            escape(o.first),
+            "same series" if o.same else milliseconds(o),
+            "-" if o.drift is None or o.same else f"{_per_minute(o.drift)} +- {_per_minute(o.drift_std, sign=False)}",
+            f"{o.lowest_hz:.1f}-{o.highest_hz:.1f}",
+            "-" if response is None else response.shape or "-",
+            _matters(errors.get(id(o)), response),
+            style="" if o.certain else "dim",
         )
     return out
 
 
-def _forms(response: Response) -> str:
-    return {"delay": "a delay", "lag": "a lag", "either": "a lag or a delay"}[response.shape or "either"]
+def _matters(error: float | None, response: Response | None) -> str:
+    if error is not None:
+        return f"{100 * error:.1f} %"
+    if response is not None and response.leaves is not None and response.noise:
+        return f"{response.leaves / response.noise:.0f} x noise"
+    return "-"
 
 
-def sentences(found: Timing) -> list[str]:
+def sentences(found: FlightTiming) -> list[str]:
     """Every offset in words."""
     return [sentence(o) for o in found.offsets]
 
@@ -218,16 +87,88 @@ def sentences(found: Timing) -> list[str]:
 def sentence(offset: Offset) -> str:
     """One offset in words, e.g. "odometry attitude lags gyroscope by 12.3 +- 0.4 ms"."""
     if offset.seconds is None:
-        return f"{offset.second} against {offset.first}: cannot be estimated: {offset.problem}"
+        return f"{offset.second} against {offset.first}: cannot be estimated: {problem(offset)}"
     if offset.same:
         return f"{offset.second} and {offset.first} are the same series"
     if not offset.certain:
-        return f"{offset.second} and {offset.first} go together: {_milliseconds(offset)} ms"
+        return f"{offset.second} and {offset.first} go together: {milliseconds(offset)} ms"
     verb = "lags" if offset.seconds > 0 else "leads"
-    return f"{offset.second} {verb} {offset.first} by {_milliseconds(offset, absolute=True)} ms"
+    return f"{offset.second} {verb} {offset.first} by {milliseconds(offset, absolute=True)} ms"
 
 
-def _milliseconds(offset: Offset, absolute: bool = False) -> str:
+def certain_offsets(found: FlightTiming) -> list[str]:
+    """Offsets between the sensor topics, a line each where they are certain: what to look at before any physics."""
+    return [f"timing, {found.flight}: {sentence(o)}" for o in found.sensors if o.certain]
+
+
+def problem(offset: Offset) -> str:
+    """Why there is no number."""
+    return "" if offset.problem is None else PROBLEMS[offset.problem].format(about=offset.about)
+
+
+def problems(found: FlightTiming) -> list[str]:
+    """What cannot be estimated, by reason."""
+    reasons: dict[str, list[str]] = {}
+    axes = {id(r.offset): r.axis for r in found.responses}
+    for o in found.offsets:
+        if o.problem is not None:
+            name = f"response on {axes[id(o)]}" if id(o) in axes else f"{o.second} against {o.first}"
+            reasons.setdefault(problem(o), []).append(name)
+    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
+
+
+def warnings(found: FlightTiming) -> list[str]:
+    """What a user should act on, each with what to do."""
+    return [_warning(w) for w in found.warnings]
+
+
+@singledispatch
+def _warning(warning: object) -> str:
+    raise NotImplementedError(type(warning).__name__)
+
+
+@_warning.register
+def _(warning: OdometryOffset) -> str:
+    return (
+        f"The odometry {'lags' if warning.seconds > 0 else 'leads'} the IMU by {1e3 * abs(warning.seconds):.1f} ms: "
+        f"effects that are driven by speed or attitude come out up to {100 * warning.error:.0f} % wrong. Read it with "
+        f"--shift odometry={-warning.seconds:.4f}."
+    )
+
+
+@_warning.register
+def _(warning: UnevenOffset) -> str:
+    listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in warning.offsets)
+    return f"Not all of it is late by as much ({listed}): an estimator's filter rather than a clock."
+
+
+@_warning.register
+def _(warning: Drift) -> str:
+    o = warning.offset
+    return (
+        f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
+        f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
+    )
+
+
+@_warning.register
+def _(warning: LateResponse) -> str:
+    listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in warning.responses)
+    return (
+        f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or the "
+        "clocks of commands and IMU, and `explain` weighs the first three."
+    )
+
+
+@_warning.register
+def _(warning: FeedbackDominated) -> str:
+    return (
+        f"On {', '.join(warning.axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
+        "and a lag that is fitted would be the controller's own phase. Fly with more excitation."
+    )
+
+
+def milliseconds(offset: Offset, absolute: bool = False) -> str:
     """Value and standard deviation in ms, both with the digits that the latter allows."""
     assert offset.seconds is not None
     assert offset.std is not None
@@ -240,77 +181,35 @@ def _per_minute(slope: float | None, sign: bool = True) -> str:
     return f"{6e4 * (slope or 0.0):{'+' if sign else ''}.2g}"
 
 
-def offsets_table(found: Timing) -> Table:
-    """All offsets, one a row; what cannot be estimated is listed below by `problems`."""
-    heads = ("", "behind", "by [ms]", "drift [ms/min]", "heard at [Hz]", "form", "worth")
-    out = table(f"timing of {found.flight}", *heads, left=2)
-    worth = dict(zip(map(id, found.sensors), found.worth, strict=True))
-    forms = {id(r.offset): r for r in found.responses}
-    for o in found.offsets:
-        if o.seconds is None:
-            continue
-        response = forms.get(id(o))
-        out.add_row(
-            escape(o.second),
-            escape(o.first),
-            "same series" if o.same else _milliseconds(o),
-            "-" if o.drift is None or o.same else f"{_per_minute(o.drift)} +- {_per_minute(o.drift_std, sign=False)}",
-            f"{o.lowest_hz:.1f}-{o.highest_hz:.1f}",
-            "-"
-            if response is None
-            else "either"
-            if response.shape == "either"
-            else _forms(response).removeprefix("a "),
-            _worth_words(worth.get(id(o)), response),
-            style="" if o.certain else "dim",
-        )
-    return out
+def to_json(found: FlightTiming) -> dict[str, Any]:
+    """Plain; seconds."""
+    rows = zip(found.sensors, found.effect_error, strict=True)
+    return {
+        "sensors": [{**_offset_json(o), "effect_error": e} for o, e in rows],
+        "tracking": [_offset_json(o) for o in found.tracking],
+        "controller": None if found.controller is None else _offset_json(found.controller),
+        "responses": [_response_json(r) for r in found.responses],
+        "warnings": warnings(found),
+        "words": sentences(found),
+    }
 
 
-def _worth_words(worth: float | None, response: Response | None) -> str:
-    if worth is not None:
-        return f"{100 * worth:.1f} %"
-    if response is not None and response.leaves is not None and response.noise:
-        return f"{response.leaves / response.noise:.0f} x noise"
-    return "-"
-
-
-LEGEND = (
-    "behind by: positive where it is stamped later   form: what a response that is late looks like   worth: error of "
-    "effects that are driven by the odometry; error that a model without the lag is left with"
-)
-
-
-def problems(found: Timing) -> list[str]:
-    """What cannot be estimated, by reason."""
-    reasons: dict[str, list[str]] = {}
-    for o in found.offsets:
-        if o.problem:
-            same = o.second.removeprefix("measured ") == o.first.removeprefix("commanded ")
-            reasons.setdefault(o.problem, []).append(
-                f"response on {o.second.removeprefix('measured ')}" if same else f"{o.second} against {o.first}"
-            )
-    return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
+def _response_json(r: Response) -> dict[str, Any]:
+    own = {name: getattr(r, name) for name in ("axis", "shape", "lag", "leaves", "residual", "noise", "matters")}
+    return {**_offset_json(r.offset), **own}
 
 
 def _offset_json(offset: Offset) -> dict[str, Any]:
-    def parts(listed: Sequence[Part]) -> list[dict[str, Any]]:
-        return [{"name": p.name, "seconds": p.seconds, "std": p.std} for p in listed]
+    def listed(found: Sequence[Part]) -> list[dict[str, Any]]:
+        return [{"name": p.name, "seconds": p.seconds, "std": p.std} for p in found]
 
+    numbers = ("first", "second", "seconds", "std", "drift", "drift_std", "coherence", "lowest_hz", "highest_hz")
     return {
-        "first": offset.first,
-        "second": offset.second,
-        "seconds": offset.seconds,
-        "std": offset.std,
+        **{name: getattr(offset, name) for name in numbers},
         "interval_95": offset.interval,
-        "drift": offset.drift,
-        "drift_std": offset.drift_std,
-        "halves": parts(offset.halves),
-        "axes": parts(offset.axes),
-        "bands": parts(offset.bands),
-        "coherence": offset.coherence,
-        "lowest_hz": offset.lowest_hz,
-        "highest_hz": offset.highest_hz,
+        "halves": listed(offset.halves),
+        "axes": listed(offset.axes),
+        "bands": listed(offset.bands),
         "blocks": offset.blocks,
-        "problem": offset.problem,
+        "problem": problem(offset) or None,
     }

@@ -1,0 +1,99 @@
+"""Effects put into a model and taken out: tables and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.identify.add import Addition
+from wrenchgap.plant.history import Outcome, Snapshot, Trial
+from wrenchgap.plant.model import Model
+from wrenchgap.replay.present.explanation import values_json
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, parameters
+
+
+def parts(added: Addition) -> list[Part]:
+    """What was fitted together, its values, the error before and after."""
+    out: list[Part] = []
+    if added.refitted:
+        out.append(Line(f"already in {added.given.name}, fitted anew: {', '.join(added.refitted)}"))
+    if added.together:
+        out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
+    out.append(parameters(added.fit.snapshot, f"effects of {added.model.name}"))
+    rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
+    if added.trial is None:
+        out.append(before_after("on the fitted logs", rows, added.reduction))
+    else:
+        rows = [("rms before", added.trial.before), ("rms after", added.trial.after)]
+        rows.append(("sensor noise", added.trial.noise))
+        out.append(before_after("on time of these logs that was not fitted", rows, added.trial.fall))
+        worse = added.trial.outcome is Outcome.WORSE
+        out.append(Line(verdict(added.trial), "yellow" if worse else ""))
+    return [*out, *note_lines(limits(added), "warning"), *note_lines(notes(added))]
+
+
+OUTCOMES = {Outcome.BETTER: "better", Outcome.WORSE: "worse", Outcome.UNCLEAR: "no significant change"}
+
+
+def verdict(trial: Trial) -> str:
+    """What a change of the model did on time that was not fitted."""
+    return f"{OUTCOMES[trial.outcome]}: error energy {100 * trial.change:+.0f} %, t {trial.t:.1f}"
+
+
+def limits(added: Addition) -> list[str]:
+    """Parameters that ended where no physical value is plausible any more."""
+    return [f"{name} ended at the limit of what is plausible; see docs/effects" for name in added.fit.at_bound]
+
+
+def notes(added: Addition) -> list[str]:
+    """What was assumed, repaired or left out."""
+    return sentences([*added.given.notes, *(note for f in added.flights for note in f.notes)])
+
+
+def to_json(added: Addition) -> dict[str, Any]:
+    """The body of the `add` schema."""
+    return {
+        "axes": list(AXES),
+        "effects": effects_json(added.model.snapshot),
+        "refitted": list(added.refitted),
+        "rms_before": added.rms_before,
+        "rms_after": added.rms_after,
+        "at_bound": list(added.fit.at_bound),
+        "held_out": None if added.trial is None else trial_json(added.trial),
+        "cutoff_hz": added.flights[0].records[0].cutoff_hz,
+        "notes": [*limits(added), *notes(added)],
+    }
+
+
+def trial_json(trial: Trial) -> dict[str, Any]:
+    """Errors on time that was not fitted, six each."""
+    return {
+        "rms_before": trial.before,
+        "rms_after": trial.after,
+        "noise": trial.noise,
+        "fall": trial.fall,
+        "verdict": verdict(trial),
+        "outcome": str(trial.outcome),
+        "change": trial.change,
+        "t": trial.t,
+    }
+
+
+def effects_json(effects: Sequence[Snapshot]) -> list[dict[str, Any]]:
+    """Effects with their values."""
+    return [{"effect": e.effect, "parameters": values_json(e.values)} for e in effects]
+
+
+def model_table(model: Model) -> Part:
+    """A model's effects."""
+    return parameters(model.snapshot, f"effects of {model.name}")
+
+
+def to_frame(added: Addition) -> pd.DataFrame:
+    """One row for each parameter: effect, name, value, std, unit."""
+    rows = [{"effect": s.effect, **v.__dict__} for s in added.fit.snapshot for v in s.values]
+    return pd.DataFrame(rows)

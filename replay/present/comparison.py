@@ -1,0 +1,112 @@
+"""A comparison of models on flights: tables, JSON, samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.comparison import Comparison, Stretch
+from wrenchgap.learn.data.errors import Errors
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row
+from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
+
+
+def parts(result: Comparison) -> list[Part]:
+    """Errors, by flight where there are several, and where the last model is worst."""
+    several = [by_flight(result)] if len(result.flights) > 1 else []
+    last = result.evaluations[-1]
+    return [errors(result), *several, worst(last.name, last.worst), *note_lines(sentences(result.notes))]
+
+
+def errors(comparison: Comparison) -> Table:
+    """Errors by model and axis, and the noise floor."""
+    flights = comparison.flights
+    where = flights[0] if len(flights) == 1 else f"{len(flights)} flights"
+    out = table(f"|measured - predicted| on {where}", "model", "", *UNIT_HEADS, left=2)
+    for index, one in enumerate(comparison.evaluations):
+        e = one.pooled
+        out.add_row(f"[bold]{escape(one.name)}[/]", "mean", *row(e.mean_abs))
+        out.add_row("", "std", *row(e.std_abs))
+        out.add_row("", "rms", *row(e.rms))
+        out.add_row("", "max", *row(e.max_abs), end_section=index == 0)
+        if index:
+            out.add_row("", "change of rms", *reductions(comparison.reduction(one)), end_section=True)
+    out.add_row("[dim]sensor noise[/]", "rms", *row(comparison.noise))
+    return out
+
+
+def by_flight(comparison: Comparison) -> Table:
+    """Root mean square by flight."""
+    out = table("rms by flight", "flight", "model", *UNIT_HEADS, left=2)
+    for index, flight in enumerate(comparison.flights):
+        for place, one in enumerate(comparison.evaluations):
+            last = place == len(comparison.evaluations) - 1
+            name = escape(flight) if place == 0 else ""
+            out.add_row(name, escape(one.name), *row(one.by_flight[index].rms), end_section=last)
+    return out
+
+
+def worst(name: str, stretches: Sequence[Stretch]) -> Table:
+    """The worst stretches of one model."""
+    heads = ("flight", "time [s]", "largest on", "F rms [N]", "M rms [Nm]", "tilt [deg]", "|F| [N]")
+    out = table(f"where {name} is worst", *heads, "|omega| [rad/s]", "speed [m/s]", left=3)
+    for s in stretches:
+        force, torque = (float(np.linalg.norm(part)) for part in (s.rms[:3], s.rms[3:]))
+        state = [number(v if v is None else round(v, 3), 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
+        out.add_row(escape(s.flight), f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
+    return out
+
+
+def to_json(result: Comparison) -> dict[str, Any]:
+    """The body of the `compare` schema."""
+    return {
+        "axes": list(AXES),
+        "flights": list(result.flights),
+        "models": [
+            {
+                "name": e.name,
+                **errors_json(e.pooled),
+                "fall_of_rms": result.reduction(e),
+                "per_flight": [
+                    {"flight": flight, **errors_json(own)}
+                    for flight, own in zip(result.flights, e.by_flight, strict=True)
+                ],
+                "worst": [stretch_json(s) for s in e.worst],
+            }
+            for e in result.evaluations
+        ],
+        "noise": result.noise,
+        "samples": sum(len(r) for r in result.records),
+        "cutoff_hz": result.records[0].cutoff_hz,
+        "notes": sentences(result.notes),
+    }
+
+
+def errors_json(found: Errors) -> dict[str, Any]:
+    """Errors by name."""
+    return dict(found.__dict__)
+
+
+def stretch_json(stretch: Stretch) -> dict[str, Any]:
+    """A stretch by name."""
+    return dict(stretch.__dict__)
+
+
+def to_frame(result: Comparison) -> pd.DataFrame:
+    """One row for each compared sample: flight, time, then `commanded.force_x`, `measured...`, `<model>...`."""
+    found = []
+    for index, record in enumerate(result.records):
+        columns: dict[str, object] = {"flight": record.flight, "time": record.time}
+        wrenches = {"commanded": record.commanded, "measured": record.measured}
+        wrenches |= {e.name: e.predictions[index] for e in result.evaluations}
+        for name, values in wrenches.items():
+            columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}
+        found.append(pd.DataFrame(columns))
+    return pd.concat(found, ignore_index=True)

@@ -1,0 +1,96 @@
+"""What is in a log: topics, checks, timing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from os.path import commonpath
+from typing import Any
+
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap.flight.checks import Check
+from wrenchgap.flight.inspection import Inspection
+from wrenchgap.learn.diagnose.model_checks import LogReport
+from wrenchgap.replay.present import timing
+from wrenchgap.replay.present.numbers import number
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+
+SCHEMA_VERSION = 1
+SHORTEST = 8
+"""Characters of a shared namespace from which on it is said once, above the column."""
+COLOURS = {"bad": "[bold red]bad[/]", "warn": "[yellow]warn[/]", "ok": "[green]ok[/]"}
+
+
+def parts(seen: LogReport) -> list[Part]:
+    """Topics, checks, timing, notes."""
+    out: list[Part] = [topics(seen.inspection), checks((*seen.inspection.checks, *seen.model_checks))]
+    if seen.timing is not None:
+        out += timing.parts(seen.timing)
+    out += note_lines(seen.notes)
+    unused = {part: t for t in seen.inspection.topics for part in t.could_play if not t.plays}
+    if unused:
+        others = ", ".join(f"--topic {part}={t.topic}" for part, t in unused.items())
+        out.append(Line(f"could also be read: {others}", "dim"))
+    return [*out, Line()]
+
+
+def topics(seen: Inspection) -> Table:
+    """Topics of a log: roles, rates, gaps."""
+    size = f"{seen.size / 1e6:.1f} MB" if seen.size >= 1e5 else f"{seen.size / 1e3:.1f} kB"
+    title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
+    common = _namespace([t.topic for t in seen.topics])
+    first = f"topic in\n{common}" if common else "topic"
+    heads = (first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out")
+    out = table(title, *heads, left=3)
+    for t in seen.topics:
+        gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
+        jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
+        role = f"[bold green]{escape(', '.join(t.plays))}[/]" if t.plays else "[dim]-[/]"
+        lost = str(sum(t.dropped.values())) if t.dropped else "0"
+        name, kind = escape(t.topic.removeprefix(common)), escape(t.type.split("/")[-1])
+        out.add_row(name, kind, role, str(t.count), number(t.rate, 4), jitter, gaps, lost)
+    return out
+
+
+def _namespace(names: Sequence[str]) -> str:
+    """The namespace that all topics share, with its last slash, if it is worth leaving out."""
+    shared = commonpath(names) + "/" if len(names) > 1 else ""
+    return shared if len(shared) > SHORTEST else ""
+
+
+def checks(found: Sequence[Check]) -> Table:
+    """Findings, the bad ones first."""
+    out = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+    for check in sorted(found, key=lambda c: list(COLOURS).index(c.level)):
+        out.add_row(COLOURS[check.level], escape(check.name), escape(check.message))
+    return out
+
+
+def to_json(seen: LogReport) -> dict[str, Any]:
+    """One entry of `logs` in the `inspect` schema."""
+    found = seen.inspection
+    return {
+        "version": SCHEMA_VERSION,
+        "path": str(found.path),
+        "format": found.format,
+        "size_bytes": found.size,
+        "sha256": found.content_hash,
+        "start_ns": found.start_ns,
+        "duration_s": found.duration,
+        "level": found.level,
+        "topics": [asdict(topic) for topic in found.topics],
+        "mapping": found.mapping,
+        "checks": [asdict(check) for check in found.checks],
+        "model_checks": [asdict(check) for check in seen.model_checks],
+        "notes": list(seen.notes),
+        "shift_s": dict(seen.shifts),
+        "timing": None if seen.timing is None else timing.to_json(seen.timing),
+    }
+
+
+def to_frame(seen: LogReport) -> pd.DataFrame:
+    """One row for each topic."""
+    return pd.DataFrame([{**asdict(t), "plays": ", ".join(t.plays)} for t in seen.inspection.topics])

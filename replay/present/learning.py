@@ -1,0 +1,230 @@
+"""A learnt Gaussian process: prediction beside its alternatives, calibration, conditioning, cautions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.comparison import Comparison
+from wrenchgap.learn.data.errors import reduction
+from wrenchgap.learn.identify.absorption import Absorption
+from wrenchgap.learn.identify.learning import Learnt
+from wrenchgap.learn.process.alternatives import Alternatives
+from wrenchgap.learn.process.calibration import Coverage
+from wrenchgap.learn.process.gp import Caution, CautionKind
+from wrenchgap.replay.present import comparison
+from wrenchgap.replay.present.explanation import values_json
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import UNIT_HEADS, quantity, row
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
+
+
+def parts(learnt: Learnt) -> list[Part]:
+    """Errors beside the alternatives, standard deviations, calibration, conditioning, what to do."""
+    gp = learnt.gp
+    out: list[Part] = [
+        Line(
+            f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart) on top of "
+            f"{gp.provenance.physics}"
+        )
+    ]
+    tested = (("training", learnt.training), ("unseen", learnt.validation))
+    out += [_prediction(title, result) for title, result in tested if result is not None]
+    sigmas = [
+        (name, *row((prior, seen)))
+        for name, prior, seen in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)
+    ]
+    heads = ("output", "far from the data", "99 % of the training samples below")
+    out += [plain("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
+    low, middle, high = learnt.real_min
+    out.append(
+        Line(
+            f"conditioning: smallest eigenvalue of I + dmu/dW {low:.2f} (1st percentile), {middle:.2f} (median), "
+            f"{high:.2f} (largest); 1 is no mismatch, 0 cannot be inverted"
+        )
+    )
+    if learnt.alternatives is not None and learnt.alternatives.tried:
+        out.append(_alternatives(learnt.alternatives, gp.outputs))
+    said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
+    out += [Line(words, "bold") for words in said if words]
+    notes = [*learnt.training.notes, *(learnt.validation.notes if learnt.validation is not None else ())]
+    return [*out, *note_lines(map(caution, learnt.cautions), "warning"), *note_lines(sentences(notes))]
+
+
+def _prediction(title: str, result: Comparison) -> Table:
+    """The paper's prediction table: mean and std of absolute errors, and the change of the mean."""
+    name = f"{title}: {', '.join(result.flights)}, |measured - predicted|"
+    out = table(name, "model", "", *UNIT_HEADS, left=2)
+    for e in result.evaluations:
+        out.add_row(f"[bold]{escape(e.name)}[/]", "mean", *row(e.pooled.mean_abs))
+        out.add_row("", "std", *row(e.pooled.std_abs), end_section=True)
+    first, last = result.evaluations[0].pooled, result.evaluations[-1].pooled
+    out.add_row("", "change of mean", *reductions(reduction(first.mean_abs, last.mean_abs)))
+    return out
+
+
+def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
+    rows = [
+        (
+            ", ".join(("command", *one.settings.inputs)),
+            one.settings.inference,
+            *row(one.rms),
+            f"{100 * one.gain:.0f} %" if k else "asked for",
+            "best" if one.settings == found.best else "",
+        )
+        for k, one in enumerate(found.tried)
+    ]
+    heads = ("inputs", "inference", *outputs, "smaller by", "")
+    return plain("rms on held-out time, with other inputs", heads, rows, left=2)
+
+
+def _calibration(learnt: Learnt) -> Table:
+    rows = []
+    for flights, (before, after) in learnt.coverage.items():
+        for k, name in enumerate(learnt.gp.outputs):
+            shares = (before.within_95[k], after.within_95[k], before.within_3_sigma[k], after.within_3_sigma[k])
+            scale = f"{learnt.gp.sigma_scale[k]:.2f}"
+            rows.append((flights, name, scale, *(f"{100 * s:.1f} %" for s in shares)))
+    heads = ("flights", "output", "sigma times", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
+    return plain("calibration: expected 95 % and 99.7 %", heads, rows, left=2)
+
+
+def caution(found: Caution) -> str:
+    """What a user should know before trusting the correction."""
+    rows = zip(found.axes, found.before, found.after, strict=False)
+    match found.kind:
+        case CautionKind.NEARLY_SINGULAR:
+            return (
+                f"I + dmu/dW is nearly singular on the training flights (smallest eigenvalue {found.eigenvalue:.2f}): "
+                "where little is accelerated the mismatch is minus the command, and the GP has learnt just that; train "
+                "on a flight with excitation on all axes, or add effects first."
+            )
+        case CautionKind.WORSE:
+            listed = ", ".join(f"{axis} (rms {before:.2g} to {after:.2g})" for axis, before, after in rows)
+            return f"on unseen flights the GP makes it worse: {listed}; leave these out with --outputs."
+        case CautionKind.NOT_WORTH_IT:
+            return (
+                f"on unseen flights the GP is not worth it for {', '.join(found.axes)}: the model without it, a constant "
+                "or a straight line does as well."
+            )
+        case CautionKind.SAID:
+            return found.text
+
+
+def absorption_in_words(found: Absorption) -> str:
+    """What the GP absorbs and what to do about it, in one sentence; empty where it absorbs nothing that has a name."""
+    first = found.first
+    if first is None:
+        return ""
+    shares = {a.name: a.share for a in found.tried}
+    rest = "and learning the residual"
+    if len(found.effects) == 1:
+        listed = ", ".join(f"{v.name} {quantity(v.value, v.unit)}" for v in first.values)
+        values = f"; {listed}" if len(first.values) <= 3 else ""
+        what = f"{first.name} ({100 * first.share:.0f} % of its correction{values})"
+        return f"the GP absorbs {what}: consider `wrenchgap add {first.name}` {rest}."
+    alike = ", ".join(f"{name} ({100 * shares[name]:.0f} %)" for name in found.effects)
+    return (
+        f"the GP absorbs one of {alike}: these reproduce its correction equally well; see `wrenchgap explain`, then "
+        f"consider `wrenchgap add` {rest}."
+    )
+
+
+def better_inputs(learnt: Learnt) -> str:
+    """What would be better, in one sentence; empty where nothing is, or where it was taken."""
+    found = learnt.alternatives
+    if found is None or found.better is None or found.better.settings == learnt.gp.settings:
+        return ""
+    asked, better = found.tried[0].settings, found.better
+    options = [f"--inputs {','.join(better.settings.inputs)}"] if better.settings.inputs != asked.inputs else []
+    if better.settings.inference != asked.inference:
+        options.append(f"--inference {better.settings.inference}")
+    return f"with {' '.join(options)} the error on held-out time would be {100 * better.gain:.0f} % smaller."
+
+
+def to_json(learnt: Learnt) -> dict[str, Any]:
+    """The body of the `learn` schema."""
+    gp = learnt.gp
+    low, middle, high = learnt.real_min
+    notes = [*learnt.training.notes, *(learnt.validation.notes if learnt.validation is not None else ())]
+    return {
+        "axes": list(AXES),
+        "outputs": list(gp.outputs),
+        "settings": dict(gp.settings.__dict__),
+        "samples": learnt.samples,
+        "points": len(gp.inputs),
+        "spacing_s": learnt.spacing,
+        "cutoff_hz": gp.provenance.cutoff_hz,
+        "physics": gp.provenance.physics,
+        "sigma_prior": gp.sigma_prior,
+        "sigma_training": gp.sigma_training,
+        "sigma_scale": gp.sigma_scale,
+        "coverage": {
+            name: {"before": _coverage_json(before), "after": _coverage_json(after)}
+            for name, (before, after) in learnt.coverage.items()
+        },
+        "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
+        "training": comparison.to_json(learnt.training),
+        "validation": None if learnt.validation is None else comparison.to_json(learnt.validation),
+        "warnings": [caution(c) for c in learnt.cautions],
+        "alternatives": [] if learnt.alternatives is None else _alternatives_json(learnt.alternatives),
+        "absorbs": None if learnt.absorption is None else absorption_json(learnt.absorption),
+        "notes": sentences(notes),
+    }
+
+
+def _coverage_json(found: Coverage) -> dict[str, Any]:
+    return dict(found.__dict__)
+
+
+def _alternatives_json(found: Alternatives) -> list[dict[str, Any]]:
+    return [
+        {
+            "inputs": list(one.settings.inputs),
+            "inference": one.settings.inference,
+            "rms": one.rms,
+            "gain": one.gain,
+            "significance": one.t,
+            "best": one.settings == found.best,
+        }
+        for one in found.tried
+    ]
+
+
+def absorption_json(found: Absorption) -> dict[str, Any]:
+    """The key `absorbs` of the `learn` schema."""
+    return {
+        "effects": list(found.effects),
+        "summary": absorption_in_words(found),
+        "tried": [
+            {
+                "effect": a.name,
+                "cosine": a.cosine,
+                "share": a.share,
+                "significance": a.t,
+                "named": a.named,
+                "parameters": values_json(a.values),
+            }
+            for a in found.tried
+        ],
+    }
+
+
+def to_frame(learnt: Learnt) -> pd.DataFrame:
+    """One row for each predictor, flights (training, unseen) and axis: mean, std, rms and maximum of the error."""
+    rows = []
+    for flights, result in (("training", learnt.training), ("unseen", learnt.validation)):
+        for e in result.evaluations if result is not None else ():
+            for k, axis in enumerate(AXES):
+                errors = {name: float(np.asarray(values)[k]) for name, values in e.pooled.__dict__.items()}
+                rows.append({"flights": flights, "model": e.name, "axis": axis, **errors})
+    return pd.DataFrame(rows)
+
+
+__all__ = ["absorption_in_words", "absorption_json", "caution", "parts", "to_frame", "to_json"]

@@ -1,0 +1,79 @@
+"""How a number is printed: the one place that decides digits, signs, units and per cent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.plant.history import Value
+
+Array = NDArray[np.float64]
+
+AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
+UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
+CAP = 100.0
+"""Separations beyond which no digit says anything."""
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Significant digits, without exponent where a reader expects none; "-" for what is not a number."""
+    if value is None or not np.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    if 1e-4 <= abs(value) < 1e5:
+        decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
+        return f"{value:.{min(decimals, 6)}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def row(values: Iterable[float], digits: int = 3) -> list[str]:
+    """Several numbers."""
+    return [number(float(v), digits) for v in values]
+
+
+def share(value: float) -> str:
+    """A part of a whole: whole per cent from 10 % on, a digit more below."""
+    if not np.isfinite(value):
+        return "-"
+    return f"{100 * value:.0f} %" if abs(value) >= 0.095 or value == 0 else f"{100 * value:.1f} %"
+
+
+def change(value: float) -> str:
+    """A relative change in whole per cent with its sign, zero without one."""
+    if not np.isfinite(value):
+        return "-"
+    return f"{100 * value:+.0f} %".replace("-0 %", "0 %").replace("+0 %", "0 %")
+
+
+def unit_of(axis: int) -> str:
+    """Of an axis by its index."""
+    return "N" if axis < 3 else "Nm"
+
+
+def unit(name: str) -> str:
+    """A unit as printed: nothing for a pure number."""
+    return "" if name == "1" else name
+
+
+def quantity(value: float, unit_name: str, digits: int = 3) -> str:
+    """A number with its unit."""
+    return f"{number(value, digits)} {unit(unit_name)}".rstrip()
+
+
+def separation(value: float) -> str:
+    """A separation in standard errors."""
+    return f"{value:.1f}" if value < CAP else f"> {CAP:.0f}"
+
+
+def parameters_in_words(values: Sequence[Value]) -> str:
+    """Parameters in a few words: all of up to three, else the two clearest; one alone with its interval."""
+    if len(values) == 1:
+        (one,) = values
+        return f"{one.name} {number(one.value)} +- {number(one.std, 2)} {unit(one.unit)}".rstrip()
+    clearest = sorted(values, key=lambda v: -abs(v.value) / max(v.std or 0.0, 1e-30))
+    shown = values if len(values) <= 3 else clearest[:2]
+    more = f", ... ({len(values)})" if len(values) > 3 else ""
+    return ", ".join(f"{v.name} {quantity(v.value, v.unit)}" for v in shown) + more

@@ -1,0 +1,281 @@
+"""Where a model fails: sentences, tables, JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.table import Table
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.diagnose.budget import PARTS, Budget, Source
+from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
+from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
+from wrenchgap.learn.diagnose.where import Where
+from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
+from wrenchgap.replay.present.comparison import stretch_json, worst
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, row, share
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+
+QUANTITIES = 3
+"""Most quantities whose bins are printed."""
+LEAST = 0.05
+"""Share of the error that must depend on a quantity for it to be named and its bins printed."""
+ON_AXIS = 0.2
+"""Share on one axis from which on the axis is named."""
+DIRECTIONS = ("front", "front left", "left", "back left", "back", "back right", "right", "front right")
+"""Sectors of the tilt direction, from 0 deg in steps of 45."""
+BAR = 24
+"""Characters of the longest bar."""
+
+
+def parts(result: Where) -> list[Part]:
+    """Summary, budget, the quantities that the error depends on most, worst stretches, whiteness, relevant inputs."""
+    out: list[Part] = [*(Line(text, "bold") for text in summary(result)), Line(), budget_table(result.budget)]
+    out += [_map(d) for d in result.failure_map.significant if d.score >= LEAST][:QUANTITIES]
+    out += [
+        _others(result),
+        worst(result.name, result.worst),
+        _whiteness(result.whiteness),
+        _relevance(result.relevance),
+    ]
+    out += [Line(f"not mapped: {name}: {why}", "dim") for name, why in result.failure_map.lacking.items()]
+    return [*out, *note_lines(sentences(result.notes))]
+
+
+def summary(where: Where) -> tuple[str, ...]:
+    """The result in a few sentences, most important first."""
+    shares = where.budget.whole()
+    process = {Source.FITTED: "a Gaussian process would explain", Source.GIVEN: "the GP explains"}
+    listed = [f"{share(shares['noise'])} is sensor noise"]
+    if shares["physics"] != 0.0:
+        listed.append(f"the effects of {where.name.removesuffix('+GP')} explain {share(shares['physics'])}")
+    if where.budget.source is not Source.NONE:
+        listed.append(f"{process[where.budget.source]} {share(shares['process'])}")
+    listed.append(f"{share(shares['unexplained'])} stays unexplained")
+    out = [f"Of the nominal model's error energy {', '.join(listed)}.", depends_on(where.failure_map)]
+    out.append(_relevant(where.relevance))
+    coloured = [a.axis for a in where.whiteness.autocorrelation if not a.white]
+    if not coloured:
+        out.append("The residual is as white as filtered sensor noise on all axes.")
+    else:
+        named = "any axis" if len(coloured) == len(AXES) else ", ".join(coloured)
+        out.append(f"The residual is not white on {named}: structure is left there.")
+    return tuple(out)
+
+
+def depends_on(mapped: FailureMap) -> str:
+    """On which quantities the error depends most, in a sentence."""
+    found = [d for d in mapped.significant if d.score >= LEAST][:QUANTITIES]
+    if not found:
+        return "The error has no significant dependence on any of the quantities."
+    return f"The error depends on: {'; '.join(f'{d.label} ({dependence_in_words(d)})' for d in found)}."
+
+
+def dependence_in_words(dependence: Dependence) -> str:
+    """In what way, and on which axes, the error depends on a quantity."""
+    if dependence.of_mean < dependence.of_size:
+        return f"{share(dependence.of_size)} of its size"
+    axes = [AXES[k] for k in np.argsort(-dependence.axes_mean) if dependence.axes_mean[k] > ON_AXIS][:QUANTITIES]
+    on = f", mostly {', '.join(axes)}" if axes else ""
+    return f"{share(dependence.of_mean)} of its mean{on}"
+
+
+def _relevant(relevant: Relevance) -> str:
+    if not relevant.chosen:
+        return "No input predicts the residual on held-out time."
+    listed = ", then ".join(_group(g) for g in relevant.chosen)
+    return f"On held-out time {share(relevant.explained)} of the residual follows {listed}."
+
+
+def _group(group: GroupRelevance) -> str:
+    """What a group of inputs explains, and on which axes it is missed."""
+    axes = [AXES[k] for k in np.argsort(-group.lost_axes) if group.lost_axes[k] > ON_AXIS][:3]
+    on = f", on {', '.join(axes)}" if axes else ""
+    return f"{group.label} ({share(group.alone)} alone, {share(group.lost)} lost without{on})"
+
+
+def autocorrelation_in_words(auto: Autocorrelation) -> str:
+    """Whether one axis is white, and at which lag it is least."""
+    if auto.white:
+        return "as white as filtered noise"
+    k = int(np.argmin(np.abs(auto.lags - auto.worst)))
+    return f"not white: {auto.value[k]:+.2f} at {auto.worst:.2f} s, noise {auto.expected[k]:+.2f} +- {auto.band[k]:.2f}"
+
+
+def crosscorrelation_in_words(cross: CrossCorrelation | None) -> str:
+    """What one axis follows most, and how late."""
+    if cross is None:
+        return "no input that moves enough"
+    if not cross.outside or abs(cross.peak) < WORTH:
+        return "no significant correlation with an input"
+    late = "at once" if cross.lag == 0 else f"{abs(cross.lag):.2f} s {'after' if cross.lag > 0 else 'before'}"
+    return f"{cross.peak:+.2f} with {cross.input} {late} (chance {cross.band:.2f})"
+
+
+def span(name: str, low: float, high: float) -> str:
+    """A bin in words, with digits enough that its ends differ."""
+    if not np.isfinite(low):
+        return "level" if name == "direction" else "elsewhere"
+    if name == "direction":
+        return DIRECTIONS[round(0.5 * (low + high) / 45.0) % 8]
+    digits = 3
+    while digits < 6 and abs(high - low) < 0.02 * max(abs(low), abs(high)) * 10.0 ** (3 - digits):
+        digits += 1
+    return f"{low:.{digits}g} to {high:.{digits}g}"
+
+
+def budget_table(budget: Budget) -> Table:
+    """Root mean square of the nominal error, and its parts in per cent."""
+    out = table("error budget: parts of the nominal model's mean square error", "", *UNIT_HEADS, "whole")
+    out.add_row("nominal rms", *row(np.sqrt(budget.nominal)), "", end_section=True)
+    names = {"physics": "effects", "process": f"Gaussian process ({budget.source})", "noise": "sensor noise"}
+    shares, whole = budget.shares(), budget.whole()
+    for part in PARTS:
+        if part != "physics" or budget.physics.any():
+            out.add_row(names.get(part, part), *(f"{100 * v:.1f} %" for v in [*shares[part], whole[part]]))
+    return out
+
+
+def _map(dependence: Dependence) -> Table:
+    """The bins of one quantity: how long, how large the error, and the share of it that sits there."""
+    b = dependence.binned
+    title = (
+        f"{dependence.label} [{dependence.unit}]: explains {share(dependence.of_mean)} of the mean error, "
+        f"{share(dependence.of_size)} of its size"
+    )
+    heads = ("", "time", "F rms [N]", "noise", "M rms [Nm]", "noise", "error", "share of all error above the noise")
+    out = table(title, *heads)
+    out.columns[-1].justify = "left"
+    longest = max(float(b.whole_share.max()), 1e-9)
+    for i in range(len(b)):
+        sizes = [float(np.linalg.norm(v[i, part])) for part in (slice(0, 3), slice(3, 6)) for v in (b.rms, b.noise)]
+        bar = "#" * round(BAR * float(b.whole_share[i]) / longest)
+        words = span(dependence.name, float(b.low[i]), float(b.high[i]))
+        out.add_row(words, share(b.time_share[i]), *row(sizes), share(b.whole_share[i]), bar)
+    return out
+
+
+def _others(result: Where) -> Table:
+    """All quantities in one line each."""
+    rows = [
+        (
+            d.label,
+            share(d.of_mean),
+            share(d.of_size),
+            f"{d.p:.3f}",
+            "yes" if d.significant else "no",
+            *(share(float(v)) for v in d.axes_mean),
+        )
+        for d in result.failure_map.dependences
+    ]
+    heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)
+    return plain("share of the error that depends on each quantity, beyond chance", heads, rows)
+
+
+def _whiteness(white: Whiteness) -> Table:
+    """In words, per axis."""
+    rows = [
+        (a.axis, autocorrelation_in_words(a), crosscorrelation_in_words(white.strongest(a.axis)))
+        for a in white.autocorrelation
+    ]
+    return plain("is the residual white?", ("axis", "in itself", "strongest correlation with an input"), rows, left=3)
+
+
+def _relevance(relevant: Relevance) -> Table:
+    """Groups of inputs: what they explain on held-out time."""
+    rows = [
+        (
+            str(g.step or ""),
+            g.label,
+            share(g.alone),
+            share(g.lost),
+            f"{g.significance:.1f}",
+            *(share(float(v)) for v in g.alone_axes),
+        )
+        for g in relevant.groups
+    ]
+    heads = ("step", "inputs", "alone", "lost without", "t", *AXIS_HEADS)
+    title = f"inputs that predict the residual on held-out time (chosen: {share(relevant.explained)} of it)"
+    return plain(title, heads, rows, left=2)
+
+
+def to_json(where: Where) -> dict[str, Any]:
+    """The body of the `where` schema."""
+    return {
+        "axes": list(AXES),
+        "model": where.name,
+        "flights": list(where.flights),
+        "seconds": where.seconds,
+        "samples": where.samples,
+        "cutoff_hz": where.cutoff_hz,
+        "rms": where.rms,
+        "noise": where.noise,
+        "budget": budget_json(where.budget),
+        "failure_map": _failure_map_json(where.failure_map),
+        "whiteness": _whiteness_json(where.whiteness),
+        "relevance": relevance_json(where.relevance),
+        "worst": [stretch_json(s) for s in where.worst],
+        "summary": list(summary(where)),
+        "notes": sentences(where.notes),
+    }
+
+
+def budget_json(budget: Budget) -> dict[str, Any]:
+    """Mean squares by part, and shares of the whole."""
+    mean_square = {name: getattr(budget, name) for name in ("nominal", *PARTS)}
+    return {"mean_square": mean_square, "whole_shares": budget.whole(), "process_source": str(budget.source)}
+
+
+def _failure_map_json(mapped: FailureMap) -> dict[str, Any]:
+    return {
+        "quantities": [
+            {
+                "quantity": d.name,
+                **{k: getattr(d, k) for k in ("label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant")},
+                "axes": list(d.axes),
+                "bins": dict(d.binned.__dict__),
+            }
+            for d in mapped.dependences
+        ],
+        "grid": None if mapped.grid is None else dict(mapped.grid.__dict__),
+        "lacking": [{"quantity": name, "reason": why} for name, why in mapped.lacking.items()],
+    }
+
+
+def _whiteness_json(white: Whiteness) -> dict[str, Any]:
+    strongest = [c for axis in AXES if (c := white.strongest(axis)) is not None]
+    curves = ("lags", "value")
+    return {
+        "autocorrelation": [{**a.__dict__, "white": a.white} for a in white.autocorrelation],
+        "strongest": [{**c.__dict__, "outside": c.outside} for c in strongest],
+        "peaks": [
+            {**{k: v for k, v in c.__dict__.items() if k not in curves}, "outside": c.outside}
+            for c in white.crosscorrelation
+        ],
+    }
+
+
+def relevance_json(relevant: Relevance) -> dict[str, Any]:
+    """Groups of inputs by name."""
+    return {
+        "groups": [{**g.__dict__, "chosen": g.chosen} for g in relevant.groups],
+        "explained": relevant.explained,
+        "explained_axes": relevant.explained_axes,
+        "lacking": [{"input": name, "reason": why} for name, why in relevant.lacking.items()],
+    }
+
+
+def to_frame(where: Where) -> pd.DataFrame:
+    """One row for each bin of each quantity: low, high, time, rms and noise by axis, share of the error."""
+    rows = []
+    for d in where.failure_map.dependences:
+        b = d.binned
+        for i in range(len(b)):
+            axes = {f"rms.{axis}": b.rms[i, k] for k, axis in enumerate(AXES)}
+            noise = {f"noise.{axis}": b.noise[i, k] for k, axis in enumerate(AXES)}
+            own = {"quantity": d.name, "unit": d.unit, "significant": d.significant, "low": b.low[i], "high": b.high[i]}
+            rows.append({**own, "time_share": b.time_share[i], "share": b.whole_share[i], **axes, **noise})
+    return pd.DataFrame(rows)
