@@ -215,10 +215,13 @@ class WrenchModel:
                 motion = item.effect.apply(motion, item.theta, context)
         return motion
 
-    def report(self, wrench_B: Array, state: State) -> Array:
-        """The measured wrench (N, 6) that this model predicts when the wrench about O is `wrench_B`."""
+    def report(self, wrench_B: Array, state: State, body: Body | None = None) -> Array:
+        """The measured wrench (N, 6) that this model predicts when the wrench about O is `wrench_B`.
+
+        The nominal processing is that of the model's vehicle, or of `body`.
+        """
         motion = self.read_imu(self.motion(wrench_B, state.omega_B), state)
-        return measured_wrench(self.vehicle.body, motion)
+        return measured_wrench(self.vehicle.body if body is None else body, motion)
 
     def predict(self, commands: Commands, state: State, dt: float) -> Array:
         """Predicted measured wrench (N, 6) of consecutive samples `dt` [s] apart, unfiltered."""

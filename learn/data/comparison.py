@@ -17,7 +17,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.inputs import groups, process_inputs
-from wrenchgap.learn.data.measurement import Record, low_pass
+from wrenchgap.learn.data.measurement import Record, predict
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.identify.fit import dataset, inapplicable
 from wrenchgap.learn.process.gp import GaussianProcess
@@ -25,7 +25,7 @@ from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
 from wrenchgap.plant.vehicle import Body
-from wrenchgap.plant.wrench_model import WrenchModel, measured_wrench
+from wrenchgap.plant.wrench_model import WrenchModel
 
 Array = NDArray[np.float64]
 
@@ -65,10 +65,7 @@ class Predictor:
 
     def predict(self, record: Record, body: Body) -> Array:
         """Measured wrench (K, 6) that the model expects, as processed with the mass and inertia of `body`."""
-        raw, _ = self.model.actuate(record.commands, record.state, record.dt)
-        wrench = low_pass(raw, record.dt, record.cutoff_hz)[record.keep]
-        motion = self.model.read_imu(self.model.motion(wrench, record.state_kept.omega_B), record.state_kept)
-        predicted = measured_wrench(body, motion)
+        predicted = predict(record, self.model, body)
         if self.gp is not None:
             predicted[:, output_indices(self.gp.outputs)] += self.gp.mean(self._inputs(record))
         return predicted

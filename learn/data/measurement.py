@@ -25,7 +25,7 @@ from wrenchgap.flight.flight import Samples
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
 
 Array = NDArray[np.float64]
@@ -88,11 +88,16 @@ def derivative(signal: Array, dt: float) -> Array:
 
 
 def prepare(
-    samples: Samples, vehicle: Vehicle, *, cutoff_hz: float = CUTOFF_HZ, rate_hz: float | None = None
+    samples: Samples,
+    vehicle: Vehicle,
+    *,
+    cutoff_hz: float = CUTOFF_HZ,
+    rate_hz: float | None = None,
+    commands: tuple[Commands, str] | None = None,
 ) -> Record:
     """A stretch of flight with its measured wrench; thinned to about `rate_hz` [Hz] (default five times the cut-off).
 
-    Three cut-off periods are trimmed at either end. Raises FitError for a stretch that is too short or without any
+    `commands` are those of `commands_of`, where they are at hand. Three cut-off periods are trimmed at either end. Raises FitError for a stretch that is too short or without any
     command.
     """
     dt = samples.dt
@@ -104,7 +109,7 @@ def prepare(
         )
     if not 0 < cutoff_hz < 0.4 / dt:
         raise FitError(f"{samples.flight}: cut-off {cutoff_hz:g} Hz, expected between 0 and {0.4 / dt:g} Hz")
-    commands, source = _commands(samples, vehicle)
+    sent, source = commands or commands_of(samples, vehicle)
     state, has_pose = _state(samples)
     step = max(1, round(1.0 / (dt * (rate_hz or 5.0 * cutoff_hz))))
     keep = slice(trim, len(samples) - trim, step)
@@ -127,12 +132,12 @@ def prepare(
         flight=samples.flight,
         dt=dt,
         cutoff_hz=cutoff_hz,
-        commands=commands,
+        commands=sent,
         state=state,
         keep=keep,
         time=samples.time[keep],
         measured=measured,
-        commanded=low_pass(commands.wrench_B, dt, cutoff_hz)[keep],
+        commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep],
         desired=desired,
         state_kept=kept,
         noise=_noise(samples, vehicle, cutoff_hz),
@@ -142,10 +147,12 @@ def prepare(
     )
 
 
-def predict(record: Record, model: WrenchModel) -> Array:
-    """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement."""
-    raw, _ = model.actuate(record.commands, record.state, record.dt)
-    return model.report(low_pass(raw, record.dt, record.cutoff_hz)[record.keep], record.state_kept)
+def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
+    """The measured wrench (K, 6) that the model predicts, through the same filter as the measurement.
+
+    `body` is that of the nominal processing, where the measurement was made with another than the model's vehicle has.
+    """
+    return Evaluator(record)(model, body)
 
 
 Key = tuple[object, ...]
@@ -156,7 +163,7 @@ class Evaluator:
 
     A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
     rotors' wrench on those and the effects on thrusts, and what is geometry in it on the tilt angles; since the filter
-    is linear, each added wrench is filtered on its own. Gives what `predict` gives.
+    is linear, each added wrench is filtered on its own.
     """
 
     def __init__(self, record: Record) -> None:
@@ -166,8 +173,8 @@ class Evaluator:
         self._added: OrderedDict[Key, Array] = OrderedDict()
         self._postures: list[Posture] = []
 
-    def __call__(self, model: WrenchModel) -> Array:
-        """The measured wrench (K, 6) that the model predicts."""
+    def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
+        """The measured wrench (K, 6) that the model predicts; see `predict`."""
         record = self.record
         on_commands = _key(model, "commands")
         commands = _kept(
@@ -182,7 +189,7 @@ class Evaluator:
             total = total + _kept(
                 self._added, own, 32, partial(self._filter, model.addition, item, act, rotors, record.state)
             )
-        return model.report(total, record.state_kept)
+        return model.report(total, record.state_kept, body)
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)
@@ -276,8 +283,11 @@ def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed:
     return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
 
 
-def _commands(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
-    """Commands with rotor speeds where they are logged or can be allocated; the wrench where it can be computed."""
+def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
+    """Commands with rotor speeds where they are logged or can be allocated, and `Record.source`: where from.
+
+    The wrench is computed where only the actuators are logged. Raises FitError for samples without any command.
+    """
     wrench, speed = samples.wrench_cmd_B, samples.rotor_speed_cmd
     if vehicle.has_rotors and speed is not None and speed.shape[1]:
         logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
