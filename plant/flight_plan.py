@@ -14,8 +14,8 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.learn.identify.add import with_hidden
 from wrenchgap.plant.controller import pushes_along_z_only
+from wrenchgap.plant.effect_values import with_hidden
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.simulate import physics_rate, simulate

@@ -3,13 +3,7 @@
     reference -> controller (believed) -> W_des -> [compensator] -> W_cmd -> allocation (believed) -> u
               -> truth: command effects, h(u), thrust and wrench effects, + disturbance -> rigid body -> sensors
 
-Stamps. Instants are t_k = k / rate, exact. A command stamped t_k is computed from the state (or the last sensor
-readings) at t_k, without delay, and held until t_{k+1}. Pose and gyroscope read the state at their stamp. A force
-jumps where a command does; the accelerometer reads the mean of the values just before and after its stamp, as an IMU
-that averages over its sample interval does. So commands and readings are aligned without a half-sample bias.
-
-The wrench of the truth is evaluated once per physics step and held in B over it; the rigid body is integrated by
-fourth-order Runge-Kutta. State-dependent effects are therefore first-order accurate in the physics step.
+Instants are t_k = k / rate, exact; `plant.closed_loop` says what is held from when to when and what a reading sees.
 """
 
 from __future__ import annotations
@@ -17,33 +11,23 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import (
-    ActuatorSeries,
-    BatterySeries,
-    Flight,
-    ImuSeries,
-    OdometrySeries,
-    ReferenceSeries,
-    WrenchSeries,
-)
-from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.controller import Controller
+from wrenchgap.flight.flight import Flight
+from wrenchgap.plant.closed_loop import Clock, Flown, fly, watch
+from wrenchgap.plant.flight_computer import Compensating, FlightComputer
+from wrenchgap.plant.flight_log import as_flight
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
-from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
+from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_pose
 from wrenchgap.plant.state import Commands, Motion, State
 from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.plant.wrench_model import about_origin
+from wrenchgap.plant.wrench_model import WrenchModel
 
 Array = NDArray[np.float64]
 Feedback = Literal["measured", "true"]
@@ -54,75 +38,45 @@ START_NS = 1_700_000_000_000_000_000
 PHYSICS_RATE = 400
 """Least rate of the simulation that `physics_rate` gives [Hz]."""
 
-LOST_POSITION, LOST_ATTITUDE = 5.0, np.radians(100.0)
-"""Errors [m], [rad] beyond which control counts as lost and the simulation stops."""
+
+@dataclass(frozen=True)
+class _Sensing:
+    """When and how wrongly sensors read: every so many steps, with the IMU's `errors` (N, 6)."""
+
+    noise: SensorNoise
+    per_imu: int
+    per_pose: int
+    period: float
+    errors: Array
+    rng: np.random.Generator
 
 
-class Correction(Protocol):
-    """What a compensator's step returns; only the corrected command matters here."""
+class _Avionics:
+    """Pose sensor, gyroscope and flight computer, stepped as the flight goes by; `poses` are the readings so far."""
 
-    @property
-    def wrench_cmd(self) -> Array:
-        """W_cmd (6,)."""
-        ...
+    def __init__(
+        self, truth: WrenchModel, computer: FlightComputer, reference: Reference, sensing: _Sensing, feedback: Feedback
+    ) -> None:
+        self.truth, self.computer, self.reference, self.sensing = truth, computer, reference, sensing
+        self.feedback = feedback
+        self.poses: list[State] = []
 
+    def observe(self, n: int, state: State) -> None:
+        """Read what is due at step `n`."""
+        s = self.sensing
+        if n % s.per_pose == 0:
+            self.poses.append(read_pose(state, s.noise, s.rng))
+        if n % s.per_imu == 0:
+            k = n // s.per_imu
+            still = Motion(state.omega_B, np.zeros((1, 3)), np.zeros((1, 3)))
+            self.gyro = self.truth.read_imu(still, state).omega_B + s.errors[k : k + 1, :3]
 
-class Compensating(Protocol):
-    """Anything that turns the desired wrench into the one to command, once per control period."""
-
-    def step(self, wrench_des: Array, state: State, /) -> Correction:
-        """From W_des (6,) to a result with `wrench_cmd` (6,), both in B about the believed centre of mass.
-
-        `state` (N = 1) is what the controller knows.
-        """
-        ...
-
-
-@dataclass
-class _Record:
-    """What is kept of a run, row by row."""
-
-    desired: list[Array] = field(default_factory=list)
-    commanded: list[Array] = field(default_factory=list)
-    tilt: list[Array] = field(default_factory=list)
-    rotor_speed: list[Array] = field(default_factory=list)
-    omega: list[Array] = field(default_factory=list)
-    wrench: list[Array] = field(default_factory=list)  # true, about O, at IMU instants
-    imu_state: list[State] = field(default_factory=list)
-    pose: list[State] = field(default_factory=list)
-    limited: dict[str, int] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-
-
-class _Pilot:
-    """The flight computer: controller, compensator and allocation of the believed vehicle."""
-
-    def __init__(self, believed: Model, compensator: Compensating | None, integral: Array | None) -> None:
-        self.controller = Controller(believed.controller, believed.vehicle)
-        self.controller.reset(integral)
-        self.vehicle = believed.vehicle
-        self.compensator = compensator
-        self.allocation = Allocation(believed.vehicle) if believed.vehicle.has_rotors else None
-        self.tilt: Array | None = None
-
-    def step(self, state: State, reference: Reference, dt: float, record: _Record) -> Commands:
-        """Commands to hold for the next `dt` [s]."""
-        desired = self.controller.step(state, reference, dt)
-        commanded = desired if self.compensator is None else self.compensator.step(desired, state).wrench_cmd
-        record.desired.append(desired)
-        record.commanded.append(commanded)
-        if self.allocation is None:
-            return Commands(commanded[None, :])
-        about_O = about_origin(self.vehicle.body, commanded[None, :])
-        allocated, saturation = self.allocation.allocate(about_O, previous_tilt=self.tilt, dt=dt)
-        assert allocated.tilt is not None
-        assert allocated.rotor_speed is not None
-        self.tilt = allocated.tilt[0]
-        record.tilt.append(allocated.tilt[0])
-        record.rotor_speed.append(allocated.rotor_speed[0])
-        for name in ("rotor_speed", "tilt_rate", "tilt_range"):
-            record.limited[name] = record.limited.get(name, 0) + getattr(saturation, name)
-        return Commands(commanded[None, :], allocated.tilt, allocated.rotor_speed)
+    def command(self, k: int, now: State) -> Commands:
+        """Commands of period `k`, from the last readings or from the true state."""
+        if self.feedback == "measured":
+            pose = self.poses[-1]
+            now = State(now.time, pose.position_E, pose.quat_EB, pose.velocity_E, self.gyro, now.voltage)
+        return self.computer.step(k, now, self.reference.sample(k), self.sensing.period)
 
 
 def simulate(
@@ -163,60 +117,63 @@ def simulate(
     noise = truth.sensors if sensors is None else sensors
     length = trajectory.duration if duration is None else duration
     _check(truth.vehicle, believed.vehicle, length)
-    every = {
-        role: _divide(physics_rate, rate, role)
-        for role, rate in (
-            ("controller.rate_hz", believed.controller.rate_hz),
-            ("sensors.imu_rate_hz", noise.imu_rate_hz),
-            ("sensors.pose_rate_hz", noise.pose_rate_hz),
-        )
-    }
-    per_control, per_imu, per_pose = every.values()
-    steps = max(round(length * physics_rate), 1)
-    time = np.arange(steps) / physics_rate
-    reference = trajectory.at(time[::per_control])
-    errors = imu_errors(noise, -(-steps // per_imu), rng)
-    model, pilot, record = truth.wrench_model, _Pilot(believed, compensator, integral), _Record()
-    body = RigidBody(model.body, gravity)
-    dt = 1.0 / physics_rate
-    y = pack(_on(reference.sample(0)) if initial is None else initial)
-    measured = gyro = None
-    wrench: Array | None = None
-    memory: dict[str, Any] | None = None
-    commands: Commands
-    for n in range(steps):
-        t = float(time[n])
-        state = unpack(t, y, None if voltage is None else np.array([voltage(t)]))
-        if n % per_pose == 0:
-            measured = read_pose(state, noise, rng)
-            record.pose.append(measured)
-        if n % per_imu == 0:
-            k = n // per_imu
-            still = Motion(state.omega_B, np.zeros((1, 3)), np.zeros((1, 3)))
-            gyro = model.read_imu(still, state).omega_B + errors[k : k + 1, :3]
-        if n % per_control == 0:
-            assert measured is not None
-            assert gyro is not None
-            known = state if feedback == "true" else _known(state, measured, gyro)
-            ask = reference.sample(n // per_control)
-            commands = pilot.step(known, ask, dt * per_control, record)
-            lost = loss_of_control(state, ask)
-            if lost:
-                record.notes.append(f"control was lost at {t:.2f} s: {lost}; the flight ends there")
-                break
-        before = wrench
-        wrench, memory = model.actuate(commands, state, dt, memory)
-        if disturbance is not None:
-            wrench = wrench + disturbance(t)
-        if n % per_imu == 0:
-            record.imu_state.append(state)
-            record.wrench.append(wrench[0] if before is None else 0.5 * (before[0] + wrench[0]))
-        y = body.step(y, wrench[0], dt)
-        if progress is not None and n % 200 == 0:
-            progress(n / steps)
-    if progress is not None:
-        progress(1.0)
-    return _flight(name, truth, record, reference, noise, errors, voltage)
+    clock = _clock(length, physics_rate, believed.controller.rate_hz, voltage)
+    sensing = _sensing(noise, clock, physics_rate, rng)
+    reference = trajectory.at(clock.time[:: clock.per_command])
+    computer = FlightComputer(believed.controller, believed.vehicle, compensator, integral=integral)
+    avionics = _Avionics(truth.wrench_model, computer, reference, sensing, feedback)
+    flown = fly(
+        truth.wrench_model,
+        _on(reference.sample(0)) if initial is None else initial,
+        clock,
+        avionics.command,
+        disturbance=None if disturbance is None else lambda n, now: disturbance(float(now.time[0])),
+        observe=avionics.observe,
+        lost=watch(reference),
+        gravity=gravity,
+        progress=progress,
+    )
+    return _logged(name, truth, flown, avionics)
+
+
+def _clock(length: float, physics_rate: float, control_rate: float, voltage: Callable[[float], float] | None) -> Clock:
+    """Steps of the physics through `length` [s]."""
+    per_control = _divide(physics_rate, control_rate, "controller.rate_hz")
+    time = np.arange(max(round(length * physics_rate), 1)) / physics_rate
+    volts = None if voltage is None else np.array([voltage(t) for t in time.tolist()])
+    return Clock(time, 1.0 / physics_rate, per_control, volts)
+
+
+def _sensing(noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.random.Generator) -> _Sensing:
+    per_imu = _divide(physics_rate, noise.imu_rate_hz, "sensors.imu_rate_hz")
+    per_pose = _divide(physics_rate, noise.pose_rate_hz, "sensors.pose_rate_hz")
+    errors = imu_errors(noise, -(-len(clock.time) // per_imu), rng)
+    return _Sensing(noise, per_imu, per_pose, clock.period, errors, rng)
+
+
+def _logged(name: str, truth: Model, flown: Flown, avionics: _Avionics) -> Flight:
+    """The flight as its log tells it."""
+    computer, sensing = avionics.computer, avionics.sensing
+    lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
+    limits = [
+        f"{what.replace('_', ' ')} was limited in {number} of {len(computer.desired)} commands"
+        for what, number in computer.limited.items()
+        if number
+    ]
+    logged = as_flight(
+        name,
+        flown,
+        truth,
+        np.array(computer.desired),
+        avionics.reference,
+        start_ns=START_NS,
+        pose=State.joined(avionics.poses),
+        imu_every=sensing.per_imu,
+        imu_errors=sensing.errors,
+        battery_every=max(round(0.1 / sensing.period), 1),
+        notes=(*lost, *limits),
+    )
+    return replace(logged, content_hash=_digest(logged))
 
 
 def physics_rate(model: Model) -> float:
@@ -228,25 +185,9 @@ def physics_rate(model: Model) -> float:
     return float(common * math.ceil(PHYSICS_RATE / common))
 
 
-def _known(state: State, measured: State, gyro: Array) -> State:
-    return State(state.time, measured.position_E, measured.quat_EB, measured.velocity_E, gyro, state.voltage)
-
-
 def _on(reference: Reference) -> State:
     """The state (N = 1) that follows a reference exactly."""
     return State(reference.time, reference.position_E, reference.quat_ED, reference.velocity_E, reference.omega_D)
-
-
-def loss_of_control(state: State, reference: Reference) -> str:
-    """Why control counts as lost, or nothing."""
-    position = float(np.linalg.norm(state.position_E - reference.position_E))
-    if not np.isfinite(position) or not np.all(np.isfinite(state.omega_B)):
-        return "the state is not finite"
-    if position > LOST_POSITION:
-        return f"{position:.1f} m from the reference"
-    # |<q, p>| = cos(angle / 2)
-    angle = 2.0 * float(np.arccos(min(1.0, abs(float(np.sum(state.quat_EB * reference.quat_ED))))))
-    return f"{np.degrees(angle):.0f} deg from the reference" if angle > LOST_ATTITUDE else ""
 
 
 def _divide(physics_rate: float, rate: float, what: str) -> int:
@@ -272,69 +213,15 @@ def _check(truth: Vehicle, believed: Vehicle, length: float) -> None:
         )
 
 
-def _stack(states: list[State]) -> State:
-    """N states of one sample each as one state of N samples; the voltage is not needed any more."""
-
-    def joined(part: str) -> Array:
-        return np.concatenate([getattr(s, part) for s in states])
-
-    return State(joined("time"), joined("position_E"), joined("quat_EB"), joined("velocity_E"), joined("omega_B"))
-
-
-def _flight(
-    name: str,
-    truth: Model,
-    record: _Record,
-    reference: Reference,
-    noise: SensorNoise,
-    errors: Array,
-    voltage: Callable[[float], float] | None,
-) -> Flight:
-    """The record as series on one time base."""
-    model = truth.wrench_model
-    at_imu, pose = _stack(record.imu_state), _stack(record.pose)
-    motion = model.read_imu(model.motion(np.array(record.wrench), at_imu.omega_B), at_imu)
-    gyro, accel = read_imu(motion, truth.vehicle.imu_position_B, errors[: len(at_imu.time)])
-    count = len(record.desired)
-    time = reference.time[:count]
-    desired, commanded = np.array(record.desired), np.array(record.commanded)
-    actuators = None
-    if record.tilt:
-        actuators = ActuatorSeries("/command/actuators", time, np.array(record.tilt), np.array(record.rotor_speed))
-    battery = None
-    if voltage is not None:
-        stride = max(round(0.1 / (time[1] - time[0])), 1) if count > 1 else 1
-        battery = BatterySeries("/battery", time[::stride], np.array([voltage(float(t)) for t in time[::stride]]))
+def _digest(flight: Flight) -> str:
+    """A hash of what was flown, for a flight that has no file."""
+    assert flight.commanded is not None
+    assert flight.desired is not None
+    assert flight.imu is not None
+    assert flight.odometry is not None
     digest = hashlib.sha256()
-    for array in (desired, commanded, gyro, accel, pose.position_E, pose.quat_EB):
+    wrenches = (flight.desired.wrench_B, flight.commanded.wrench_B)
+    readings = (flight.imu.omega_B, flight.imu.specific_force_B, flight.odometry.position_E, flight.odometry.quat_EB)
+    for array in (*wrenches, *readings):
         digest.update(np.ascontiguousarray(array).tobytes())
-    limited = tuple(
-        f"{what.replace('_', ' ')} was limited in {number} of {count} commands"
-        for what, number in record.limited.items()
-        if number
-    )
-    return Flight(
-        name=name,
-        path=Path(name),
-        content_hash=digest.hexdigest(),
-        start_ns=START_NS,
-        commanded=WrenchSeries("/command/wrench", time, commanded),
-        desired=WrenchSeries("/desired/wrench", time, desired),
-        actuators=actuators,
-        imu=ImuSeries("/imu", at_imu.time, gyro, accel),
-        odometry=OdometrySeries(
-            "/odometry", pose.time, pose.position_E, so3.continuous(pose.quat_EB), pose.velocity_E, pose.omega_B
-        ),
-        reference=ReferenceSeries(
-            "/reference",
-            time,
-            reference.position_E[:count],
-            reference.quat_ED[:count],
-            reference.velocity_E[:count],
-            reference.omega_D[:count],
-            reference.acceleration_E[:count],
-            reference.omega_dot_D[:count],
-        ),
-        battery=battery,
-        notes=(*record.notes, *limited),
-    )
+    return digest.hexdigest()

@@ -15,7 +15,7 @@ from rich.table import Table
 from wrenchgap import flight
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.learn.identify.add import set_by_hand
+from wrenchgap.plant.effect_values import set_by_hand
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.model import Model

@@ -12,7 +12,7 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.measurement import predict
 from wrenchgap.learn.data.opening import distinct, open_flights
-from wrenchgap.learn.identify import add as editing
+from wrenchgap.plant import effect_values as editing
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Body

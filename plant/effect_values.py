@@ -1,0 +1,76 @@
+"""Effects with values given as text, `com_offset=x:0.004,y:-0.007`: read, made for a vehicle, put into a model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model_file import tool_version
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+
+
+def parse_value(text: str) -> tuple[str, dict[str, float] | list[float]]:
+    """`com_offset=x:0.004,y:-0.007` by name or `com_offset=0.004,-0.007,0` in order; UsageError on anything else."""
+    name, equals, rest = text.partition("=")
+    parts = [part.strip() for part in rest.split(",") if part.strip()]
+    if not (name and equals and parts):
+        raise UsageError(f"{text!r}: expected EFFECT=PARAMETER:VALUE,... e.g. com_offset=x:0.004,y:-0.007")
+    named = [re.split(r"[:=]", part, maxsplit=1) for part in parts]
+    if all(len(pair) == 2 for pair in named):
+        return name.strip(), {key.strip(): _number(value, text) for key, value in named}
+    if any(len(pair) == 2 for pair in named):
+        raise UsageError(f"{text!r}: give all parameters by name, or all in order")
+    return name.strip(), [_number(part, text) for part in parts]
+
+
+def _number(value: str, text: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise UsageError(f"{text!r}: {value.strip()!r} is not a number") from None
+
+
+def made(model: Model, text: str) -> ModelEffect:
+    """The effect that a text like `servo_lag=tau:0.05` describes; parameters that are not named are zero.
+
+    Raises ModelError for unknown names, with a list of the known ones.
+    """
+    name, values = parse_value(text)
+    parameters = find(name).parameters(model.vehicle)
+    if isinstance(values, dict) and set(values) <= {p.name for p in parameters}:
+        values = {p.name: 0.0 for p in parameters} | values
+    effect = make_effect(model.vehicle, name, values)
+    for parameter, value in zip(parameters, effect.theta, strict=True):
+        if value != 0.0 and not parameter.low <= value <= parameter.high:
+            raise ModelError(
+                f"effect {name}: {parameter.name} = {value:g} {parameter.unit} is not plausible for "
+                f"{model.vehicle.name}; expected {parameter.low:.3g} to {parameter.high:.3g}"
+            )
+    return effect
+
+
+def set_by_hand(model: Model, texts: Sequence[str]) -> Model:
+    """The model with effects of given values, in place of its own of the same names."""
+    source = Provenance(
+        fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=tool_version(), method="set by hand"
+    )
+    new = [replace(made(model, text), provenance=source) for text in texts]
+    names = {e.name for e in new}
+    return model.with_effects((*(e for e in model.effects if e.name not in names), *new))
+
+
+def with_hidden(model: Model, texts: Sequence[str]) -> Model:
+    """The model with further effects; values add to those of an effect that it has already."""
+    truth = replace(model, history=())
+    for text in texts:
+        new = made(model, text)
+        old = truth.effect(new.name)
+        if old is not None:
+            new = replace(new, theta=old.theta + new.theta)
+        truth = truth.with_effects((*(e for e in truth.effects if e.name != new.name), new))
+    return truth
