@@ -24,10 +24,6 @@ from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 Array = NDArray[np.float64]
 
 
-CLEAR = 3.0
-"""Paired t over blocks of time beyond which a change of the error is not chance."""
-
-
 @dataclass(frozen=True)
 class Edited:
     """A model with effects fitted: rms (6,) on the fitted flights before and after; `refitted` were in it already.
@@ -117,9 +113,8 @@ def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit) -> Tri
     spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain)) if len(gain) > 2 else np.inf
     t = float(np.mean(gain)) / max(spread, 1e-30)
     change = float((losses[1] * counts).sum() / max((losses[0] * counts).sum(), 1e-30)) - 1.0
-    words = "better" if t > CLEAR else "worse" if t < -CLEAR else "no clear change"
     rms = [np.sqrt(np.mean(r**2, axis=0)) for r in (before, after)]
-    return Trial(rms[0], rms[1], data.noise, f"{words}: error energy {100 * change:+.0f} %, t {t:.1f}")
+    return Trial(rms[0], rms[1], data.noise, change, t)
 
 
 def trial_json(tried: Trial) -> dict[str, Any]:
