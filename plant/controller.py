@@ -16,7 +16,9 @@ With exact tracking of the wrench the errors obey x'' + 2 zeta w x' + w^2 x = 0 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +35,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ControllerGains:
-    """Gains of the controller; the defaults are the paper's.
+    """Gains of the controller; the defaults are the paper's, for its vehicle. `default_gains` has those of any other.
 
     zeta_position, omega_position   damping ratio and natural frequency [rad/s] of the position loop
     zeta_attitude, omega_attitude   the same about body x, y, z (3,)
@@ -66,6 +68,40 @@ class ControllerGains:
             values = np.asarray(getattr(self, name), dtype=float)
             if values.shape != (3,) or not np.all(np.isfinite(values) & (values > 0)):
                 raise ModelError(f"controller.{name}: got {getattr(self, name)}, expected three positive numbers")
+
+
+TURNING_PER_MOVING = 5.0
+"""Attitude over position bandwidth where no gains are given, see `default_gains`."""
+SAMPLED = 0.25
+"""Largest attitude bandwidth times control period where no gains are given: some 25 evaluations a natural period."""
+
+
+def default_gains(vehicle: Vehicle, given: Mapping[str, Any] | None = None) -> ControllerGains:
+    """Gains for any vehicle from its mass m and inertia J; those in `given`, by name, stay as they are.
+
+    Attitude: one radian of error asks for the torque of the weight at one radius of gyration r_k = sqrt(J_k / m),
+
+        J_k w_k^2 = m g r_k   =>   w_k = sqrt(g / r_k),
+
+    since the rotors lie at about that distance and carry about that weight. This is Froude scaling, frequencies
+    with sqrt(g / length): Kushleyev, Mellinger, Powers, Kumar, "Towards a swarm of agile micro quadrotors", Autonomous
+    Robots 35, 2013, sec. 2. Yaw of a vehicle that pushes along z only comes from drag torque: no more than
+    kappa m g is asked for. Nothing is faster than `SAMPLED` over the control period.
+
+    Position: w_p = w_a / n, the slower of roll and pitch. A vehicle that turns in order to move has, for small errors,
+    s^4 + 2 z_a w_a s^3 + w_a^2 s^2 + 2 z_p w_p w_a^2 s + w_p^2 w_a^2, stable for n > z_a / z_p + z_p / z_a
+    (Routh-Hurwitz; 2.4 at the damping ratios above); n = 5 is our choice of a margin of two.
+    """
+    given = dict(given or {})
+    plain = ControllerGains(**given)
+    radius = np.sqrt(np.diag(vehicle.body.inertia) / vehicle.body.mass)
+    lever = radius.copy()
+    if vehicle.rotors is not None and pushes_along_z_only(vehicle):
+        lever[2] = min(lever[2], max(float(np.mean(np.abs(vehicle.rotors.kappa))), 1e-3 * lever[2]))
+    omega = np.minimum(np.sqrt(GRAVITY * lever) / radius, SAMPLED * plain.rate_hz)
+    x, y, z = given.get("omega_attitude", omega.tolist())
+    slow = given.get("omega_position", min(x, y) / TURNING_PER_MOVING)
+    return replace(plain, omega_attitude=(x, y, z), omega_position=slow)
 
 
 def attitude_error(R_EB: Array, R_ED: Array) -> Array:

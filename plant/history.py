@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ Array = NDArray[np.float64]
 GIVEN = "as given"
 BY_HAND = "changed by hand"
 """Commands of versions that no command made."""
+
+CLEAR = 3.0
+"""Paired t over blocks of time beyond which a change of the error is not chance (docs/decisions/0006-blocks.md)."""
 
 
 @dataclass(frozen=True)
@@ -40,14 +44,38 @@ class Snapshot:
     values: tuple[Value, ...]
 
 
+class Outcome(StrEnum):
+    """What a version did to the error on time that was not fitted."""
+
+    BETTER = "better"
+    WORSE = "worse"
+    UNCLEAR = "unclear"
+
+
 @dataclass(frozen=True)
 class Trial:
-    """Error on time that was not fitted: rms (6,) of the parent and of the version, sensor noise (6,) [N, Nm]."""
+    """Error on time that was not fitted: rms (6,) of the parent and of the version, sensor noise (6,) [N, Nm].
+
+    `change` is the relative change of the error energy (the weighted squared error over six axes; -0.65 where 65 % are
+    gone), `t` the paired t over blocks of time, positive where the version is better.
+    """
 
     before: Array
     after: Array
     noise: Array
-    verdict: str
+    change: float
+    t: float
+
+    @property
+    def outcome(self) -> Outcome:
+        """Whether the change is clear, and to which side."""
+        return Outcome.BETTER if self.t > CLEAR else Outcome.WORSE if self.t < -CLEAR else Outcome.UNCLEAR
+
+    @property
+    def verdict(self) -> str:
+        """The outcome with its numbers, for tables and JSON; nothing is decided by it."""
+        words = "no clear change" if self.outcome is Outcome.UNCLEAR else str(self.outcome)
+        return f"{words}: error energy {100 * self.change:+.0f} %, t {self.t:.1f}"
 
     @property
     def fall(self) -> Array:

@@ -5,31 +5,44 @@
     [[moves]]       kind, start, duration and what the kind needs (plant.moves); angles in degrees, keys end in _deg
     [purpose]       what the flight is for; kept as it is, no part of the motion
 
-Reading checks every key. The motion is exactly that of the file: what is written has been rounded before it was
+Reading checks every key (plant.reader). The motion is exactly that of the file: what is written has been rounded before it was
 judged. docs/design-flights.md lists the keys.
 """
 
 from __future__ import annotations
 
 import csv
-import difflib
 import hashlib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomlkit
 from numpy.typing import NDArray
-from tomlkit.exceptions import ParseError
+from pydantic import Field
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.moves import KINDS, Move, Moves
+from wrenchgap.plant.reader import (
+    Number,
+    Positive,
+    Table,
+    Text,
+    Vector,
+    check_schema,
+    expected,
+    read,
+    text_of,
+    toml,
+    values_of,
+)
 
 Array = NDArray[np.float64]
 
 SCHEMA = 1
+PAGE = "docs/design-flights.md"
 ANGLES = ("angle", "azimuth", "sweep", "phase")
 """Fields of moves in rad; their keys end in _deg."""
 ATTITUDES = {"free": False, "thrust": True}
@@ -61,15 +74,28 @@ class TrajectoryFile:
         return hashlib.sha256((self.text or dumps(self)).encode()).hexdigest()
 
 
+class HeadTable(Table):
+    """The table [trajectory]."""
+
+    name: Text = ""
+    vehicle: Text = ""
+    duration: Positive
+    home: Vector
+    attitude: Annotated[Literal["free", "thrust"], expected("one of free, thrust")] = "free"
+
+
+class FileTable(Table):
+    """The whole file; moves are read by their kind."""
+
+    version: Number = Field(alias="schema")
+    trajectory: HeadTable
+    moves: list[dict[str, Any]] = []
+    purpose: dict[str, Any] = {}
+
+
 def load(path: Path) -> TrajectoryFile:
     """Read and check a file; UsageError in one line where something is wrong."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not text"
-        raise UsageError(
-            f"{path}: cannot be read as a trajectory file: {reason}; `wrenchgap design` writes one"
-        ) from None
+    text = text_of(path, "as a trajectory file", UsageError, "; `wrenchgap design` writes one")
     try:
         return loads(text)
     except UsageError as error:
@@ -78,35 +104,14 @@ def load(path: Path) -> TrajectoryFile:
 
 def loads(text: str) -> TrajectoryFile:
     """A trajectory from the text of its file."""
-    try:
-        document = tomlkit.parse(text).unwrap()
-    except ParseError as error:
-        raise UsageError(f"is not TOML: {error}") from None
+    document = toml(text, UsageError)
     if "vehicle" in document and "trajectory" not in document:
         raise UsageError("is a model file, not a trajectory; give it with -m, and a file of `wrenchgap design` with -t")
-    _known(document, ("schema", "trajectory", "moves", "purpose"), "")
-    schema = document.get("schema")
-    if schema != SCHEMA:
-        raise UsageError(f"schema: got {schema!r}, this version of wrenchgap reads {SCHEMA}")
-    head = _table(document, "trajectory")
-    _known(head, ("name", "vehicle", "duration", "home", "attitude"), "trajectory.")
-    attitude = head.get("attitude", "free")
-    if attitude not in ATTITUDES:
-        raise UsageError(f"trajectory.attitude: got {attitude!r}, expected one of {', '.join(ATTITUDES)}")
-    listed = document.get("moves", [])
-    if not isinstance(listed, list):
-        raise UsageError("moves: expected tables [[moves]], one for each move")
-    duration = _number(head, "duration", "trajectory.")
-    if duration <= 0:
-        raise UsageError(f"trajectory.duration: got {duration:g} s, expected more than 0 s")
-    moves = Moves(
-        duration,
-        _vector(head, "home", "trajectory."),
-        tuple(_move(item, number) for number, item in enumerate(listed)),
-        ATTITUDES[attitude],
-    )
-    names = [str(head.get(key, "")) for key in ("name", "vehicle")]
-    return TrajectoryFile(names[0] or "trajectory", moves, names[1], dict(document.get("purpose", {})), text)
+    check_schema(document, SCHEMA, UsageError)
+    table = read(FileTable, document, page=PAGE, error=UsageError)
+    head, moves = table.trajectory, tuple(_move(item, number) for number, item in enumerate(table.moves))
+    plan = Moves(head.duration, head.home, moves, ATTITUDES[head.attitude])
+    return TrajectoryFile(head.name or "trajectory", plan, head.vehicle, table.purpose, text)
 
 
 def dumps(file: TrajectoryFile) -> str:
@@ -159,70 +164,14 @@ def _keys(move: Move) -> dict[str, Any]:
     return out
 
 
-def _move(item: Any, number: int) -> Move:
+def _move(item: dict[str, Any], number: int) -> Move:
     """One move of the file."""
-    where = f"moves[{number}]"
-    if not isinstance(item, dict):
-        raise UsageError(f"{where}: expected a table [[moves]]")
-    kind = item.get("kind")
+    where, kind = f"moves[{number}]", item.get("kind")
     if kind not in KINDS:
         raise UsageError(f"{where}.kind: got {kind!r}, available: {', '.join(KINDS)}")
-    cls = KINDS[kind]
-    keys = {f"{f.name}_deg" if f.name in ANGLES else f.name: f for f in fields(cls)}
-    _known(item, ("kind", *keys), f"{where} ({kind}): ")
-    values: dict[str, Any] = {}
-    for key, spec in keys.items():
-        if key not in item and spec.default is not MISSING:
-            continue
-        prefix = f"{where} ({kind}): "
-        if spec.name == "by":
-            values[spec.name] = _vector(item, key, prefix)
-        elif spec.name == "axes":
-            values[spec.name] = _texts(item, key, prefix)
-        elif spec.name == "seed":
-            values[spec.name] = round(_number(item, key, prefix))
-        else:
-            value = _number(item, key, prefix)
-            values[spec.name] = float(np.radians(value)) if spec.name in ANGLES else value
+    keys = {key: value for key, value in item.items() if key != "kind"}
+    values = values_of(KINDS[kind], keys, where=f"{where} ({kind})", page=PAGE, error=UsageError, degrees=ANGLES)
     try:
-        return cls(**values)
+        return KINDS[kind](**values)
     except UsageError as error:
         raise UsageError(f"{where}: {error}") from None
-
-
-def _known(table: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in keys:
-            near = difflib.get_close_matches(key, keys, 1)
-            meant = f"did you mean {near[0]!r}?" if near else f"available: {', '.join(keys)}"
-            raise UsageError(f"{where}{key} is not known; {meant}")
-
-
-def _table(table: Mapping[str, Any], key: str) -> dict[str, Any]:
-    value = table.get(key)
-    if not isinstance(value, dict):
-        raise UsageError(f"[{key}]: is missing; a file of `wrenchgap design` has it")
-    return value
-
-
-def _number(table: Mapping[str, Any], key: str, where: str) -> float:
-    value = table.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        got = "is missing" if value is None else f"got {value!r}"
-        raise UsageError(f"{where}{key}: {got}, expected a finite number")
-    return float(value)
-
-
-def _vector(table: Mapping[str, Any], key: str, where: str) -> tuple[float, float, float]:
-    value = table.get(key)
-    if not isinstance(value, list) or len(value) != 3:
-        raise UsageError(f"{where}{key}: {'is missing' if value is None else f'got {value!r}'}, expected three numbers")
-    x, y, z = (_number({key: part}, key, where) for part in value)
-    return x, y, z
-
-
-def _texts(table: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
-    value = table.get(key)
-    if not isinstance(value, list) or not all(isinstance(part, str) for part in value):
-        raise UsageError(f"{where}{key}: got {value!r}, expected a list of names")
-    return tuple(value)

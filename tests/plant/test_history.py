@@ -14,7 +14,7 @@ from wrenchgap.plant.history import Change, Trial, Value
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.wrench_model import Provenance
 
-TRIAL = Trial(np.full(6, 0.4), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.04]), np.full(6, 0.01), "better: much")
+TRIAL = Trial(np.full(6, 0.4), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.04]), np.full(6, 0.01), -0.65, 12.3)
 
 
 def given():
@@ -102,7 +102,7 @@ def test_odd_names_survive(tmp_path):
     [
         ("version = 2", "version = 'two'", "history"),
         ("before = [", "before = [1.0, ", "held_out.before"),
-        ("content = ", "contents = ", "content: is missing"),
+        ("content = ", "contents = ", "contents: is not a known key; did you mean 'content'"),
     ],
 )
 def test_a_damaged_history_is_named(tmp_path, old, new, message):

@@ -68,8 +68,8 @@ def test_every_effect_of_the_catalogue_passes(name):
 
 HEAD = """import numpy as np
 from dataclasses import replace
-from plant.effects import *
-from plant.effects.effect import Effect
+from wrenchgap.plant.effects import *
+from wrenchgap.plant.effects.effect import Effect
 class Mine({place}):
     name = "mine"
     excited_by = "anything"

@@ -103,6 +103,7 @@ def _fit(
     from wrenchgap.learn.identify import add as editing
     from wrenchgap.plant import model_file
     from wrenchgap.plant.effects import find
+    from wrenchgap.plant.history import Outcome
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present import tables
     from wrenchgap.replay.present.documents import document, log_input, model_input, write_json
@@ -135,7 +136,7 @@ def _fit(
         tried = [("rms before", edited.trial.before), ("rms after", edited.trial.after)]
         tried.append(("sensor noise", edited.trial.noise))
         printer.show(tables.before_after("on time of these logs that was not fitted", tried, edited.trial.fall))
-        printer.line(edited.trial.verdict, style="yellow" if edited.trial.verdict.startswith("worse") else "")
+        printer.line(edited.trial.verdict, style="yellow" if edited.trial.outcome is Outcome.WORSE else "")
     limits = [f"{name} ended at the limit of what is plausible; see docs/effects" for name in edited.fit.at_bound]
     printer.notes(limits, "warning")
     notes = [*base.notes, *(note for f in flights for note in f.notes)]

@@ -1,0 +1,66 @@
+"""Model files: TOML, checked whole on reading, comments kept on writing. The keys are documented in docs/model-file.md."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file.reading import loads
+from wrenchgap.plant.model_file.versions import changed_since, next_version, tool_version
+from wrenchgap.plant.model_file.writing import content_hash, dumps
+from wrenchgap.plant.reader import text_of
+
+__all__ = [
+    "changed_since",
+    "content_hash",
+    "dumps",
+    "find_model",
+    "load",
+    "loads",
+    "next_version",
+    "save",
+    "tool_version",
+]
+
+_SHIPPED = Path(__file__).parents[2] / "models"
+
+
+def find_model(name_or_path: str | Path) -> Path:
+    """Path of a model file: as given, or a shipped model by its name."""
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise ModelError(f"{path}: is a folder, expected a model file (.toml)")
+    shipped = {p.stem: p for p in sorted(_SHIPPED.glob("*.toml"))}
+    if str(name_or_path) in shipped:
+        return shipped[str(name_or_path)]
+    raise ModelError(
+        f"{name_or_path}: no such model file; give a path to a .toml file or one of the shipped models: "
+        f"{', '.join(sorted(shipped))}"
+    )
+
+
+def load(name_or_path: str | Path) -> Model:
+    """Read and check a model file, or a shipped model by its name."""
+    path = find_model(name_or_path)
+    text = text_of(path, "as a model file")
+    try:
+        return replace(loads(text), path=path)
+    except ModelError as error:
+        raise ModelError(f"{path.name}: {error}") from None
+
+
+def save(model: Model, path: Path, *, force: bool = False) -> Model:
+    """Write a model file and return the model as it stands there; never overwrites without `force`."""
+    if path.exists() and not force:
+        raise UsageError(f"{path}: exists already; choose another name or say --force to overwrite it")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: the folder {path.parent} does not exist; make it first")
+    text = dumps(model)
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
+    return replace(model, path=path, text=text)

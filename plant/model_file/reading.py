@@ -1,0 +1,346 @@
+"""The keys of a model file and the model that they describe. docs/model-file.md explains them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.controller import ControllerGains, default_gains
+from wrenchgap.plant.effects import Source, catalogue, sources
+from wrenchgap.plant.history import Snapshot, Trial, Value, Version
+from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.reader import (
+    Direction,
+    Flag,
+    NotNegative,
+    Number,
+    Positive,
+    Six,
+    Table,
+    Text,
+    Vector,
+    broken,
+    check_schema,
+    expected,
+    partial,
+    read,
+    toml,
+    values_of,
+)
+from wrenchgap.plant.sensors import SensorNoise
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+
+Array = NDArray[np.float64]
+
+SCHEMA = 1
+PAGE = "docs/model-file.md"
+SENTENCE = re.compile(r"(?:better|worse|no clear change): error energy ([+-]?\d+) %, t (-?[\d.]+)")
+"""What files of earlier versions have as `verdict` in place of `change` and `t`."""
+
+
+def _inertia(rows: Any) -> Array:
+    inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows)
+    low, middle, high = np.linalg.eigvalsh(inertia)
+    if high > 1.001 * (low + middle):
+        raise broken(
+            f"no body has the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2: "
+            "the largest exceeds the sum of the others"
+        )
+    return inertia
+
+
+def _spin(value: float) -> float:
+    if value not in (1.0, -1.0):
+        raise ValueError
+    return value
+
+
+Inertia = Annotated[
+    Vector | tuple[Vector, Vector, Vector],
+    expected("[xx, yy, zz] or three rows of three [kg m^2]"),
+    AfterValidator(_inertia),
+]
+Spin = Annotated[Number, AfterValidator(_spin), expected("1 (counter-clockwise about thrust) or -1")]
+
+
+class RotorTable(Table):
+    """One rotor of an arm."""
+
+    offset: Number = 0.0
+    spin: Spin
+    c_f: Positive
+    kappa: Number
+    radius: Positive
+    speed_min: NotNegative = 0.0
+    speed_max: Positive
+
+    @model_validator(mode="after")
+    def _speeds(self) -> RotorTable:
+        if self.speed_min >= self.speed_max:
+            raise broken(f"speed_min: got {self.speed_min:g}, expected less than speed_max, {self.speed_max:g}")
+        return self
+
+
+class ArmTable(Table):
+    """One arm: by azimuth and length, or by its pose."""
+
+    azimuth_deg: Number | None = None
+    length: Number | None = None
+    position: Vector | None = None
+    tilt_axis: Direction | None = None
+    thrust_direction: Direction = (0.0, 0.0, 1.0)
+    tilts: Flag = True
+    tilt_min_deg: Number = -1e9
+    tilt_max_deg: Number = 1e9
+    tilt_rate_deg: Positive = 1e9
+    rotors: list[RotorTable]
+
+    @model_validator(mode="after")
+    def _geometry(self) -> ArmTable:
+        if self.position is None:
+            for key in ("azimuth_deg", "length"):
+                if getattr(self, key) is None:
+                    raise broken(f"{key} is missing; an arm has azimuth_deg and length, or position")
+        elif self.tilt_axis is None and np.hypot(*self.position[:2]) <= 1e-9:
+            raise broken(f"tilt_axis is missing; no direction is outward at position {list(self.position)}")
+        if self.tilt_min_deg >= self.tilt_max_deg:
+            raise broken("tilt_min_deg must be below tilt_max_deg")
+        if self.tilts and abs(float(self.pose[1] @ np.array(self.thrust_direction))) > 1e-6:
+            raise broken("tilt_axis and thrust_direction must be at right angles")
+        return self
+
+    @property
+    def pose(self) -> tuple[Array, Array]:
+        """Hub point (3,) [m] and unit tilt axis (3,) in B."""
+        if self.position is not None:
+            position = np.array(self.position)
+            outward = position * [1.0, 1.0, 0.0] / max(float(np.hypot(*self.position[:2])), 1e-9)
+        else:
+            azimuth = np.radians(self.azimuth_deg or 0.0)
+            outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+            position = (self.length or 0.0) * outward
+        return position, outward if self.tilt_axis is None else np.array(self.tilt_axis)
+
+
+ArmDefaults, RotorDefaults = partial(ArmTable), partial(RotorTable)
+
+
+class VehicleTable(Table):
+    """The vehicle. `arm` and `rotor` hold defaults for all arms and rotors."""
+
+    name: Text
+    mass: Positive
+    inertia: Inertia
+    com: Vector = (0.0, 0.0, 0.0)
+    imu_position: Vector = (0.0, 0.0, 0.0)
+    arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
+    rotor: RotorDefaults | None = None  # type: ignore[valid-type]
+    arms: list[ArmTable] = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread_defaults(cls, values: Any) -> Any:
+        def over(defaults: Any, item: Any) -> Any:
+            return {**defaults, **item} if isinstance(item, dict) and isinstance(defaults, dict) else item
+
+        if not isinstance(values, dict) or not isinstance(values.get("arms"), list):
+            return values
+        arms = [over(values.get("arm"), arm) for arm in values["arms"]]
+        for arm in arms:
+            if isinstance(arm, dict) and isinstance(arm.get("rotors"), list):
+                arm["rotors"] = [over(values.get("rotor"), rotor) for rotor in arm["rotors"]]
+        return {**values, "arms": arms}
+
+    def made(self) -> Vehicle:
+        """The vehicle of these values."""
+        body = Body(self.mass, np.asarray(self.inertia), np.array(self.com))
+        imu = np.array(self.imu_position)
+        if not self.arms:
+            return Vehicle(self.name, body, None, None, imu)
+        axes = [arm.pose for arm in self.arms]
+        low, high, rate = (
+            np.radians([getattr(arm, f"tilt_{key}_deg") for arm in self.arms]) for key in ("min", "max", "rate")
+        )
+        arms = Arms(
+            np.array([position for position, _ in axes]),
+            np.array([axis for _, axis in axes]),
+            np.array([arm.thrust_direction for arm in self.arms]),
+            np.array([arm.tilts for arm in self.arms]),
+            *(low, high, rate),
+        )
+        rotors = [(on, rotor) for on, arm in enumerate(self.arms) for rotor in arm.rotors]
+        columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in RotorTable.model_fields}
+        return Vehicle(self.name, body, arms, Rotors(np.array([on for on, _ in rotors], dtype=np.intp), **columns), imu)
+
+
+class FileTable(Table):
+    """A file that something came from."""
+
+    file: Text = ""
+    sha256: Text = ""
+
+
+class ProvenanceTable(Table):
+    """Where an effect's values come from."""
+
+    fitted: Text = ""
+    version: Text = ""
+    method: Text = ""
+    logs: list[FileTable] = []
+
+
+class ParameterTable(Table):
+    """One parameter; a bare number is its value."""
+
+    value: Number
+    std: Number | None = None
+    unit: Text = ""
+
+
+Parameter = Annotated[ParameterTable, BeforeValidator(lambda v: v if isinstance(v, dict) else {"value": v})]
+
+
+class EffectTable(Table):
+    """One effect with its values."""
+
+    name: Text
+    parameters: dict[str, Parameter]
+    source: FileTable = FileTable()
+    provenance: ProvenanceTable = ProvenanceTable()
+
+    def made(self, vehicle: Vehicle) -> tuple[ModelEffect, str]:
+        """The effect on this vehicle, and a note on it."""
+        own, note = self._own()
+        effect = make_effect(vehicle, self.name, {key: p.value for key, p in self.parameters.items()})
+        names = [p.name for p in effect.effect.parameters(vehicle)]
+        missing = [n for n in names if n not in self.parameters]
+        if missing:
+            raise ModelError(f"effect {self.name}: parameter {missing[0]!r} is missing; expected {', '.join(names)}")
+        stds = [self.parameters[n].std for n in names]
+        std = None if None in stds else np.array(stds, dtype=float)
+        p = self.provenance
+        logs = tuple((log.file, log.sha256) for log in p.logs)
+        return replace(effect, std=std, provenance=Provenance(logs, p.fitted, p.version, p.method, own)), note
+
+    def _own(self) -> tuple[Source | None, str]:
+        """The file of a user's own effect, and a note where another one is loaded; an error where none is."""
+        file, name = self.source.file, self.name
+        if not file:
+            return None, ""
+        if name not in catalogue():
+            raise ModelError(f"effect {name!r} is a user's own, from {file}; pass that file with --effects {file}")
+        loaded, source = sources().get(name), Source(file, self.source.sha256)
+        if loaded is None or loaded.sha256 == source.sha256:
+            return source, ""
+        return source, (
+            f"effect {name}: {loaded.file} is not as it was when the effect was fitted; fit it anew with wrenchgap add."
+        )
+
+
+class HeldOutTable(Table):
+    """The error on time that was not fitted."""
+
+    before: Six
+    after: Six
+    noise: Six
+    change: Number
+    t: Number
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers_from_sentence(cls, values: Any) -> Any:
+        """Files of earlier versions have a sentence in place of `change` and `t`."""
+        if not isinstance(values, dict) or "verdict" not in values:
+            return values
+        said = SENTENCE.fullmatch(str(values["verdict"]))
+        if said is None:
+            raise broken(
+                f"verdict: got {values['verdict']!r}, expected words like 'better: error energy -65 %, t 12.3'"
+            )
+        numbers = {"change": float(said[1]) / 100.0, "t": float(said[2])}
+        return numbers | {key: value for key, value in values.items() if key != "verdict"}
+
+    def made(self) -> Trial:
+        """The trial."""
+        return Trial(np.array(self.before), np.array(self.after), np.array(self.noise), self.change, self.t)
+
+
+class ValueTable(ParameterTable):
+    """One parameter of an effect as it stood."""
+
+    name: Text
+
+
+class SnapshotTable(Table):
+    """One effect as it stood."""
+
+    name: Text
+    parameters: list[ValueTable] = []
+
+
+class VersionTable(Table):
+    """One version of the model."""
+
+    version: Number
+    command: Text = ""
+    content: Text
+    file: Text = ""
+    parent: Text = ""
+    date: Text = ""
+    wrenchgap: Text = ""
+    flights: list[FileTable] = []
+    held_out: HeldOutTable | None = None
+    effects: list[SnapshotTable] = []
+
+    def made(self) -> Version:
+        """The version."""
+        return Version(
+            int(self.version),
+            *(self.command, self.content, self.file, self.parent, self.date, self.wrenchgap),
+            tuple((flight.file, flight.sha256) for flight in self.flights),
+            None if self.held_out is None else self.held_out.made(),
+            tuple(
+                Snapshot(e.name, tuple(Value(v.name, v.value, v.std, v.unit) for v in e.parameters))
+                for e in self.effects
+            ),
+        )
+
+
+class ModelTable(Table):
+    """The whole file. The tables [controller] and [sensors] have the fields of their dataclasses as keys."""
+
+    version: Number = Field(alias="schema")
+    vehicle: VehicleTable
+    controller: dict[str, Any] = {}
+    sensors: dict[str, Any] = {}
+    topics: dict[str, Text] = {}
+    effects: list[EffectTable] = []
+    history: list[VersionTable] = []
+
+
+def loads(text: str) -> Model:
+    """A model from the text of a model file; raises ModelError in one line."""
+    document = toml(text)
+    check_schema(document, SCHEMA)
+    table = read(ModelTable, document, page=PAGE)
+    vehicle = table.vehicle.made()
+    gains = values_of(ControllerGains, table.controller, where="controller", page=PAGE)
+    noise = values_of(SensorNoise, table.sensors, where="sensors", page=PAGE)
+    effects = [effect.made(vehicle) for effect in table.effects]
+    model = Model(
+        vehicle,
+        controller=default_gains(vehicle, gains),
+        sensors=SensorNoise(**noise),
+        topics=table.topics,
+        text=text,
+        history=tuple(version.made() for version in table.history),
+        notes=tuple(note for _, note in effects if note),
+    )
+    return model.with_effects(effect for effect, _ in effects)

@@ -1,0 +1,150 @@
+"""The text of a model file: the user's own text, comments and order kept, its effects and history written anew."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import fields, replace
+
+import numpy as np
+import tomlkit
+
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.effects import sources
+from wrenchgap.plant.history import Version
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file.reading import SCHEMA
+from wrenchgap.plant.sensors import SensorNoise
+from wrenchgap.plant.vehicle import Rotors, Vehicle
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+
+
+def content_hash(model: Model) -> str:
+    """SHA-256 of the text that `dumps` writes but for the history: the same for models that say the same."""
+    return hashlib.sha256(dumps(replace(model, history=())).encode()).hexdigest()
+
+
+def dumps(model: Model) -> str:
+    """Text of the model file: the model's own text with its effects and history replaced."""
+    document = tomlkit.parse(model.text) if model.text else _skeleton(model)
+    document.pop("effects", None)
+    document.pop("history", None)
+    text = tomlkit.dumps(document).rstrip("\n") + "\n"
+    for item in model.effects:
+        text += "\n" + _effect_text(model.vehicle, item)
+    for entry in model.history:
+        text += "\n" + _version_text(entry)
+    return text
+
+
+def _version_text(entry: Version) -> str:
+    """TOML of one entry."""
+    texts = {
+        "date": entry.date,
+        "command": entry.command,
+        "wrenchgap": entry.tool,
+        "file": entry.file,
+        "content": entry.content,
+        "parent": entry.parent,
+    }
+    lines = ["[[history]]", f"version = {entry.number}"]
+    lines += [f"{key} = {_text(value)}" for key, value in texts.items() if value]
+    if entry.flights:
+        rows = [f"{{ file = {_text(file)}, sha256 = {_text(sha)} }}" for file, sha in entry.flights]
+        lines += ["flights = [", *(f"  {row}," for row in rows), "]"]
+    if entry.trial is not None:
+        trial = entry.trial
+        lines.append("[history.held_out]")
+        for key, values in (("before", trial.before), ("after", trial.after), ("noise", trial.noise)):
+            lines.append(f"{key} = [{', '.join(_number(v) for v in values)}]")
+        lines += [f"change = {_number(trial.change)}", f"t = {_number(trial.t)}"]
+    for effect in entry.effects:
+        lines += ["[[history.effects]]", f"name = {_text(effect.effect)}", "parameters = ["]
+        for v in effect.values:
+            std = "" if v.std is None else f", std = {_number(v.std)}"
+            lines.append(f"  {{ name = {_text(v.name)}, value = {_number(v.value)}{std}, unit = {_text(v.unit)} }},")
+        lines.append("]")
+    return "\n".join(lines) + "\n"
+
+
+def _text(value: str) -> str:
+    """A TOML string."""
+    return str(tomlkit.string(value).as_string())
+
+
+def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
+    """TOML of one effect."""
+    lines = ["[[effects]]", f'name = "{item.name}"', "[effects.parameters]"]
+    for k, parameter in enumerate(item.effect.parameters(vehicle)):
+        std = f", std = {_number(item.std[k])}" if item.std is not None else ""
+        lines.append(f'{parameter.name} = {{ value = {_number(item.theta[k])}{std}, unit = "{parameter.unit}" }}')
+    own = item.provenance.source or sources().get(item.name)
+    if own is not None:
+        lines += ["[effects.source]", f"file = {_text(own.file)}", f"sha256 = {_text(own.sha256)}"]
+    source = item.provenance
+    if replace(source, source=None) != Provenance():
+        lines += [
+            "[effects.provenance]",
+            f"fitted = {_text(source.fitted)}",
+            f"version = {_text(source.version)}",
+            f"method = {_text(source.method)}",
+        ]
+        for file, sha in source.logs:
+            lines += ["[[effects.provenance.logs]]", f"file = {_text(file)}", f"sha256 = {_text(sha)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    """A TOML float that keeps nine digits."""
+    text = f"{float(value):.9g}"
+    return text if any(c in text for c in ".e") or text in ("inf", "-inf", "nan") else text + ".0"
+
+
+def _skeleton(model: Model) -> tomlkit.TOMLDocument:
+    """A document for a model that was made in code."""
+    v = model.vehicle
+    document = tomlkit.document()
+    document["schema"] = SCHEMA
+    vehicle = tomlkit.table()
+    vehicle["name"] = v.name
+    vehicle["mass"] = v.body.mass
+    vehicle["inertia"] = v.body.inertia.tolist()
+    vehicle["com"] = v.body.com_B.tolist()
+    vehicle["imu_position"] = v.imu_position_B.tolist()
+    if v.arms is not None and v.rotors is not None:
+        arms = tomlkit.aot()
+        for i in range(len(v.arms)):
+            arm = tomlkit.table()
+            arm["position"] = v.arms.position_B[i].tolist()
+            arm["tilt_axis"] = v.arms.axis_B[i].tolist()
+            arm["thrust_direction"] = v.arms.normal_B[i].tolist()
+            arm["tilts"] = bool(v.arms.tilts[i])
+            for key, values in (
+                ("tilt_min_deg", v.arms.tilt_min),
+                ("tilt_max_deg", v.arms.tilt_max),
+                ("tilt_rate_deg", v.arms.tilt_rate_max),
+            ):
+                arm[key] = float(np.degrees(values[i]))
+            rotors = tomlkit.array()
+            for r in np.flatnonzero(v.rotors.arm == i):
+                row = tomlkit.inline_table()
+                for item in fields(Rotors):
+                    if item.name != "arm":
+                        row[item.name] = float(getattr(v.rotors, item.name)[r])
+                rotors.append(row)
+            arm["rotors"] = rotors
+            arms.append(arm)
+        vehicle["arms"] = arms
+    document["vehicle"] = vehicle
+    parts: tuple[tuple[str, ControllerGains | SensorNoise], ...] = (
+        ("controller", model.controller),
+        ("sensors", model.sensors),
+    )
+    for key, part in parts:
+        table = tomlkit.table()
+        for item in fields(part):
+            entry = getattr(part, item.name)
+            table[item.name] = list(entry) if isinstance(entry, tuple | np.ndarray) else entry
+        document[key] = table
+    if model.topics:
+        document["topics"] = dict(model.topics)
+    return document

@@ -1,0 +1,189 @@
+"""Files that people write, checked whole: every key known, every value of the right kind, the first error in one line.
+
+A file's shape is a `Table` (pydantic) whose fields are of the kinds below; a table that is nothing but the fields of
+a dataclass needs no class of its own (`values_of`). An error names the key with the tables that it is in, what was
+found and what is expected: `vehicle.arms[2].rotors[0].c_f: got -1.0, expected a positive number`.
+docs/decisions/0014-validating-reader.md says why.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from copy import copy
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import numpy as np
+import tomlkit
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    create_model,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError
+from tomlkit.exceptions import ParseError
+
+from wrenchgap.flight.errors import ModelError, WrenchgapError
+
+LONGEST = 80
+"""Characters of a found value that an error repeats."""
+
+
+def expected(words: str) -> WrapValidator:
+    """Whatever is wrong with a value, the error says `got ..., expected WORDS`."""
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return handler(value)
+        except ValidationError:
+            raise PydanticCustomError("expected", "expected {words}", {"words": words}) from None
+
+    return WrapValidator(check)
+
+
+def broken(words: str) -> PydanticCustomError:
+    """The error of a value or table that breaks a rule, in these words; to be raised in a validator."""
+    return PydanticCustomError("rule", "{words}", {"words": words})
+
+
+def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    norm = float(np.linalg.norm(value))
+    if norm < 1e-9:
+        raise broken(f"has no direction: {list(value)}")
+    x, y, z = (np.array(value) / norm).tolist()
+    return x, y, z
+
+
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number = Annotated[_Finite, expected("a finite number")]
+Positive = Annotated[_Finite, Field(gt=0), expected("a positive number")]
+NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not negative")]
+Integer = Annotated[int, expected("a whole number")]
+Flag = Annotated[bool, Field(strict=True), expected("true or false")]
+Text = Annotated[str, Field(strict=True), expected("text")]
+Names = Annotated[tuple[Text, ...], expected("a list of names")]
+Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers")]
+Direction = Annotated[Vector, AfterValidator(_direction)]
+Six = Annotated[tuple[_Finite, _Finite, _Finite, _Finite, _Finite, _Finite], expected("six finite numbers")]
+
+_KINDS: dict[Any, Any] = {
+    float: Number,
+    int: Integer,
+    bool: Flag,
+    str: Text,
+    tuple[float, float, float]: Vector,
+    tuple[str, ...]: Names,
+}
+"""How a dataclass's field of a type is read."""
+
+
+class Table(BaseModel):
+    """A table of a file: its keys, and no others."""
+
+    model_config = ConfigDict(frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_other_keys(cls, values: Any) -> Any:
+        keys = [item.alias or name for name, item in cls.model_fields.items()]
+        for key in values if isinstance(values, dict) else ():
+            if key not in keys:
+                near = difflib.get_close_matches(key, keys, 1)
+                meant = f"did you mean {near[0]!r}?" if near else f"expected one of: {', '.join(sorted(keys))}"
+                raise PydanticCustomError("unknown", "is not a known key; {meant}", {"key": key, "meant": meant})
+        return values
+
+
+AnyTable = TypeVar("AnyTable", bound=Table)
+
+
+def partial(table: type[Table]) -> type[Table]:
+    """The same keys, none of which must be there: a table of defaults."""
+    entries: dict[str, Any] = {}
+    for name, item in table.model_fields.items():
+        optional = copy(item)
+        optional.default, optional.default_factory = None, None
+        entries[name] = (item.annotation, optional)
+    return create_model(f"{table.__name__}Defaults", __base__=Table, **entries)
+
+
+def read(
+    table: type[AnyTable], values: Any, *, where: str = "", page: str = "", error: type[WrenchgapError] = ModelError
+) -> AnyTable:
+    """`values` as that table; raises `error` in one line. `where` is the key of the table, `page` explains its keys."""
+    try:
+        return table.model_validate(values)
+    except ValidationError as found:
+        raise error(_line(found.errors(include_url=False)[0], where, page)) from None
+
+
+def values_of(
+    cls: type,
+    values: Any,
+    *,
+    where: str,
+    page: str = "",
+    error: type[WrenchgapError] = ModelError,
+    degrees: Iterable[str] = (),
+) -> dict[str, Any]:
+    """Checked arguments for the dataclass `cls`, from a table with its fields as keys; absent ones stay absent.
+
+    Fields named in `degrees` are in rad and read from a key that ends in _deg.
+    """
+    hints, degrees, entries = get_type_hints(cls), tuple(degrees), dict[str, Any]()
+    for item in fields(cls):
+        needed = item.default is MISSING and item.default_factory is MISSING
+        alias = f"{item.name}_deg" if item.name in degrees else None
+        entries[item.name] = (_KINDS[hints[item.name]], Field(... if needed else None, alias=alias))
+    checked = read(create_model(cls.__name__, __base__=Table, **entries), values, where=where, page=page, error=error)
+    given = {name: getattr(checked, name) for name in checked.model_fields_set}
+    return {name: float(np.radians(v)) if name in degrees else v for name, v in given.items()}
+
+
+def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, remedy: str = "") -> str:
+    """The text of a file; raises `error`, which says that it cannot be read `words` ("as a model file")."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as found:
+        reason = getattr(found, "strerror", None) or "it is not text"
+        raise error(f"{path}: cannot be read {words}: {reason}{remedy}") from None
+
+
+def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:
+    """A TOML document as plain values."""
+    try:
+        return dict(tomlkit.parse(text).unwrap())
+    except ParseError as found:
+        raise error(f"is not TOML: {found}") from None
+
+
+def check_schema(document: Mapping[str, Any], schema: int, error: type[WrenchgapError] = ModelError) -> None:
+    """Raise `error` where a document is of another version of its format than `schema`."""
+    if document.get("schema") != schema:
+        got = f"got {document['schema']!r}" if "schema" in document else "is missing"
+        raise error(f"schema: {got}, this version of wrenchgap reads {schema}")
+
+
+def _line(found: ErrorDetails, where: str, page: str) -> str:
+    """One error as one line."""
+    kind, context = found["type"], found.get("ctx", {})
+    place = (*found["loc"], context["key"]) if kind == "unknown" else found["loc"]
+    path = where
+    for part in place:
+        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
+    if kind in ("unknown", "rule"):
+        return f"{path}: {found['msg']}" if path else found["msg"]
+    if kind == "missing":
+        return f"{path}: is missing{f'; see {page}' if page else ''}"
+    shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "list_type": f"tables [[{path}]]"}
+    got = repr(found["input"])
+    got = got if len(got) <= LONGEST else f"{got[: LONGEST - 3]}..."
+    return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"
