@@ -24,6 +24,7 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 	$(VENV) -m wrenchgap demo $(DEMO)
 
 test: setup ## the everyday test suite
+	@bash scripts/install_browser.sh
 	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile $(TEST)
 
 check: setup ## format, lint, types, layers
