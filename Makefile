@@ -49,7 +49,7 @@ docs: setup ## renew docs/effects/README.md, check every link, run every Python 
 	$(VENV) scripts/check_docs.py
 
 screenshots: setup ## renew the viewer's pictures in docs/images (needs Chromium)
-	PYTHONPATH=. $(VENV) scripts/screenshots.py
+	$(VENV) scripts/screenshots.py
 
 lock: setup ## renew requirements.lock: newest versions that suit Python 3.11 and later
 	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \
