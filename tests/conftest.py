@@ -1,10 +1,43 @@
-"""The last line of a run says what was not run, and why; flights that several test files use are made once."""
+"""Flights that several test files fly are flown once for all workers; the last line of a run says what was not run."""
 
 from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 REMEDY = "no Chromium or no Playwright; run: sudo apt-get install chromium && make setup"
+
+
+@pytest.fixture(scope="session")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of this run that all workers see."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    (folder / "shared").mkdir(exist_ok=True)
+    return folder / "shared"
+
+
+@pytest.fixture(scope="session")
+def once(shared_folder: Path) -> Callable[[str, Callable[[], Any]], Any]:
+    """`once(name, make)` is `make()`, called by the first worker that asks for that name; the others wait and read."""
+
+    def made(name: str, make: Callable[[], Any]) -> Any:
+        path = shared_folder / hashlib.sha256(name.encode()).hexdigest()[:16]
+        with path.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.exists():
+                path.write_bytes(pickle.dumps(make()))
+            return pickle.loads(path.read_bytes())
+
+    return made
 
 
 @pytest.hookimpl(trylast=True)
