@@ -24,6 +24,7 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 	$(VENV) -m wrenchgap demo $(DEMO)
 
 test: setup ## the everyday test suite
+	@bash scripts/install_browser.sh
 	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile $(TEST)
 
 check: setup ## format, lint, types, layers
@@ -48,7 +49,7 @@ docs: setup ## renew docs/effects/README.md, check every link, run every Python 
 	$(VENV) scripts/check_docs.py
 
 screenshots: setup ## renew the viewer's pictures in docs/images (needs Chromium)
-	PYTHONPATH=. $(VENV) scripts/screenshots.py
+	$(VENV) scripts/screenshots.py
 
 lock: setup ## renew requirements.lock: newest versions that suit Python 3.11 and later
 	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \

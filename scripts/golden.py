@@ -44,6 +44,7 @@ class Runner:
         self.command, self.folder = shlex.split(command), folder
 
     def __call__(self, name, *words):
+        """Run one command; its JSON is NAME.json, what it printed NAME.txt."""
         out = self.folder / f"{name}.json"
         if out.exists():
             return

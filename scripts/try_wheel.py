@@ -1,6 +1,7 @@
 """Builds the wheel, installs it into a new environment outside the repository and uses it there.
 
-What it shows: the command starts, the shipped models are found by name, and nothing comes from the repository.
+What it shows: the command starts, `wrenchgap` is the only name that is installed, the shipped models are found by
+name, and nothing comes from the repository.
 """
 
 from __future__ import annotations
@@ -18,13 +19,20 @@ ROOT = Path(__file__).resolve().parent.parent
 LOCK = ROOT / "requirements.lock"
 
 MODELS = sorted(path.stem for path in (ROOT / "models").glob("*.toml"))
+FOLDERS = sorted(path.name for path in (ROOT / "src" / "wrenchgap").iterdir() if path.is_symlink())
 
 USE = f"""
+from importlib.metadata import files
+from importlib.util import find_spec
 from pathlib import Path
-import plant, replay
-from plant import model_file
-for package in (plant, replay):
-    assert not Path(package.__file__).is_relative_to({str(ROOT)!r}), package.__file__
+import wrenchgap
+from wrenchgap.plant import model_file
+assert not Path(wrenchgap.__file__).is_relative_to({str(ROOT)!r}), wrenchgap.__file__
+tops = {{path.parts[0] for path in files("wrenchgap")}} - {{".."}}  # .. is bin/
+assert {{top for top in tops if not top.endswith(".dist-info")}} == {{"wrenchgap"}}, tops
+for name in {FOLDERS!r}:
+    assert (Path(wrenchgap.__file__).parent / name).is_dir(), f"{{name}} is not in the wheel"
+    assert find_spec(name) is None, f"{{name}} is a name of its own"
 for name in {MODELS!r}:
     model = model_file.load(name)
     print(f"{{name}}: {{model.vehicle.body.mass}} kg, from {{model_file.find_model(name)}}")

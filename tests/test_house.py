@@ -1,47 +1,130 @@
-"""The house keeps its own rules: layers, docstrings, versions, links, a page for every effect."""
+"""The house keeps its own rules: layers, no circles, lengths, versions, links, a page for every effect."""
 
 from __future__ import annotations
 
 import ast
+import os
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
+import grimp
+import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 from scripts import check_docs, effects_index
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("flight", "plant", "learn", "compensate", "viewer", "replay")
-SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+PROGRAMS = ("benchmarks", "scripts", "examples")
+
+LONGEST_FUNCTION, LONGEST_FILE = 60, 350
+"""Lines. What is longer holds a comment that begins with REASON and says why."""
+REASON = "# Long because"
+ALLOWED = {
+    "flight/load.py",
+    "flight/offsets.py",
+    "flight/roles.py",
+    "plant/model_file.py",
+    "plant/own_effects.py",
+    "plant/simulate.py::simulate",
+    "plant/trajectory.py",
+    "learn/design/designer.py",
+    "learn/design/separability.py",
+    "learn/diagnose/failure_map.py",
+    "learn/diagnose/relevance.py",
+    "learn/identify/fit.py",
+    "learn/identify/search.py",
+    "learn/process/gp.py",
+    "learn/process/learning.py",
+    "replay/cli/commands/add.py::_fit",
+    "replay/cli/commands/compare.py::compare",
+    "replay/cli/commands/counterfactual.py::counterfactual",
+    "replay/cli/commands/design.py::design",
+    "replay/cli/commands/explain.py::explain",
+    "replay/cli/commands/learn.py::learn",
+    "replay/cli/commands/replay.py::replay",
+    "replay/cli/commands/report.py::report",
+    "replay/cli/commands/simulate.py::simulate",
+    "replay/cli/commands/view.py::view",
+    "replay/compensation/replay.py",
+    "replay/compensation/replay.py::replay",
+    "replay/present/report/page.py",
+    "replay/report/contents.py::gather",
+    "replay/session/effects.py",
+}
+"""Longer than that today, without a reason: this list only shrinks."""
 
 
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_module_says_what_it_is(source: Path) -> None:
-    assert ast.get_docstring(ast.parse(source.read_text(encoding="utf-8")))
+def sources(*folders: str) -> list[Path]:
+    return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
 def test_every_folder_with_sources_is_a_package() -> None:
-    folders = {source.parent for source in SOURCES}
+    folders = {source.parent for source in sources(*PACKAGES)}
     assert not [str(folder) for folder in folders if not (folder / "__init__.py").exists()]
+
+
+def too_long(source: str) -> Iterator[tuple[str, int]]:
+    """Names of functions above their length, "" for the file itself, and their lines; those with a reason left out."""
+    lines = source.splitlines()
+    if len(lines) > LONGEST_FILE and not any(line.startswith(REASON) for line in lines):
+        yield "", len(lines)
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            body = lines[node.lineno - 1 : node.end_lineno]
+            if len(body) > LONGEST_FUNCTION and not any(line.strip().startswith(REASON) for line in body):
+                yield node.name, len(body)
+
+
+def test_functions_and_files_are_short_or_say_why_not() -> None:
+    found = {
+        (f"{path.relative_to(ROOT)}::{name}" if name else str(path.relative_to(ROOT))): lines
+        for path in sources(*PACKAGES, *PROGRAMS)
+        for name, lines in too_long(path.read_text(encoding="utf-8"))
+    }
+    new = [f"{name}: {lines} lines" for name, lines in found.items() if name not in ALLOWED]
+    assert not new, f"shorten, or say why in a comment `{REASON} ...`:\n" + "\n".join(new)
+
+
+def test_what_is_long_is_noticed_unless_it_says_why() -> None:
+    function = "def long():\n" + "    pass\n" * LONGEST_FUNCTION
+    assert list(too_long(function)) == [("long", LONGEST_FUNCTION + 1)]
+    assert list(too_long(function.replace("pass", f"{REASON} so.\n    pass", 1))) == []
+    assert list(too_long("pass\n" * LONGEST_FILE)) == []
+    assert list(too_long("pass\n" * (LONGEST_FILE + 1))) == [("", LONGEST_FILE + 1)]
+
+
+@pytest.mark.xfail(strict=False, reason="the viewer's page and its panels still import each other")
+def test_no_import_circle_not_even_for_types_alone() -> None:
+    graph = grimp.build_graph("wrenchgap", cache_dir=None)
+    modules = sorted(graph.modules)
+    imports = np.array([[other in graph.find_modules_directly_imported_by(m) for other in modules] for m in modules])
+    _, circle = connected_components(imports, connection="strong")
+    members = [[m for m, k in zip(modules, circle, strict=True) if k == label] for label in np.unique(circle)]
+    assert [names for names in members if len(names) > 1] == []
 
 
 def lint_imports(root: Path) -> subprocess.CompletedProcess[str]:
     """Import-linter on the tree at `root`, with that tree's configuration."""
     run = "from importlinter.cli import lint_imports_command as run; run()"
-    code = f"import sys; sys.path.insert(0, {str(root)!r}); {run}"
+    code = f"import sys; sys.path.insert(0, {str(root / 'src')!r}); {run}"
     command = [sys.executable, "-c", code, "--no-cache"]
-    return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command, cwd=root, env={**os.environ, "COLUMNS": "200"}, capture_output=True, text=True, check=False
+    )
 
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """The packages and the configuration, to be spoilt."""
-    for package in PACKAGES:
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    """The packages, linked under src/wrenchgap as in the repository, and the configuration: to be spoilt."""
+    for folder in ("src", *PACKAGES, "models"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
 
@@ -51,14 +134,27 @@ def test_imports_go_down_only() -> None:
     assert run.returncode == 0, run.stdout
 
 
-@pytest.mark.parametrize(
-    ("low", "high"), [("flight", "plant"), ("plant", "learn"), ("learn", "compensate"), ("viewer", "learn")]
+UPWARDS_OR_SIDEWAYS = (
+    ("flight", "wrenchgap.plant"),
+    ("plant", "wrenchgap.learn"),
+    ("learn", "wrenchgap.compensate"),
+    ("viewer", "wrenchgap.learn"),
+    ("learn.data", "wrenchgap.learn.process"),
+    ("replay.compensation", "wrenchgap.replay.counterfactual"),
+    ("replay.report", "wrenchgap.replay.present"),
+    ("learn.identify", "rich"),
+    ("replay.session", "typer"),
 )
-def test_an_import_upwards_or_sideways_is_noticed(copy: Path, low: str, high: str) -> None:
-    (copy / low / "spoilt.py").write_text(f"import {high}\n")
+
+
+def test_an_import_upwards_or_sideways_is_noticed(copy: Path) -> None:
+    for low, high in UPWARDS_OR_SIDEWAYS:
+        with (copy / low.replace(".", "/") / "spoilt.py").open("a") as spoilt:
+            spoilt.write(f"import {high}\n")
     run = lint_imports(copy)
     assert run.returncode == 1
-    assert f"{low}.spoilt -> {high}" in run.stdout
+    missed = [(low, high) for low, high in UPWARDS_OR_SIDEWAYS if f"wrenchgap.{low}.spoilt -> {high}" not in run.stdout]
+    assert not missed, run.stdout
 
 
 def test_changelog_begins_with_the_version_of_the_project() -> None:

@@ -34,7 +34,7 @@ def test_commands_run_as_written(tmp_path):
         done = subprocess.run(
             [sys.executable, "-m", "wrenchgap", *words[1:]],
             cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
             capture_output=True,
             text=True,
             check=False,

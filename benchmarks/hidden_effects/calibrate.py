@@ -1,4 +1,4 @@
-"""Turn the benchmark's rows into the numbers of `learn.identify.confidence` and `learn.identify.least_squares.MISFIT`, and check them.
+"""Turn the benchmark's rows into the numbers of `confidence` and `fit.MISFIT` in `learn.identify`, and check them.
 
     python -m benchmarks.hidden_effects.calibrate docs/hidden-effects.json
 

@@ -11,6 +11,8 @@ gyroscope is read at t_k, the accelerometer over the physics step that ends ther
 `data/multibody`: 3.4 mrad/s, 0.032 m/s^2; 0.3 mm, 0.5 mrad, 5 mm/s, 5 mrad/s.
 """
 
+# Long because the judge is read at once: the vehicle, the loop that flies it, and the sensors that record it.
+
 from __future__ import annotations
 
 import argparse
@@ -308,6 +310,7 @@ def _fly(
     crisp: bool,
 ) -> tuple[Tracks, Truth]:
     """The loop of `fly`; the numbers are still as the log holds them."""
+    # Long because a tick reads as one paragraph: what is seen, what is asked for, what is recorded.
     if trajectory not in TRAJECTORIES:
         raise UsageError(f"trajectory: got {trajectory!r}, available: {', '.join(TRAJECTORIES)}")
     chosen = choose(effect, size, seed)

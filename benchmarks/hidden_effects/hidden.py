@@ -15,6 +15,8 @@ in it. `unit` says what a plain `size` means; `size` is the default. `shows_on` 
 effect, and `needs_split` says that it shows only where the two rotors of a pair differ (`pair_split` of `engine.fly`).
 """
 
+# Long because it is one list of small classes with one base, read like a catalogue.
+
 from __future__ import annotations
 
 from collections import deque

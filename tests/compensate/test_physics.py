@@ -11,7 +11,7 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import model_file
-from wrenchgap.plant.mismatch import Follows, LinearMismatch
+from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
@@ -309,7 +309,6 @@ def test_process_with_the_past_as_input_is_told_the_past():
         residuals=np.sin(np.arange(360.0)).reshape(120, 3),
         settings=replace(process().settings, inputs=("past",)),
     )
-    assert isinstance(seeing, Follows)
     dt, sent = 0.01, HOVER + np.cumsum(np.random.default_rng(2).normal(size=(8, 6)), axis=0) * 0.1
     follower, found = seeing.follow(dt), []
     for command in sent:

@@ -7,7 +7,6 @@ import pytest
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn.process.gp import BLOCK, GaussianProcess, Provenance
-from wrenchgap.plant.mismatch import KnowsItsData, Linearises
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 
@@ -118,11 +117,6 @@ def test_many_queries_are_single_queries():
     mean, jacobian = gp.mean_and_jacobian(xi[:5])
     assert mean == pytest.approx(gp.mean(xi[:5]), abs=1e-12)
     assert jacobian == pytest.approx(gp.jacobian(xi[:5]), abs=1e-12)
-
-
-def test_is_a_mismatch_model_that_knows_its_data():
-    assert isinstance(hand_made(), KnowsItsData)
-    assert isinstance(hand_made(), Linearises)
 
 
 def test_cannot_be_changed():

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, LOOSE, Swing, swing
+from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, swing
 
 G = 9.81
 
@@ -158,12 +158,3 @@ def test_a_swing_too_small_to_mention_is_not_mentioned(tumbling):
     wind *= 5 * load[:, :3].std() / wind[:, :3].std()
     assert tumbling.search(load + tumbling.noise(0)).share > LEAST_SHARE
     assert tumbling.search(load + wind + tumbling.noise(0)) is None
-
-
-def test_words_say_frequency_and_where():
-    on_a_rope = Swing(0.724, 0.012, "E", 0.75, 2.3)
-    assert "0.72 Hz" in on_a_rope.words
-    assert "75 %" in on_a_rope.words
-    assert "rope" in on_a_rope.words
-    assert "hull" in replace(on_a_rope, frame="B").words
-    assert on_a_rope.damping < LOOSE

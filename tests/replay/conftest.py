@@ -24,6 +24,10 @@ class Logs:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.train, self.test, self.ideal = (folder / f"{name}.mcap" for name in ("train", "test", "ideal"))
+
+    def fly(self) -> Logs:
+        """Write the logs."""
+        self.folder.mkdir()
         believed = model_file.load("tilt_hexarotor")
         for path, trajectory, seconds, hidden in (
             (self.train, "multi_axis", 14.0, (OFFSET,)),
@@ -32,12 +36,17 @@ class Logs:
         ):
             plan = Plan(believed, trajectory, seconds, 1.0 if path != self.test else 0.0, 1, None, hidden)
             flight.write(fly(plan, name=path.stem), path, metadata=provenance(plan))
+        return self
 
 
 @pytest.fixture(scope="session")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> Logs:
+def logs(shared_folder: Path, once: Callable[[str, Callable[[], Path]], Path]) -> Logs:
     """The logs; nobody writes to this folder."""
-    return Logs(tmp_path_factory.mktemp("logs"))
+
+    def made() -> Path:
+        return Logs(shared_folder / "logs").fly().folder
+
+    return Logs(once("logs of the replay tests", made))
 
 
 Run = Callable[..., Result]

@@ -254,13 +254,13 @@ def in_process(
     *arguments: str, env: dict[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "wrenchgap", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **(env or {})}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=cwd)
 
 
 def test_help_loads_nothing_heavy() -> None:
     code = (
-        "import sys; from replay import cli\n"
+        "import sys; from wrenchgap.replay.cli import main as cli\n"
         "try: cli.app(['--help'])\n"
         "except SystemExit: pass\n"
         "print(sorted(m for m in ('numpy', 'scipy', 'pandas', 'matplotlib', 'GPy', 'rosbags') if m in sys.modules))"
@@ -272,7 +272,7 @@ def test_help_loads_nothing_heavy() -> None:
 def test_completion_knows_models_effects_and_trajectories() -> None:
     line = "wrenchgap compare -m vol"
     words = {"_WRENCHGAP_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "3"}
-    command = [sys.executable, "-c", "from replay import cli; cli.main()"]
+    command = [sys.executable, "-c", "from wrenchgap.replay.cli import main as cli; cli.main()"]
     environment = {**os.environ, **words}
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, env=environment)
     assert done.stdout.split() == ["voliro_x"]

@@ -70,11 +70,9 @@ def swinging(found: Explanation) -> Explanation:
 def test_an_effect_is_told_with_its_values_and_how_sure(named: Explanation) -> None:
     words = sentence(named)
     assert named.verdict == "effect"
-    assert words.startswith("Explained by com_offset (")
     told = {axis: float(value) for axis, value in re.findall(r"\b([xyz]) (-?[\d.]+) m\b", words)}
     assert told == pytest.approx({"x": -0.004, "y": 0.007, "z": -0.005}, abs=2e-4)
     assert f"{100 * named.probability(named.members[0]):.0f} % sure" in words
-    assert "cannot tell apart" not in words
 
 
 def test_of_many_parameters_the_ones_that_stand_out_are_told(named: Explanation) -> None:
@@ -96,31 +94,26 @@ def test_the_largest_remaining_error_is_counted_in_noise(named: Explanation) -> 
     assert "force_x, 0.5 N rms (sensor noise 0.1)" in sentence(two)
 
 
-def test_a_group_is_told_as_one_or_the_other(grouped: Explanation) -> None:
+def test_a_group_is_told_with_all_its_members(grouped: Explanation) -> None:
     assert grouped.verdict == "group"
     assert set(grouped.groups[0]) == {"thrust_scale", "coaxial_loss"}
-    assert f"cannot tell apart: {' or '.join(grouped.groups[0])}." in sentence(grouped)
+    assert all(name in sentence(grouped) for name in grouped.groups[0])
 
 
-def test_nothing_is_told_as_nothing(nothing: Explanation) -> None:
+def test_where_nothing_is_missing_there_is_nothing_to_do(nothing: Explanation) -> None:
     assert nothing.verdict == "nothing"
-    assert sentence(nothing).startswith("Nothing is missing that these logs can show.")
     assert what_next(nothing, MODEL, "a.mcap") == []
 
 
-def test_what_is_unknown_is_told_with_every_clue(named: Explanation, nothing: Explanation) -> None:
+def test_what_is_unknown_is_told_with_the_number_of_every_clue(named: Explanation, nothing: Explanation) -> None:
     found = replace(swinging(named), depends=heading(0.62), concentrated=0.81)
     words = sentence(found)
-    assert words.startswith("Partly explained by com_offset")
-    assert "more is missing than the catalogue can explain." in words
-    assert " Something swings at 0.72 Hz (damping 0.012, 75 % of what is left)" in words
-    assert "What is left depends on heading (62 % of it" in words
+    for clue in ("com_offset", "0.72 Hz", "0.012", "75 %", "heading", "62 %", "81 %"):
+        assert clue in words
     assert "height" not in words  # looked at, and not chosen
-    assert "81 % of what is left sits in a tenth of the time" in words
     without = sentence(replace(nothing, verdict="unknown"))
-    assert without.startswith("Something is missing, but no effect of the catalogue explains it.")
-    assert "swings" not in without
-    assert "depends" not in without
+    assert "Hz" not in without
+    assert "heading" not in without
 
 
 # ---------------------------------------------------------------- what next

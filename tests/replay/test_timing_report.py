@@ -1,7 +1,5 @@
 """What the commands say about timing, and `--shift` on the command line."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -74,13 +72,3 @@ def test_commands_are_not_shifted_away(late, run):
     done = run("inspect", late, "-m", "tilt_hexarotor", "--shift", "commanded=0.01")
     assert done.exit_code == 2
     assert "command_delay" in done.output + str(done.stderr)
-
-
-def test_sentences_say_who_lags_whom_and_what_cannot_be_said(late):
-    found = timing.timing(flight.load(late))
-    words = timing.sentences(found)
-    assert any(w.startswith("odometry attitude lags gyroscope by ") and w.endswith(" ms") for w in words)
-    assert json.dumps(found.to_json())
-    reason = "no"
-    none = timing.Offset("a", "b", problem=reason)
-    assert timing.sentence(none) == "b against a: cannot be estimated: no"
