@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import Errors, reduction, rms
@@ -69,8 +70,8 @@ class LeftOut:
     reason: Untried
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Result):
     """Models on flights. `noise` (6,) is the sensor noise that no model can predict; `notes` are those of the flights,
     and what was left out of which model.
     """  # noqa: D205

@@ -23,6 +23,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Flight, Samples
 from wrenchgap.flight.resample import uniform
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -111,8 +112,8 @@ class Flown:
     attitude_error: float
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, repr=False)
+class Design(Result):
     """A designed flight: `expected` on it, `before` on the given log (or a hover as long), `flown` on the plant."""
 
     effects: tuple[ModelEffect, ...]

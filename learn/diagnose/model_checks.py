@@ -12,6 +12,7 @@ from wrenchgap import flight
 from wrenchgap.flight.checks import Check
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.inspection import Inspection
+from wrenchgap.flight.result import Result
 from wrenchgap.flight.roles import parse_source
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
@@ -22,8 +23,8 @@ from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import about_com
 
 
-@dataclass(frozen=True)
-class LogReport:
+@dataclass(frozen=True, repr=False)
+class LogReport(Result):
     """What is in a log: `inspection`, what the model's numbers say of it, and the timing of its topics.
 
     `model_checks` is empty without a model, `timing` None where no topic plays a role; `shifts` [s] moved stamps.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Stretch, compare
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import OpenFlight
@@ -41,8 +42,8 @@ class NoProcess:
     """Too little data to hold anything out for a Gaussian process: its part of the budget is zero."""
 
 
-@dataclass(frozen=True)
-class Where:
+@dataclass(frozen=True, repr=False)
+class Where(Result):
     """Where the model `name` fails on `flights`.
 
     `rms`, `noise` (6,) [N, Nm] of its residual and of the sensors; `failure_map`, `whiteness`, `relevance` and `worst`

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
@@ -24,8 +25,8 @@ from wrenchgap.plant.wrench_model import Provenance
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Addition:
+@dataclass(frozen=True, repr=False)
+class Addition(Result):
     """A model with effects fitted: rms (6,) on the fitted flights before and after; `refitted` were in it already.
 
     `together` are effects that the given model had besides. `trial` is the error on time that was not fitted, None

@@ -27,6 +27,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.blocks import by_block
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
@@ -71,8 +72,8 @@ FEWEST = 5
 """Blocks of time below which nothing is said about what the rest depends on."""
 
 
-@dataclass(frozen=True)
-class Explanation:
+@dataclass(frozen=True, repr=False)
+class Explanation(Result):
     """What is missing, according to the logs. `rms_*` are (6,) held-out; `noise` (6,) is the sensor noise.
 
     `effects` are the members' names, that with the largest share of the error first; `steps` the trace of the forward

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import dataset
@@ -66,8 +67,8 @@ class Samples:
     spacing: float
 
 
-@dataclass(frozen=True)
-class Learnt:
+@dataclass(frozen=True, repr=False)
+class Learnt(Result):
     """A GP and what it does on the training flights and, where given, on others.
 
     `real_min` (3,): 1st percentile, median and maximum, along the training commands, of the smallest real part of the

@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, ActuatorSeries, Flight, WrenchSeries
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.inputs import check
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, from_actuators
@@ -66,8 +67,8 @@ class Steps:
     trouble: dict[str, int]
 
 
-@dataclass(frozen=True)
-class Replay:
+@dataclass(frozen=True, repr=False)
+class Replay(Result):
     """A flight with what the compensation would have done. K steps at `time` (K,) [s since the flight's start].
 
     source               which logged wrench went in

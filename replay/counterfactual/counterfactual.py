@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
@@ -113,8 +114,8 @@ class Change:
     words: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Counterfactual:
+@dataclass(frozen=True, repr=False)
+class Counterfactual(Result):
     """An inference, its null run, and the re-flight with the change (the null run itself where nothing changed).
 
     `uncompensated` is the re-flight with all of the change but its compensator: what the compensated one is to be

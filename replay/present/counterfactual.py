@@ -15,9 +15,9 @@ from rich.table import Table
 from wrenchgap import flight
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.plant.effect_values import set_by_hand
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.effect_values import set_by_hand
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.vehicle import Vehicle

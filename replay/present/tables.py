@@ -32,6 +32,14 @@ class Line:
 Part = Table | Line
 
 
+def show(console: Any, part: Part) -> None:
+    """Print one part to a console of rich."""
+    if isinstance(part, Line):
+        console.print(part.text, style=part.style or None, markup=False, soft_wrap=False)
+    else:
+        console.print(part)
+
+
 def note_lines(sentences: Iterable[str], title: str = "note") -> list[Line]:
     """Plain sentences that a user should read, each once."""
     style = "yellow" if title == "warning" else "dim"
