@@ -21,14 +21,16 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import Flight, Samples
+from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.resample import uniform
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, prepare
-from wrenchgap.learn.design.manoeuvres import LARGEST_ERROR, SEEDED, Limits, available, space, usual, violations
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.design.manoeuvres import SEEDED, Limits, available, space, usual
+from wrenchgap.learn.design.rehearsal import broken, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.screening import Piece, Screen
 from wrenchgap.learn.design.separability import (
     LEAST_SHARE,
@@ -39,17 +41,12 @@ from wrenchgap.learn.design.separability import (
     separability,
     sized,
 )
-from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.controller import evaluate, pushes_along_z_only
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.moves import Move, Moves
-from wrenchgap.plant.sensors import imu_errors
 from wrenchgap.plant.simulate import physics_rate, simulate
-from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.trajectory import Trajectory
 from wrenchgap.plant.trajectory_file import ANGLES, TrajectoryFile, dumps, loads
-from wrenchgap.plant.wrench_model import ModelEffect, about_origin
+from wrenchgap.plant.wrench_model import ModelEffect
 
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
@@ -62,8 +59,6 @@ GRID = 0.04
 """Segments last a multiple of this [s], so that halves and quarters are whole hundredths."""
 REST = 0.5
 """Hover at either end of a flight [s]."""
-RATE = 100.0
-"""Of the open-loop flights [Hz]."""
 VIGOURS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Vigours that are tried, until a manoeuvre keeps the limits."""
 AZIMUTHS = tuple(np.radians([0.0, 30.0, 60.0, 90.0, 150.0]))
@@ -71,8 +66,6 @@ AZIMUTHS = tuple(np.radians([0.0, 30.0, 60.0, 90.0, 150.0]))
 SOFTER = 0.85
 """Factor on the vigour where the plant did not keep the limits."""
 ATTEMPTS = 4
-USE = 0.95
-"""Share of the actuators' limits that an open-loop flight may use: the closed loop needs the rest."""
 HOVER, HALVED = 4.0, 5
 """A vehicle must hover so long [s] with an effect hidden; else the effect is halved, at most so many times."""
 HOPELESS = 2
@@ -125,7 +118,8 @@ class Design(Result):
     expected: Separability
     flown: tuple[Flown, ...]
     tried: int
-    advice: tuple[str, ...]
+    model: Model
+    flights: tuple[OpenFlight, ...] = ()
 
     @property
     def trajectory(self) -> Moves:
@@ -147,6 +141,7 @@ def design(
     names: Sequence[str],
     model: Model,
     *,
+    flights: Sequence[OpenFlight] = (),
     records: Sequence[Record] = (),
     limits: Limits | None = None,
     duration: float = 30.0,
@@ -158,7 +153,7 @@ def design(
     """The flight of `duration` [s] that tells the effects `names` apart best, within `limits`.
 
     `also` are effects fitted along with each (see `learn.design.separability.nuisances`). Sizes of the effects: the model's,
-    else fitted on `records`, else typical. Raises FitError for an effect that no flight of this model can show,
+    else fitted on `flights` (or on `records`), else typical. Raises FitError for an effect that no flight of this model can show,
     UsageError for a length or room in which nothing can be flown.
     """
     if len(set(names)) < 2:
@@ -167,60 +162,10 @@ def design(
         raise UsageError(f"--duration {duration:g}: expected {SHORTEST:g} to {LONGEST:g} s")
     report = progress or (lambda fraction, words: None)
     group = tuple(dict.fromkeys(names))
+    known = [r for f in flights for r in f.records] or records
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
-        return _Search(group, model, tuple(records), limits, duration, also, seed, report).run(baseline)
-
-
-# --- open loop --------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Rehearsal:
-    """A reference flown open loop: the record, and what goes beyond the limits."""
-
-    record: Record
-    violations: tuple[str, ...]
-
-
-def rehearse(
-    trajectory: Trajectory, model: Model, limits: Limits, *, rate_hz: float = RATE, seed: int = 0
-) -> Rehearsal:
-    """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise.
-
-    Actuators may go to the share `USE` of their limits.
-    """
-    time = np.arange(round(trajectory.duration * rate_hz)) / rate_hz
-    r = trajectory.at(time)
-    state = State(time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
-    vehicle, dt = model.vehicle, 1.0 / rate_hz
-    wrench, _ = evaluate(
-        model.controller, vehicle.body, state, r, np.zeros_like(r.omega_D), along_z=pushes_along_z_only(vehicle)
-    )
-    commands, beyond = Commands(wrench), []
-    if vehicle.has_rotors:
-        allocation = Allocation(vehicle)
-        about_O = about_origin(vehicle.body, wrench)
-        commands = replace(allocation.allocate(about_O, dt=dt)[0], wrench_B=wrench)
-        missing = np.linalg.norm((about_O - allocation.achievable(about_O))[:, :3], axis=1).max()
-        if missing > 0.02 * np.linalg.norm(about_O[:, :3], axis=1).max():
-            beyond.append("asks for a force that the rotors cannot make")
-    beyond += violations(vehicle, limits, r.position_E, r.quat_ED, r.velocity_E, commands, dt, USE)
-    noise = imu_errors(replace(model.sensors, imu_rate_hz=rate_hz), len(time), np.random.default_rng(seed))
-    motion = model.wrench_model.motion(model.wrench_model.actuate(commands, state, dt)[0], state.omega_B)
-    samples = Samples(
-        "rehearsal",
-        time,
-        dt,
-        r.omega_D + noise[:, :3],
-        motion.specific_force_B + noise[:, 3:],
-        wrench_cmd_B=wrench,
-        tilt_cmd=commands.tilt,
-        rotor_speed_cmd=commands.rotor_speed,
-        position_E=r.position_E,
-        velocity_E=r.velocity_E,
-        quat_EB=r.quat_ED,
-    )
-    return Rehearsal(prepare(samples, vehicle), tuple(beyond))
+        found = _Search(group, model, tuple(known), limits, duration, also, seed, report).run(baseline)
+    return replace(found, flights=tuple(flights))
 
 
 # --- the search -------------------------------------------------------------------------------------------------------
@@ -298,7 +243,7 @@ class _Search:
             self._judge([rehearse(file.trajectory, self.base, self.limits, seed=self.seed).record]),
             flown,
             self.tried,
-            advice(names),
+            self.base,
         )
 
     def _compose(self) -> tuple[Segment, ...]:
@@ -421,7 +366,7 @@ class _Search:
             found,
             float(so3.tilt_angle(flight.odometry.quat_EB).max()),
             float(np.linalg.norm(velocity, axis=1).max()),
-            _rotor_use(flight, self.model),
+            rotor_use(flight, self.model),
             *tracking(flight, trajectory),
         )
 
@@ -450,74 +395,3 @@ def residual_floor(data: Dataset, base: Model, names: Sequence[str], also: Seque
     left = [imitation(data, base, data.measured, n, along).residual for n in names]
     best = min(left, key=lambda r: float(np.sum((r * data.weights) ** 2)))
     return np.asarray(np.maximum(np.sqrt(np.mean(best**2, axis=0)), data.noise))
-
-
-# --- on the plant -----------------------------------------------------------------------------------------------------
-
-
-def tracking(flight: Flight, trajectory: Trajectory) -> tuple[float, float]:
-    """Largest position error [m] and attitude error [rad] of a flight along a trajectory."""
-    assert flight.odometry is not None
-    want = trajectory.at(flight.odometry.time)
-    off = so3.log(so3.multiply(so3.conjugate(want.quat_ED), flight.odometry.quat_EB))
-    position = np.linalg.norm(flight.odometry.position_E - want.position_E, axis=1)
-    return float(position.max()), float(np.linalg.norm(off, axis=1).max())
-
-
-def broken(flight: Flight, trajectory: Trajectory | None, model: Model, limits: Limits) -> list[str]:
-    """What a flight on the plant did beyond the limits, in words.
-
-    With a trajectory also where it lost it, and where the actuators were at their limits.
-    """
-    odometry, actuators = flight.odometry, flight.actuators
-    assert odometry is not None
-    assert odometry.velocity_E is not None
-    commands, dt = Commands(np.zeros((0, 6))), 1.0
-    if actuators is not None and trajectory is not None:
-        commands = Commands(np.zeros((0, 6)), actuators.tilt, actuators.rotor_speed)
-        dt = actuators.period
-    velocity = odometry.velocity_E
-    found = violations(model.vehicle, limits, odometry.position_E, odometry.quat_EB, velocity, commands, dt)
-    position, attitude = (0.0, 0.0) if trajectory is None else tracking(flight, trajectory)
-    if position > LARGEST_ERROR[0]:
-        found.append(f"is {position:.2f} m from the reference, allowed are {LARGEST_ERROR[0]:g} m")
-    if attitude > LARGEST_ERROR[1]:
-        found.append(
-            f"is {np.degrees(attitude):.0f} deg from the reference, allowed are {np.degrees(LARGEST_ERROR[1]):.0f} deg"
-        )
-    return found + [note for note in flight.notes if "control was lost" in note]
-
-
-def _rotor_use(flight: Flight, model: Model) -> float:
-    """Largest share of a rotor's largest speed."""
-    if flight.actuators is None or not model.vehicle.has_rotors:
-        return 0.0
-    _, rotors = model.vehicle.geometry()
-    return float((flight.actuators.rotor_speed / rotors.speed_max).max())
-
-
-# --- in words ---------------------------------------------------------------------------------------------------------
-
-_ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
-    (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),
-    (
-        ("coaxial_loss", "drag_torque", "rotor_gyroscopic"),
-        "let the allocation run the two rotors of a pair at unequal speeds: at equal speeds a loss of the lower rotor "
-        "is a loss of all thrust",
-    ),
-    (
-        ("rotor_thrust", "tilt_offset", "arm_twist", "rotor_interference", "downwash_blockage"),
-        "move the arms in their null space (tilt neighbours against each other while the wrench stays): a fixed "
-        "allocation ties every arm to the wrench",
-    ),
-    (("thrust_scale",), "measure the thrust of a rotor on a stand, or compare flights in air of another density"),
-    (("inertia",), "swing the vehicle as a pendulum on two strings: that gives its inertia without thrust"),
-    (("wind",), "fly the same moves in still air"),
-    (("tether",), "fly the same moves without cable or contact"),
-    (("imu_misalignment", "imu_lever_arm"), "check the IMU's place and alignment on the bench"),
-)
-
-
-def advice(names: Sequence[str]) -> tuple[str, ...]:
-    """What else tells these effects apart, where no reference trajectory can."""
-    return tuple(words for about, words in _ADVICE if set(about) & set(names))

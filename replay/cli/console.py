@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -37,21 +37,26 @@ class Printer:
             self._console = Console(width=wide, highlight=False)
         return self._console
 
-    def show(self, *renderables: Any) -> None:
-        """Print tables and texts (with rich markup)."""
+    def show(self, *parts: Any) -> None:
+        """Print lines and tables (`replay.present.tables`)."""
         if not self.quiet:
-            for item in renderables:
-                self.console.print(item)
+            from wrenchgap.replay.present.tables import show
+
+            for part in parts:
+                show(self.console, part)
 
     def line(self, text: str = "", style: str = "") -> None:
         """Print one text as it is, without markup."""
-        if not self.quiet:
-            self.console.print(text, style=style or None, markup=False, soft_wrap=False)
+        from wrenchgap.replay.present.tables import Line
 
-    def notes(self, notes: Sequence[str], title: str = "note") -> None:
+        self.show(Line(text, style))
+
+    def notes(self, notes: Iterable[object], title: str = "note") -> None:
         """Print plain sentences that a user should read."""
-        for text in dict.fromkeys(notes):
-            self.line(f"{title}: {text}", style="yellow" if title == "warning" else "dim")
+        from wrenchgap.replay.present.notes import sentences
+        from wrenchgap.replay.present.tables import note_lines
+
+        self.show(*note_lines(sentences(notes), title))
 
     def wrote(self, **files: Any) -> None:
         """Say which files were written."""

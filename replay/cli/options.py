@@ -130,6 +130,24 @@ JsonFile = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+GpOption = Annotated[
+    Path | None, typer.Option("--gp", metavar="GP", help="A Gaussian process of `wrenchgap learn`, on MODEL.")
+]
+Validate = Annotated[
+    list[Path] | None,
+    typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted."),
+]
+Against = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--against", metavar="MODEL2...", help="Other models of the same vehicle.", autocompletion=complete_models
+    ),
+]
+Figure = Annotated[Path | None, typer.Option("--figure", metavar="PNG", help="Draw the result.")]
+Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")]
+FromLogs = Annotated[
+    list[Path] | None, typer.Option("--from", metavar="LOG...", help="Logs to fit to.", show_default=False)
+]
 Effects = Annotated[
     list[str],
     typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects, show_default=False),
@@ -214,6 +232,15 @@ def _words(ctx: typer.Context, wanted: Callable[[str], bool]) -> list[str]:
     return words
 
 
+def parse_cutoff(hz: float) -> float:
+    """The cut-off [Hz], if it is one; raises UsageError."""
+    from wrenchgap.flight.errors import UsageError
+
+    if not (math.isfinite(hz) and hz > 0):
+        raise UsageError(f"--cutoff {hz:g}: expected a positive number of Hz, e.g. 8")
+    return hz
+
+
 def parse_between(text: str | None) -> tuple[float, float] | None:
     """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
     from wrenchgap.flight.errors import UsageError
@@ -262,6 +289,40 @@ def parse_topics(texts: Sequence[str] | None) -> dict[str, str]:
             raise UsageError(f"--topic {role}: given twice; say it once")
         found[role] = topic
     return found
+
+
+def parse_effects(text: str | None) -> tuple[str, ...]:
+    """`"a,b"` as names of effects; raises ModelError for one that is not in the catalogue."""
+    from wrenchgap.plant.effects import find
+
+    return tuple(find(name).name for name in parse_names(text))
+
+
+def parse_outputs(text: str) -> tuple[str, ...]:
+    """`torque`, `wrench`, or names of axes separated by commas; raises UsageError on anything else."""
+    from wrenchgap.flight.errors import UsageError
+    from wrenchgap.flight.flight import AXES
+
+    if text in ("torque", "wrench"):
+        return AXES[3:] if text == "torque" else AXES
+    names = parse_names(text)
+    wrong = [n for n in names if n not in AXES]
+    if wrong or not names or len(set(names)) < len(names):
+        raise UsageError(f"--outputs {text}: expected torque, wrench, or different names out of {', '.join(AXES)}")
+    return names
+
+
+def parse_room(text: str | None) -> tuple[float, float, float] | None:
+    """`"4,4,3"` as three lengths [m]; raises UsageError on anything else."""
+    from wrenchgap.flight.errors import UsageError
+
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--room {text}: expected three lengths in metres, e.g. --room 4,4,3") from None
+    return x, y, z
 
 
 def parse_names(text: str | None) -> tuple[str, ...]:

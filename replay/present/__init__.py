@@ -40,10 +40,15 @@ def text(result: Any) -> str:
     from wrenchgap.replay.present.tables import show
 
     console = Console(width=WIDTH, highlight=False, file=StringIO(), color_system=None)
-    for part in _module(result).parts(result):
+    for part in parts(result):
         show(console, part)
     printed: str = console.file.getvalue()  # type: ignore[attr-defined]
     return printed.rstrip()
+
+
+def parts(result: Any) -> Any:
+    """The lines and tables of a printed result."""
+    return _module(result).parts(result)
 
 
 def to_json(result: Any) -> dict[str, Any]:

@@ -1,43 +1,84 @@
-"""A designed flight in words, in plain types, in its file and as a figure."""
+"""A designed flight: the result in words, tables, JSON, and the files that are written."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
-from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.designer import Design
-from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.design.separability import LEAST_SHARE, Direction, Separability
-from wrenchgap.plant.model import Model
+from wrenchgap.plant import trajectory_file
+from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory_file import TrajectoryFile
-from wrenchgap.replay.present.documents import atomic, claim
-from wrenchgap.replay.present.wrench_figure import LABELS, PREDICTED
+from wrenchgap.replay.present.addition import effects_json
+from wrenchgap.replay.present.documents import atomic
+from wrenchgap.replay.present.figures import save
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import separation
+from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
 
 Array = NDArray[np.float64]
 
-MOST_PANELS = 4
-"""How many directions a figure shows, the hardest first."""
+
+ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),
+    (
+        ("coaxial_loss", "drag_torque", "rotor_gyroscopic"),
+        "let the allocation run the two rotors of a pair at unequal speeds: at equal speeds a loss of the lower rotor "
+        "is a loss of all thrust",
+    ),
+    (
+        ("rotor_thrust", "tilt_offset", "arm_twist", "rotor_interference", "downwash_blockage"),
+        "move the arms in their null space (tilt neighbours against each other while the wrench stays): a fixed "
+        "allocation ties every arm to the wrench",
+    ),
+    (("thrust_scale",), "measure the thrust of a rotor on a stand, or compare flights in air of another density"),
+    (("inertia",), "swing the vehicle as a pendulum on two strings: that gives its inertia without thrust"),
+    (("wind",), "fly the same moves in still air"),
+    (("tether",), "fly the same moves without cable or contact"),
+    (("imu_misalignment", "imu_lever_arm"), "check the IMU's place and alignment on the bench"),
+)
 
 
-def parse_room(text: str | None, limits: Limits) -> tuple[float, float, float]:
-    """`"4,4,3"` as three lengths [m]; UsageError on anything else."""
-    if text is None:
-        return limits.room
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"--room {text}: expected three lengths in metres, e.g. --room 4,4,3") from None
-    return x, y, z
+def advice(design: Design) -> tuple[str, ...]:
+    """What else separates these effects, where no reference trajectory can."""
+    return tuple(words for about, words in ADVICE if set(about) & set(design.expected.names))
+
+
+def parts(design: Design) -> list[Part]:
+    """The result, separations by direction, the sizes that were assumed, how the flight went on the plant."""
+    out = [Line(sentence(design), "bold")]
+    out += [Line(f"  instead: {words}") for words in ([] if design.separable else advice(design))]
+    heads = ("if it is", "can this imitate it?", "cosine", design.baseline, "cosine", "this flight", "simulated")
+    separations = plain("separation of the two explanations", (*heads, "shows on"), directions(design), left=2)
+    return [
+        *out,
+        Line(),
+        separations,
+        parameters(sizes(design), "sizes that were assumed"),
+        Line(f"moves: {', '.join(map(str, design.segments))}"),
+        Line(f"on the simulated vehicle: {flown(design)}"),
+        *note_lines(sentences(note for f in design.flights for note in f.notes)),
+    ]
+
+
+def write(design: Design, output: Path, csv: Path | None, figure: Path | None, *, force: bool = False) -> None:
+    """The trajectory file, the sampled reference and the figure, where they are asked for."""
+    file = finished(design, output.stem)
+    with atomic(output) as partial:
+        partial.write_text(trajectory_file.dumps(file), encoding="utf-8")
+    if csv is not None:
+        with atomic(csv) as partial:
+            trajectory_file.write_csv(file, partial, design.model.controller.rate_hz)
+    if figure is not None:
+        save(design, figure, force=force)
 
 
 def sentence(design: Design) -> str:
@@ -48,19 +89,19 @@ def sentence(design: Design) -> str:
     if design.separable:
         before = design.before.separation
         found = min(design.simulated(d.truth, d.imitator) for d in design.expected.counting)
-        was = "it cannot tell them apart" if not design.before.separable else "it can tell them apart already"
+        was = "they are indistinguishable there" if not design.before.separable else "they are separable there already"
         return (
-            f"This flight of {design.trajectory.duration:g} s tells {names} apart: expected separation "
+            f"This flight of {design.trajectory.duration:g} s separates {names}: expected separation "
             f"{design.expected.separation:.1f}, simulated {found:.1f} ({least}). "
-            f"{design.baseline[:1].upper()}{design.baseline[1:]}: {_separation(before)}; {was}."
+            f"{design.baseline[:1].upper()}{design.baseline[1:]}: {separation(before)}; {was}."
         )
     if design.expected.separable:
         return (
-            f"The best flight found should tell {names} apart (expected separation {design.expected.separation:.1f}), "
+            f"The best flight found should separate {names} (expected separation {design.expected.separation:.1f}), "
             f"but fits to the simulated flights do not confirm it ({least}); do not rely on it."
         )
     return (
-        f"No reference trajectory within these limits tells {names} apart: {_reason(hard)}. "
+        f"No reference trajectory within these limits separates {names}: {_reason(hard)}. "
         f"Expected separation of the best flight found: {hard.separation:.1f} ({least})."
     )
 
@@ -77,12 +118,6 @@ def _reason(direction: Direction) -> str:
     return f"what {direction.imitator} leaves of {direction.truth} is lost in the noise"
 
 
-def next_flight(names: Sequence[str], source: str, logs: Sequence[str | Path] = ()) -> str:
-    """The command that designs a flight to tell `names` apart, for the result of `explain`."""
-    given = f" --from {' '.join(map(str, logs))}" if logs else ""
-    return f"wrenchgap design {' '.join(names)} -m {source}{given} -o separate.toml"
-
-
 def directions(design: Design) -> list[tuple[str, ...]]:
     """Rows for a table: truth, imitator, separations before, expected and simulated, imitated share, where it shows."""
     before = {(d.truth, d.imitator): d for d in design.before.directions}
@@ -95,19 +130,14 @@ def directions(design: Design) -> list[tuple[str, ...]]:
                 d.truth,
                 d.imitator if d.counts else f"{d.imitator} (richer)",
                 _cosine(old.cosine),
-                _separation(old.separation),
+                separation(old.separation),
                 _cosine(d.cosine),
-                _separation(d.separation),
-                _separation(design.simulated(d.truth, d.imitator)),
+                separation(d.separation),
+                separation(design.simulated(d.truth, d.imitator)),
                 telling,
             )
         )
     return rows
-
-
-def _separation(value: float) -> str:
-    """Beyond a hundred no digit says anything."""
-    return f"{value:.1f}" if value < 100.0 else "> 100"
 
 
 def _cosine(value: float) -> str:
@@ -124,24 +154,30 @@ def flown(design: Design) -> str:
     return ", ".join([*parts, f"within {100 * error:.1f} cm of the reference"])
 
 
-def sizes(design: Design, model: Model) -> list[tuple[str, str, float, float | None, str]]:
-    """(effect, parameter, value, std, unit) of the effects as they were assumed."""
+def sizes(design: Design) -> list[Snapshot]:
+    """The effects as they were assumed."""
     return [
-        (e.name, p.name, float(v), None, p.unit)
+        Snapshot(
+            e.name,
+            tuple(
+                Value(p.name, float(v), None, p.unit)
+                for p, v in zip(e.effect.parameters(design.model.vehicle), e.theta, strict=True)
+            ),
+        )
         for e in design.effects
-        for p, v in zip(e.effect.parameters(model.vehicle), e.theta, strict=True)
     ]
 
 
-def finished(design: Design, model: Model, flights: Sequence[OpenFlight], name: str) -> TrajectoryFile:
+def finished(design: Design, name: str) -> TrajectoryFile:
     """The file to write: the trajectory, and what it is for."""
+    model = design.model
     before = {(d.truth, d.imitator): d for d in design.before.directions}
     purpose = {
         "separates": list(design.expected.names),
         "made_by": f"wrenchgap {tool_version()} design",
         "model": model.name,
         "model_sha256": content_hash(model),
-        "logs": [f.flight.path.name for f in flights],
+        "logs": [f.flight.path.name for f in design.flights],
         "manoeuvres": [str(s) for s in design.segments],
         "before": design.baseline,
         "expected": [
@@ -158,23 +194,14 @@ def finished(design: Design, model: Model, flights: Sequence[OpenFlight], name: 
     return TrajectoryFile(name, design.trajectory, model.vehicle.name, purpose)
 
 
-def to_json(design: Design, model: Model) -> dict[str, Any]:
+def to_json(design: Design) -> dict[str, Any]:
     """The body of the `design` schema."""
     limits = design.limits
     return {
-        "effects": [
-            {
-                "effect": e.name,
-                "parameters": [
-                    {"name": p.name, "value": float(v), "unit": p.unit}
-                    for p, v in zip(e.effect.parameters(model.vehicle), e.theta, strict=True)
-                ],
-            }
-            for e in design.effects
-        ],
+        "effects": effects_json(sizes(design)),
         "separable": design.separable,
         "summary": sentence(design),
-        "advice": [] if design.separable else list(design.advice),
+        "advice": [] if design.separable else list(advice(design)),
         "axes": list(AXES),
         "baseline": design.baseline,
         "before": _separability(design.before, design, simulated=False),
@@ -197,6 +224,7 @@ def to_json(design: Design, model: Model) -> dict[str, Any]:
         ],
         "tried": design.tried,
         "least_separation": INDISTINCT,
+        "notes": sentences(note for f in design.flights for note in f.notes),
     }
 
 
@@ -227,54 +255,19 @@ def _separability(found: Separability, design: Design, *, simulated: bool) -> di
     }
 
 
-def figure(design: Design, path: Path, *, force: bool = False) -> None:
-    """The reference; below, for each direction, what the truth adds and its imitation on the axis that tells most."""
-    claim({"--figure": path}, force=force)
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    shown = sorted(design.expected.directions, key=lambda d: d.merit)[:MOST_PANELS]
-    panels, axes = plt.subplots(
-        2 + len(shown), 1, figsize=(11, 2.2 * (2 + len(shown))), layout="constrained", sharex=True
-    )
-    _reference(axes[0], axes[1], design)
-    for panel, d in zip(axes[2:], shown, strict=True):
-        added, imitated = (part[:, d.telling] for part in d.traces)
-        cut = 0.5 * (design.trajectory.duration - design.expected.seconds)  # what the filter needs at either end
-        time = np.linspace(cut, design.trajectory.duration - cut, len(added))
-        panel.plot(time, added, color="black", lw=1.1, label=f"{d.truth} adds")
-        panel.plot(time, imitated, color=PREDICTED[1], lw=1.1, label=f"best that {d.imitator} can do")
-        panel.fill_between(time, added, imitated, color=PREDICTED[1], alpha=0.15, lw=0)
-        panel.set_ylabel(LABELS[d.telling])
-        panel.set_title(
-            f"{d.truth} or {d.imitator}: separation {d.separation:.1f} expected, "
-            f"{design.simulated(d.truth, d.imitator):.1f} simulated",
-            loc="left",
-            fontsize=10,
-        )
-    for panel in axes:
-        panel.grid(alpha=0.3)
-        panel.margins(x=0.01)
-        panel.legend(loc="upper right", fontsize=8, frameon=False, ncols=3)
-    axes[-1].set_xlabel("time [s]")
-    panels.suptitle(f"{', '.join(map(str, design.segments))}", x=0.01, ha="left", fontsize=11)
-    try:
-        with atomic(path) as partial:
-            panels.savefig(partial, dpi=110, format="png")
-    finally:
-        plt.close(panels)
-
-
-def _reference(place: Any, attitude: Any, design: Design) -> None:
-    """Position; tilt, heading and speed of the reference."""
-    r = design.trajectory.at(np.linspace(0.0, design.trajectory.duration, 1500))
-    for axis, colour in zip(range(3), PREDICTED, strict=False):
-        place.plot(r.time, r.position_E[:, axis], color=colour, lw=1.1, label="xyz"[axis])
-    place.set_ylabel("position [m]")
-    heading = so3.rotate(r.quat_ED, np.array([1.0, 0.0, 0.0]))
-    turned = np.degrees(np.unwrap(np.arctan2(heading[:, 1], heading[:, 0])))
-    attitude.plot(r.time, np.degrees(so3.tilt_angle(r.quat_ED)), color=PREDICTED[0], lw=1.1, label="tilt")
-    attitude.plot(r.time, turned, color=PREDICTED[2], lw=1.1, label="direction of body x")
-    attitude.set_ylabel("[deg]")
+def to_frame(design: Design) -> pd.DataFrame:
+    """One row for each direction: truth, imitator, separation before, expected and simulated, cosine."""
+    before = {(d.truth, d.imitator): d for d in design.before.directions}
+    rows = [
+        {
+            "truth": d.truth,
+            "imitator": d.imitator,
+            "counts": d.counts,
+            "before": before[d.truth, d.imitator].separation,
+            "expected": d.separation,
+            "simulated": design.simulated(d.truth, d.imitator),
+            "cosine": d.cosine,
+        }
+        for d in design.expected.directions
+    ]
+    return pd.DataFrame(rows)

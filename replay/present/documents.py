@@ -12,14 +12,17 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.flight.flight import Flight
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 VERSIONS = {
     "inspect": 1,
@@ -140,16 +143,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-__all__ = [
-    "AXES",
-    "atomic",
-    "claim",
-    "document",
-    "file_input",
-    "log_input",
-    "model_input",
-    "plain",
-    "schema",
-    "sha256",
-    "write_json",
-]
+def write_csv(frame: pd.DataFrame, path: Path, digits: str | None = "%.9g") -> None:
+    """A table as CSV, all of it or nothing."""
+    with atomic(path) as partial:
+        frame.to_csv(partial, index=False, float_format=digits)

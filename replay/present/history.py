@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,24 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.identify.add import trial_json
-from wrenchgap.plant.history import Changes, Snapshot, Version, changes
+from wrenchgap.plant.history import Changes, Version, changes
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import changed_since
-from wrenchgap.replay.present import tables
+from wrenchgap.replay.present.addition import effects_json, trial_json
+from wrenchgap.replay.present.numbers import AXIS_HEADS, number
+from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
 
 _Row = tuple[str, str, float | None, float | None, float | None, str, float | None]
+
+
+def parts(model: Model) -> list[Part]:
+    """Versions, parameters that moved, notes."""
+    if not model.history:
+        first: list[Part] = [Line(f"{model.name}: no history; wrenchgap add and wrenchgap remove write one")]
+    else:
+        moved = table_of_changes(model)
+        first = [table_of_versions(model), *([moved] if moved.row_count else [])]
+    return [*first, *note_lines(notes(model))]
 
 
 def steps(model: Model) -> Iterator[tuple[Version, Changes]]:
@@ -30,10 +40,9 @@ def steps(model: Model) -> Iterator[tuple[Version, Changes]]:
 
 def table_of_versions(model: Model) -> Table:
     """One row for each version: what changed, from which flights, and the change of the error by axis."""
-    heads = tuple(head.split(" ")[0] for head in tables.HEADS)
-    out = tables.table(f"{model.name}: versions", "", "date", "what changed", "from", *heads, left=4)
+    out = table(f"{model.name}: versions", "", "date", "what changed", "from", *AXIS_HEADS, left=4)
     for version, changed in steps(model):
-        falls = tables.fall(version.trial.fall) if version.trial is not None else ["-"] * 6
+        falls = reductions(version.trial.fall) if version.trial is not None else ["-"] * 6
         flights = ", ".join(Path(file).stem for file, _ in version.flights) or "-"
         row = (version.date[:10] or "-", escape(words(version, changed)), escape(flights))
         out.add_row(str(version.number), *row, *falls)
@@ -55,7 +64,7 @@ def words(version: Version, changed: Changes) -> str:
 
 def table_of_changes(model: Model) -> Table:
     """Parameters by version: value before and after, with standard deviations."""
-    out = tables.table("parameters", "", "effect", "parameter", "before", "after", "+-", "unit", "sigmas", left=3)
+    out = table("parameters", "", "effect", "parameter", "before", "after", "+-", "unit", "sigmas", left=3)
     out.columns[6].justify = "left"
     for version, changed in steps(model):
         rows: list[_Row] = []
@@ -66,7 +75,7 @@ def table_of_changes(model: Model) -> Table:
             for c in changed.moved
         ]
         for effect, name, before, after, std, unit, sigmas in rows:
-            numbers = (tables.number(before, 4), tables.number(after, 4), tables.number(std, 2))
+            numbers = (number(before, 4), number(after, 4), number(std, 2))
             shift = "-" if sigmas is None else f"{sigmas:+.1f}"
             out.add_row(str(version.number), escape(effect), escape(name), *numbers, unit, shift)
     return out
@@ -117,9 +126,5 @@ def _version(version: Version, changed: Changes) -> dict[str, Any]:
             }
             for c in changed.moved
         ],
-        "effects": [_snapshot(e) for e in version.effects],
+        "effects": effects_json(version.effects),
     }
-
-
-def _snapshot(effect: Snapshot) -> dict[str, Any]:
-    return {"effect": effect.effect, "parameters": [asdict(v) for v in effect.values]}

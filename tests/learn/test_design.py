@@ -6,8 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.design import designer as search
-from wrenchgap.learn.design.designer import advice, design, rehearse
+from wrenchgap.learn.design.designer import advice, design
 from wrenchgap.learn.design.manoeuvres import Limits, available, extent, space, usual, violations
+from wrenchgap.learn.design.rehearsal import rehearse
 from wrenchgap.learn.design.separability import separability
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect

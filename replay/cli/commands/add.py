@@ -7,24 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Between,
-    Cutoff,
-    Force,
-    JsonFile,
-    ModelOption,
-    ModelOut,
-    OwnEffects,
-    Quiet,
-    Shift,
-    Topics,
-    command_line,
-    complete_effects,
-    many,
-    parse_between,
-    parse_shifts,
-    parse_topics,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, show_result, write_result
 
 if TYPE_CHECKING:
     from wrenchgap.plant.model import Model
@@ -32,32 +16,30 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("add", cls=many("--from", "--value"))(add)
+    app.command("add", cls=o.many("--from", "--value"))(add)
 
 
 def add(
     ctx: typer.Context,
-    model: ModelOption,
-    output: ModelOut,
+    model: o.ModelOption,
+    output: o.ModelOut,
     effects: Annotated[
         list[str] | None,
-        typer.Argument(metavar="EFFECT...", help="Effects to fit.", autocompletion=complete_effects),
+        typer.Argument(metavar="EFFECT...", help="Effects to fit.", autocompletion=o.complete_effects),
     ] = None,
-    logs: Annotated[
-        list[Path] | None, typer.Option("--from", metavar="LOG...", help="Logs to fit to.", show_default=False)
-    ] = None,
+    logs: o.FromLogs = None,
     value: Annotated[
         list[str] | None,
         typer.Option("--value", metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
     ] = None,
-    topic: Topics = None,
-    shift: Shift = None,
-    cutoff: Cutoff = 8.0,
-    between: Between = None,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    topic: o.Topics = None,
+    shift: o.Shift = None,
+    cutoff: o.Cutoff = 8.0,
+    between: o.Between = None,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
     """Fit effects to logs and write the model that has them; the model file's comments stay.
 
@@ -67,105 +49,69 @@ def add(
     Example: `wrenchgap add com_offset servo_lag -m tilt_hexarotor --from train.mcap -o fitted.toml`
     """
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.present.documents import claim
 
     claim({"--output": output, "--json": json}, force=force, inputs=logs or ())
-    base = model_file.load(model)
+    base, command = api.load_model(model), o.command_line(ctx)
     if value and (effects or logs):
         raise UsageError("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
     if value:
-        _set(ctx, base, value, output, json, force, quiet)
+        _set(base, value, output, command, json, force, quiet)
         return
     if not effects:
         raise UsageError("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
     if not logs:
         raise UsageError("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
-    _fit(ctx, base, list(effects), logs, output, topic, shift, cutoff, between, json, force, quiet)
+    _fit(base, effects, logs, Reading.of(topic, shift, cutoff, between), output, command, json, force, quiet)
 
 
 def _fit(
-    ctx: typer.Context,
     base: Model,
     effects: list[str],
     logs: list[Path],
+    reading: Reading,
     output: Path,
-    topic: list[str] | None,
-    shift: list[str] | None,
-    cutoff: float,
-    between: str | None,
+    command: str,
     json: Path | None,
     force: bool,
     quiet: bool,
 ) -> None:
-    from wrenchgap.learn.data import comparison
-    from wrenchgap.learn.data.opening import open_flights
-    from wrenchgap.learn.identify import add as editing
-    from wrenchgap.plant import model_file
-    from wrenchgap.plant.effects import find
-    from wrenchgap.plant.history import Outcome
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present import tables
-    from wrenchgap.replay.present.documents import document, log_input, model_input, write_json
+    from wrenchgap.replay.present.documents import model_input
 
-    for name in effects:
-        find(name)
-    printer = Printer(quiet)
-    hz = comparison.cutoff_checked(cutoff)
+    o.parse_effects(",".join(effects))
     with progress("fitting", quiet) as report:
         report(0.0, "reading logs")
-        topics, shifts = parse_topics(topic), parse_shifts(shift)
-        flights = open_flights(logs, base, topics=topics, cutoff_hz=hz, between=parse_between(between), shifts=shifts)
-        edited = editing.add_fitted(base, effects, flights, cutoff_hz=hz, progress=report)
+        flights = reading.open(logs, base)
+        added = api.add(base, effects, flights, progress=report)
     source = model_input(base)  # before the output may replace it
-    versioned = model_file.next_version(
-        base, edited.model, command=command_line(ctx), path=output, flights=edited.flights, trial=edited.trial
-    )
-    saved = model_file.save(versioned, output, force=force)
-    together = [e.name for e in base.effects if e.name not in effects]
-    if edited.refitted:
-        printer.line(f"already in {base.name}, fitted anew: {', '.join(edited.refitted)}")
-    if together:
-        printer.line(f"fitted together with what {base.name} has: {', '.join(together)}")
-    printer.show(tables.parameters(edited.rows, f"effects of {saved.name}"))
-    rows = [("rms before", edited.rms_before), ("rms after", edited.rms_after)]
-    fall = 1.0 - edited.rms_after / edited.rms_before
-    if edited.trial is None:
-        printer.show(tables.before_after("on the fitted logs", rows, fall))
-    else:
-        tried = [("rms before", edited.trial.before), ("rms after", edited.trial.after)]
-        tried.append(("sensor noise", edited.trial.noise))
-        printer.show(tables.before_after("on time of these logs that was not fitted", tried, edited.trial.fall))
-        printer.line(edited.trial.verdict, style="yellow" if edited.trial.outcome is Outcome.WORSE else "")
-    limits = [f"{name} ended at the limit of what is plausible; see docs/effects" for name in edited.fit.at_bound]
-    printer.notes(limits, "warning")
-    notes = [*base.notes, *(note for f in flights for note in f.notes)]
-    printer.notes(notes)
-    if json is not None:
-        inputs = [*(log_input(f.flight) for f in flights), source]
-        head = {"model": str(output), "model_version": saved.history[-1].number}
-        body = {**edited.to_json(), **head, "cutoff_hz": cutoff, "notes": [*limits, *notes]}
-        write_json(json, document("add", body, inputs), force=force)
-    printer.wrote(**{f"model (version {saved.history[-1].number})": output, "result": json})
+    saved = api.save_model(added, output, command=command, force=force)
+    printer = Printer(quiet)
+    show_result(printer, added)
+    number = saved.history[-1].number
+    body = {**added.to_json(), "model": str(output), "model_version": number}
+    write_result(json, "add", body, force=force, flights=flights, inputs=[source])
+    printer.wrote(**{f"model (version {number})": output, "result": json})
 
 
 def _set(
-    ctx: typer.Context, base: Model, values: list[str], output: Path, json: Path | None, force: bool, quiet: bool
+    base: Model, values: list[str], output: Path, command: str, json: Path | None, force: bool, quiet: bool
 ) -> None:
-    from wrenchgap.learn.identify import add as editing
-    from wrenchgap.plant import model_file
+    from wrenchgap.plant.effect_values import set_by_hand
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer
-    from wrenchgap.replay.present import tables
-    from wrenchgap.replay.present.documents import document, model_input, write_json
+    from wrenchgap.replay.present.addition import effects_json, model_table
+    from wrenchgap.replay.present.documents import model_input
 
     source = model_input(base)  # before the output may replace it
-    changed = editing.set_by_hand(base, values)
-    versioned = model_file.next_version(base, changed, command=command_line(ctx), path=output)
-    saved = model_file.save(versioned, output, force=force)
+    saved = api.save_model(set_by_hand(base, values), output, before=base, command=command, force=force)
     printer = Printer(quiet)
-    printer.show(tables.parameters(editing.rows_of(saved), f"effects of {saved.name}"))
-    if json is not None:
-        head = {"model": str(output), "model_version": saved.history[-1].number}
-        body = {"effects": editing.effects_json(saved), "refitted": [], **head}
-        write_json(json, document("add", body, [source]), force=force)
+    printer.show(model_table(saved))
+    number = saved.history[-1].number
+    body = {
+        "effects": effects_json(saved.snapshot), "refitted": [], "model": str(output), "model_version": number
+    }  # fmt: skip
+    write_result(json, "add", body, force=force, inputs=[source])
     printer.wrote(model=output, result=json)

@@ -2,57 +2,32 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Between,
-    Cutoff,
-    Force,
-    JsonFile,
-    Logs,
-    ModelOption,
-    OwnEffects,
-    Quiet,
-    Shift,
-    Topics,
-    complete_models,
-    many,
-    parse_between,
-    parse_shifts,
-    parse_topics,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, load_gp, show_result, write_result
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("compare", cls=many("--against"))(compare)
+    app.command("compare", cls=o.many("--against"))(compare)
 
 
 def compare(
-    logs: Logs,
-    model: ModelOption,
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--against", metavar="MODEL2", help="Further models of the same vehicle.", autocompletion=complete_models
-        ),
-    ] = None,
-    gp: Annotated[Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.")] = None,
-    figure: Annotated[
-        Path | None, typer.Option("--figure", metavar="PNG", help="Draw commanded, measured, predicted.")
-    ] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")] = None,
-    topic: Topics = None,
-    shift: Shift = None,
-    cutoff: Cutoff = 8.0,
-    between: Between = None,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    logs: o.Logs,
+    model: o.ModelOption,
+    against: o.Against = None,
+    gp: o.GpOption = None,
+    figure: o.Figure = None,
+    csv: o.Csv = None,
+    topic: o.Topics = None,
+    shift: o.Shift = None,
+    cutoff: o.Cutoff = 8.0,
+    between: o.Between = None,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
     """Errors of models on flights, per axis and per flight, and where they are worst.
 
@@ -61,50 +36,31 @@ def compare(
 
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
-    from wrenchgap.learn.data import comparison
-    from wrenchgap.learn.data.opening import open_flights
-    from wrenchgap.learn.process import store
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present import tables
-    from wrenchgap.replay.present import wrench_figure as figures
-    from wrenchgap.replay.present.documents import claim, document, file_input, log_input, model_input, write_json
+    from wrenchgap.replay.present.documents import claim, write_csv
 
-    inputs: list[str | Path] = [*logs, model, *(against or ()), *([gp] if gp else ())]
-    claim({"--json": json, "--figure": figure, "--csv": csv}, force=force, inputs=inputs)
-    printer = Printer(quiet)
-    base = model_file.load(model)
-    others = [model_file.load(name) for name in against or ()]
-    process = store.load(gp) if gp is not None else None
-    found, notes = comparison.predictors(base, others, process, comparison.cutoff_checked(cutoff))
+    claim(
+        {"--json": json, "--figure": figure, "--csv": csv},
+        force=force,
+        inputs=[*logs, model, *(against or ()), *([gp] if gp else ())],
+    )
+    base, others = api.load_model(model), [api.load_model(name) for name in against or ()]
+    process, reading = load_gp(gp), Reading.of(topic, shift, cutoff, between)
     with progress("reading", quiet) as report:
         report(0.0, "reading logs")
-        topics, shifts = parse_topics(topic), parse_shifts(shift)
-        flights = open_flights(
-            logs, base, topics=topics, cutoff_hz=cutoff, between=parse_between(between), shifts=shifts
-        )
+        flights = reading.open(logs, base)
         report(0.7, "comparing")
-        result = comparison.compare(flights, base, found)
-
-    printer.show(tables.errors(result))
-    if len(flights) > 1:
-        printer.show(tables.by_flight(result))
-    last = result.evaluations[-1]
-    printer.show(tables.worst(last.name, last.worst))
+        result = api.compare(flights, base, *others, gp=process)
+    printer = Printer(quiet)
+    show_result(printer, result)
     printer.line(f"why there: wrenchgap where {' '.join(map(str, logs))} -m {model}", style="dim")
-    printer.notes([*base.notes, *notes, *result.notes])
     if figure is not None:
-        title = f"{base.name}: {', '.join(result.flights)}"
-        figures.wrench_figure(figures.traces(result), figure, title=title, residuals=result, force=force)
-    if csv is not None:
-        from wrenchgap.replay.present.sample_table import write_csv
+        from wrenchgap.replay.present.figures import save
 
-        write_csv(result, csv, force=force)
-    if json is not None:
-        read = [*(log_input(f.flight) for f in flights), model_input(base)]
-        read += [model_input(other, "against") for other in others]
-        read += [file_input(gp, "gp")] if gp is not None else []
-        body = result.to_json()
-        body["notes"] = [*notes, *body["notes"]]
-        write_json(json, document("compare", {**body, "cutoff_hz": cutoff}, read), force=force)
+        save(result, figure, force=force)
+    if csv is not None:
+        write_csv(result.to_frame(), csv)
+    models = [(base, "model"), *((other, "against") for other in others)]
+    write_result(json, "compare", result.to_json(), force=force, flights=flights, models=models, files=[(gp, "gp")])
     printer.wrote(figure=figure, table=csv, result=json)

@@ -1,4 +1,4 @@
-"""`wrenchgap design`: the flight that tells effects apart."""
+"""`wrenchgap design`: the flight that separates effects."""
 
 from __future__ import annotations
 
@@ -7,160 +7,119 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Between,
-    Effects,
-    Force,
-    JsonFile,
-    ModelOption,
-    OwnEffects,
-    Quiet,
-    Topics,
-    complete_effects,
-    many,
-    parse_between,
-    parse_topics,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, show_result, write_result
 
 if TYPE_CHECKING:
-    from wrenchgap.learn.design.designer import Design
-    from wrenchgap.plant.model import Model
-    from wrenchgap.replay.cli.console import Printer
+    from wrenchgap.learn.design.manoeuvres import Limits
+    from wrenchgap.plant.vehicle import Vehicle
+
+Trajectory = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
+]
+SizesFrom = Annotated[
+    list[Path] | None,
+    typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
+]
+Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the flight.")]
+Room = Annotated[
+    str | None, typer.Option("--room", metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3).")
+]
+Tilt = Annotated[float | None, typer.Option("--max-tilt", metavar="DEG", help="Default 60; 30 for fixed rotors.")]
+Speed = Annotated[float, typer.Option("--max-speed", metavar="M/S", help="Largest speed.")]
+Also = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--also",
+        metavar="EFFECT...",
+        help="What may be there besides, fitted along (default: inertia and a command delay; none: nothing).",
+        autocompletion=o.complete_effects,
+    ),
+]
+Anyway = Annotated[bool, typer.Option("--anyway", help="Write the best flight found even if it separates nothing.")]
+Sampled = Annotated[
+    Path | None, typer.Option("--csv", metavar="FILE", help="The sampled reference, for other flight stacks.")
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the sensor noise.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("design", cls=many("--from", "--also"))(design)
+    app.command("design", cls=o.many("--from", "--also"))(design)
 
 
 def design(
-    effects: Effects,
-    model: ModelOption,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
-    ],
-    logs: Annotated[
-        list[Path] | None,
-        typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
-    ] = None,
-    duration: Annotated[float, typer.Option("--duration", metavar="S", help="Length of the flight.")] = 30.0,
-    room: Annotated[
-        str | None,
-        typer.Option("--room", metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3)."),
-    ] = None,
-    max_tilt: Annotated[
-        float | None, typer.Option("--max-tilt", metavar="DEG", help="Default 60; 30 for fixed rotors.")
-    ] = None,
-    max_speed: Annotated[float, typer.Option("--max-speed", metavar="M/S", help="Largest speed.")] = 2.0,
-    also: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--also",
-            metavar="EFFECT...",
-            help="What may be there besides, fitted along (default: inertia and a command delay; none: nothing).",
-            autocompletion=complete_effects,
-        ),
-    ] = None,
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Write the best flight found even if it separates nothing.")
-    ] = False,
-    csv: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="The sampled reference, for other flight stacks.")
-    ] = None,
-    figure: Annotated[Path | None, typer.Option("--figure", metavar="PNG", help="Plot it.")] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the sensor noise.")] = 0,
-    topic: Topics = None,
-    between: Between = None,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    effects: o.Effects,
+    model: o.ModelOption,
+    output: Trajectory,
+    logs: SizesFrom = None,
+    duration: Duration = 30.0,
+    room: Room = None,
+    max_tilt: Tilt = None,
+    max_speed: Speed = 2.0,
+    also: Also = None,
+    anyway: Anyway = False,
+    csv: Sampled = None,
+    figure: o.Figure = None,
+    seed: Seed = 0,
+    topic: o.Topics = None,
+    between: o.Between = None,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
-    """Find the reference trajectory that tells effects apart, and check it on the simulated vehicle.
+    """Find the reference trajectory that separates effects, and check it on the simulated vehicle.
 
-    Sizes of the effects are those of MODEL, else fitted to the logs, else typical. Where no trajectory can tell them
-    apart, that is said with what would, and no file is written. Fly the result with `wrenchgap simulate -t FLIGHT`.
+    Sizes of the effects are those of MODEL, else fitted to the logs, else typical. Where no trajectory can separate
+    them, that is said with what would, and no file is written. Fly the result with `wrenchgap simulate -t FLIGHT`.
 
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """
-    from dataclasses import replace
-
-    import numpy as np
-
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.learn.data.opening import open_flights
-    from wrenchgap.learn.design import designer as search
-    from wrenchgap.learn.design.manoeuvres import usual
-    from wrenchgap.plant import model_file, trajectory_file
-    from wrenchgap.plant.effects import find
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present import design as designing
-    from wrenchgap.replay.present.documents import atomic, claim, document, log_input, model_input, write_json
+    from wrenchgap.replay.present import design as present
+    from wrenchgap.replay.present.documents import claim
 
     outputs = {"--output": output, "--csv": csv, "--figure": figure, "--json": json}
     claim(outputs, force=force, inputs=[*(logs or ()), model])
     if output.suffix != ".toml":
         raise UsageError(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    if seed < 0:
-        raise UsageError(f"--seed {seed}: expected a whole number that is not negative")
-    base = model_file.load(model)
-    along = None if also is None else tuple(n for n in also if n != "none")
-    for name in (*effects, *(along or ())):
-        find(name)
-    limits = usual(base.vehicle)
-    tilt = limits.tilt if max_tilt is None else float(np.radians(max_tilt))
-    limits = replace(limits, room=designing.parse_room(room, limits), tilt=tilt, speed=max_speed)
+    base, reading = api.load_model(model), Reading.of(topic, None, between=between)
+    along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with progress("designing", quiet) as report:
         report(0.0, "reading logs")
-        flights = open_flights(logs or [], base, topics=parse_topics(topic), between=parse_between(between))
-        found = search.design(
-            effects,
+        found = api.design(
+            o.parse_effects(",".join(effects)),
             base,
-            records=[r for f in flights for r in f.records],
-            limits=limits,
+            reading.open(logs or [], base),
+            limits=_limits(base.vehicle, room, max_tilt, max_speed),
             duration=duration,
             also=along,
             seed=seed,
             progress=report,
         )
     written = found.separable or anyway
-    file = designing.finished(found, base, flights, output.stem)
     if written:
-        with atomic(output) as partial:
-            partial.write_text(trajectory_file.dumps(file), encoding="utf-8")
-        if csv is not None:
-            with atomic(csv) as partial:
-                trajectory_file.write_csv(file, partial, base.controller.rate_hz)
-        if figure is not None:
-            designing.figure(found, figure, force=force)
+        present.write(found, output, csv, figure, force=force)
     printer = Printer(quiet)
-    _print(printer, found, base)
-    notes = list(dict.fromkeys(note for f in flights for note in f.notes))
-    printer.notes(notes)
-    if json is not None:
-        body = {**designing.to_json(found, base), "notes": notes, "trajectory": str(output) if written else None}
-        write_json(
-            json, document("design", body, [*(log_input(f.flight) for f in flights), model_input(base)]), force=force
-        )
-    printer.wrote(trajectory=output if written else None, csv=csv if written else None, result=json)
-    if figure is not None and written:
-        printer.wrote(figure=figure)
+    show_result(printer, found)
+    body = {**found.to_json(), "trajectory": str(output) if written else None}
+    write_result(json, "design", body, force=force, flights=found.flights, models=[(base, "model")])
+    printer.wrote(**({"trajectory": output, "csv": csv, "figure": figure} if written else {}), result=json)
     if written:
         printer.line(f"next: wrenchgap simulate -m {model} -t {output} -o flight.mcap, or fly it")
 
 
-def _print(printer: Printer, found: Design, model: Model) -> None:
-    from wrenchgap.replay.present import design as designing
-    from wrenchgap.replay.present import tables
+def _limits(vehicle: Vehicle, room: str | None, tilt_deg: float | None, speed: float) -> Limits:
+    """The usual limits of a vehicle, changed as the options say."""
+    from dataclasses import replace
 
-    printer.line(designing.sentence(found), style="bold")
-    if not found.separable:
-        for words in found.advice:
-            printer.line(f"  instead: {words}")
-    printer.line()
-    heads = ("if it is", "can this imitate it?", "cosine", found.baseline, "cosine", "this flight", "simulated")
-    title = "separation of the two explanations"
-    printer.show(tables.plain(title, (*heads, "shows on"), designing.directions(found), left=2))
-    printer.show(tables.parameters(designing.sizes(found, model), "sizes that were assumed"))
-    printer.line(f"moves: {', '.join(map(str, found.segments))}")
-    printer.line(f"on the simulated vehicle: {designing.flown(found)}")
+    import numpy as np
+
+    from wrenchgap.learn.design.manoeuvres import usual
+
+    limits = usual(vehicle)
+    tilt = limits.tilt if tilt_deg is None else float(np.radians(tilt_deg))
+    return replace(limits, room=o.parse_room(room) or limits.room, tilt=tilt, speed=speed)

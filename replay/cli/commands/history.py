@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import Force, JsonFile, OwnEffects, Quiet, complete_models
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import write_result
 
 
 def register(app: typer.Typer) -> None:
@@ -17,12 +18,14 @@ def register(app: typer.Typer) -> None:
 def history(
     model: Annotated[
         str,
-        typer.Argument(metavar="MODEL", help="Model file (.toml).", autocompletion=complete_models, show_default=False),
+        typer.Argument(
+            metavar="MODEL", help="Model file (.toml).", autocompletion=o.complete_models, show_default=False
+        ),
     ],
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
     """Versions of a model: what each changed, from which flights, and what that did to the error.
 
@@ -31,22 +34,14 @@ def history(
 
     Example: `wrenchgap history fitted.toml`
     """
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer
-    from wrenchgap.replay.present import history as versions
-    from wrenchgap.replay.present.documents import claim, document, model_input, write_json
+    from wrenchgap.replay.present import history as present
+    from wrenchgap.replay.present.documents import claim
 
     claim({"--json": json}, force=force, inputs=[model])
-    read = model_file.load(model)
+    read = api.load_model(model)
     printer = Printer(quiet)
-    if not read.history:
-        printer.line(f"{read.name}: no history; wrenchgap add and wrenchgap remove write one")
-    else:
-        printer.show(versions.table_of_versions(read))
-        moved = versions.table_of_changes(read)
-        if moved.row_count:
-            printer.show(moved)
-    printer.notes(versions.notes(read))
-    if json is not None:
-        write_json(json, document("history", versions.to_json(read), [model_input(read)]), force=force)
+    printer.show(*present.parts(read))
+    write_result(json, "history", present.to_json(read), force=force, models=[(read, "model")])
     printer.wrote(result=json)

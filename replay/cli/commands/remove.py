@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Effects,
-    Force,
-    JsonFile,
-    ModelOption,
-    ModelOut,
-    OwnEffects,
-    Quiet,
-    command_line,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import write_result
 
 
 def register(app: typer.Typer) -> None:
@@ -23,35 +15,32 @@ def register(app: typer.Typer) -> None:
 
 def remove(
     ctx: typer.Context,
-    effects: Effects,
-    model: ModelOption,
-    output: ModelOut,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    effects: o.Effects,
+    model: o.ModelOption,
+    output: o.ModelOut,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
     """Take effects out of a model; the others keep their values (fit them anew with `wrenchgap add`).
 
     Example: `wrenchgap remove servo_lag -m fitted.toml -o without.toml`
     """
-    from wrenchgap.learn.identify import add as editing
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer
-    from wrenchgap.replay.present import tables
-    from wrenchgap.replay.present.documents import claim, document, model_input, write_json
+    from wrenchgap.replay.present.addition import effects_json, model_table
+    from wrenchgap.replay.present.documents import claim, model_input
 
     claim({"--output": output, "--json": json}, force=force)
-    base = model_file.load(model)
+    base = api.load_model(model)
     source = model_input(base)  # before the output may replace it
-    less = model_file.next_version(base, base.without(effects), command=command_line(ctx), path=output)
-    saved = model_file.save(less, output, force=force)
+    saved = api.save_model(base.without(effects), output, before=base, command=o.command_line(ctx), force=force)
+    names = list(dict.fromkeys(effects))
     printer = Printer(quiet)
-    printer.line(f"removed {', '.join(dict.fromkeys(effects))} from {base.name}")
-    if saved.effects:
-        printer.show(tables.parameters(editing.rows_of(saved), f"effects of {saved.name}"))
-    if json is not None:
-        body = {"removed": list(dict.fromkeys(effects)), "effects": editing.effects_json(saved), "model": str(output)}
-        body["model_version"] = saved.history[-1].number
-        write_json(json, document("remove", body, [source]), force=force)
-    printer.wrote(**{f"model (version {saved.history[-1].number})": output, "result": json})
+    printer.line(f"removed {', '.join(names)} from {base.name}")
+    printer.show(*([model_table(saved)] if saved.effects else []))
+    number = saved.history[-1].number
+    body = {"removed": names, "effects": effects_json(saved.snapshot), "model": str(output), "model_version": number}
+    write_result(json, "remove", body, force=force, inputs=[source])
+    printer.wrote(**{f"model (version {number})": output, "result": json})
