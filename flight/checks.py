@@ -15,9 +15,9 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.flight import Array, Flight, Series
+from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.stamps import jitter
 
-GRAVITY = 9.81
 DEGREES = 180.0 / np.pi
 
 Level = Literal["ok", "warn", "bad"]

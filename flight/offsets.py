@@ -34,6 +34,7 @@ from scipy.stats import t as student
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES, Array, Flight, Gap, OdometrySeries, ReferenceSeries
+from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.stamps import nominal_period
 
 Complex = NDArray[np.complex128]
@@ -457,7 +458,7 @@ def _without_trend(x: Array, values: Array, weight: Array) -> Array:
     return np.asarray(values - mean - np.outer(lever, slope))
 
 
-GRAVITY_E = np.array([0.0, 0.0, 9.80665])
+GRAVITY_E = np.array([0.0, 0.0, GRAVITY])
 """What an accelerometer at rest reads, in E [m/s^2]."""
 
 

@@ -24,9 +24,9 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
+from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.stamps import nominal_period
 
-GRAVITY = 9.81  # m/s^2
 MAXIMUM_RATE = 250.0  # Hz
 ANTI_ALIAS_RATIO = 1.3  # a series faster than this many grid rates is low-passed first
 ANTI_ALIAS_CUTOFF = 0.4  # of the grid rate

@@ -9,7 +9,7 @@ The rotors of one arm turn at equal speed. An arm that cannot tilt contributes o
 vehicles are the special case without lateral columns. Source: reference vehicle.md; Kamel et al., "The Voliro
 omniorientational hexacopter", 2018.
 
-Angles are unwrapped from sample to sample and held while an arm's thrust is below `HOLD_THRUST`; then limited in
+Angles are unwrapped from sample to sample and held while an arm's thrust is below `hold_thrust`; then limited in
 rate and range; rotor speeds are limited in range.
 """
 
@@ -21,12 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.plant.state import Commands
-from wrenchgap.plant.vehicle import Arms, Rotors, Vehicle
+from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 
 Array = NDArray[np.float64]
 
-HOLD_THRUST = 0.2
-"""Arm thrust [N] below which the tilt direction is meaningless and the angle is held."""
+HOLD_THRUST, HOLD_SHARE = 0.2, 0.05
+"""Arm thrust [N], and share of an arm's thrust in hover, below which the tilt direction is meaningless and the angle
+is held. The smaller counts: 0.2 N is more than an arm of a 30 g vehicle ever pushes."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class Allocation:
         arms, rotors = vehicle.geometry()
         self.matrix, self._groups = _columns(arms, rotors)
         self.inverse: Array = np.asarray(np.linalg.pinv(self.matrix, rcond=1e-9), dtype=np.float64)
+        self.hold_thrust = min(HOLD_THRUST, HOLD_SHARE * vehicle.body.mass * GRAVITY / len(arms))
         self.rank = int(np.linalg.matrix_rank(self.matrix, tol=1e-9))
 
     def achievable(self, wrench_B: Array) -> Array:
@@ -95,7 +97,7 @@ class Allocation:
                 column += 2
                 thrust = np.hypot(lat, ver)
                 raw_tilt[:, arm] = np.arctan2(lat, ver)
-                weak[:, arm] = thrust < HOLD_THRUST
+                weak[:, arm] = thrust < self.hold_thrust
             else:
                 thrust = unknowns[:, column]
                 column += 1

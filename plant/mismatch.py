@@ -98,7 +98,7 @@ class Follows(Protocol):
 
 def needs_state(model: MismatchModel | Follows) -> bool:
     """Whether a model depends on the state besides the command."""
-    return isinstance(model, Follows) and model.needs_state
+    return bool(getattr(model, "needs_state", False))
 
 
 def output_indices(outputs: tuple[str, ...]) -> NDArray[np.intp]:

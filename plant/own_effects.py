@@ -19,8 +19,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from dataclasses import fields, is_dataclass, replace
-from functools import cache
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn, cast
@@ -28,14 +27,11 @@ from typing import Any, NoReturn, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import (
     AnyEffect,
     BodyEffect,
     CommandEffect,
-    Context,
     Effect,
     Parameter,
     SensorEffect,
@@ -46,16 +42,13 @@ from wrenchgap.plant.effects import (
     forget,
     register,
 )
-from wrenchgap.plant.state import Commands, Motion, Rates, State
-from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.own_effect_trial import Trial, Wrong, vehicles
+from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
 PAGE = "see docs/effects/your-own.md"
-SAMPLES = 6
-"""How many samples the checks use."""
-
 _PREFIX = "wrenchgap_own_effect_"
 
 
@@ -144,10 +137,6 @@ def _first_line(error: BaseException) -> str:
     return (str(error).splitlines() or [""])[0]
 
 
-class _Wrong(Exception):
-    """What `apply` returned is not what its place asks for."""
-
-
 class _File:
     """One class of a user's file, and what is checked of it."""
 
@@ -170,7 +159,7 @@ class _File:
                 return function()
         except ModelError:
             raise
-        except _Wrong as error:
+        except Wrong as error:
             self.fail(str(error), method)
         except Exception as error:
             said = blame(error)
@@ -187,7 +176,7 @@ class _File:
                 self.fail(f"has no valid {attribute!r}: got {value!r}, expected {wanted}")
         effect = cast(AnyEffect, self.call("__init__", lambda: self.cls()))
         tried = 0
-        for vehicle in _vehicles():
+        for vehicle in vehicles():
             if vehicle.has_rotors or not (effect.needs_rotors or effect.needs_rates):
                 tried += self.try_on(effect, vehicle)
         if not tried:
@@ -205,7 +194,7 @@ class _File:
         self.check_parameters(parameters)
         zero = np.zeros(len(parameters))
         typical = np.array([min(max(p.start or p.scale, p.low), p.high) for p in parameters])
-        trial = _Trial(effect, vehicle)
+        trial = Trial(effect, vehicle)
         unlike = self.compare(trial, zero, trial.unchanged())
         if unlike:
             self.fail(f"changes {unlike} although all parameters are zero; zero must mean no effect", "apply")
@@ -237,13 +226,13 @@ class _File:
                     f"parameter {p.name}: got scale {p.scale:g}, expected a typical size above zero", "parameters"
                 )
 
-    def compare(self, trial: _Trial, theta: Array, expected: tuple[Array, ...]) -> str:
+    def compare(self, trial: Trial, theta: Array, expected: tuple[Array, ...]) -> str:
         """Names of the arrays that `apply` changes."""
         got = self.shapes(trial, theta)
         pairs = zip(trial.results, got, expected, strict=True)
         return ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12))
 
-    def shapes(self, trial: _Trial, theta: Array) -> tuple[Array, ...]:
+    def shapes(self, trial: Trial, theta: Array) -> tuple[Array, ...]:
         """The arrays that `apply` returns, of the right shapes and finite; nothing it was given has changed."""
         given = trial.arguments(theta)
         before = copy.deepcopy(given)
@@ -258,100 +247,6 @@ class _File:
         return cast(tuple[Array, ...], got)
 
 
-class _Trial:
-    """One effect on one vehicle: arguments for `apply`, and the arrays that it returns."""
-
-    def __init__(self, effect: AnyEffect, vehicle: Vehicle) -> None:
-        self.effect = effect
-        self.vehicle = vehicle
-        self.state, self.commands, self.motion = _flight(vehicle)
-        self.context = Context(vehicle, self.state)
-        self.actuation = None
-        if vehicle.has_rotors:
-            a, r = (0.1 * np.ones((SAMPLES, n)) for n in (len(vehicle.geometry()[0]), len(vehicle.geometry()[1])))
-            self.actuation = replace(actuation(vehicle, self.commands), rates=Rates(a, a, r))
-
-    @property
-    def steps(self) -> range | None:
-        """The samples one by one; None where the effect does not depend on samples."""
-        return None if isinstance(self.effect, BodyEffect) else range(SAMPLES)
-
-    @property
-    def results(self) -> tuple[str, ...]:
-        """Names of the arrays that `apply` returns."""
-        if isinstance(self.effect, CommandEffect):
-            return ("wrench_B", "tilt", "rotor_speed")[: 3 if self.vehicle.has_rotors else 1]
-        if isinstance(self.effect, BodyEffect):
-            return ("mass", "inertia", "com_B")
-        if isinstance(self.effect, SensorEffect):
-            return ("omega_B", "omega_dot_B", "specific_force_B")
-        return ("the thrusts",) if isinstance(self.effect, ThrustEffect) else ("the added wrench",)
-
-    def unchanged(self) -> tuple[Array, ...]:
-        """What no effect returns."""
-        if isinstance(self.effect, WrenchEffect):
-            return (np.zeros((SAMPLES, 6)),)
-        if isinstance(self.effect, ThrustEffect):
-            assert self.actuation is not None
-            return (self.actuation.thrust,)
-        whole: Any = {CommandEffect: self.commands, BodyEffect: self.vehicle.body, SensorEffect: self.motion}
-        kind = next(k for k in whole if isinstance(self.effect, k))
-        return self.arrays((whole[kind], None) if kind is CommandEffect else whole[kind])
-
-    def arguments(self, theta: Array, rows: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
-        """Arguments of `apply` for some of the samples."""
-        context = Context(self.vehicle, _rows(self.state, rows))
-        act = None if self.actuation is None else _rows(self.actuation, rows)
-        if isinstance(self.effect, CommandEffect):
-            return (_rows(self.commands, rows), theta, context, 0.01, memory)
-        if isinstance(self.effect, BodyEffect):
-            return (self.vehicle.body, theta)
-        if isinstance(self.effect, SensorEffect):
-            return (_rows(self.motion, rows), theta, context)
-        if isinstance(self.effect, ThrustEffect):
-            return (act, theta, context)
-        return (act, self.commands.wrench_B[rows], theta, context)
-
-    def arrays(self, returned: Any) -> tuple[Array, ...]:
-        """The arrays of what `apply` returned; raises _Wrong where it is something else."""
-        if isinstance(self.effect, CommandEffect):
-            if not (isinstance(returned, tuple) and len(returned) == 2 and isinstance(returned[0], Commands)):
-                raise _Wrong(f"returned {type(returned).__name__}, expected (Commands, memory)")
-            return tuple(np.asarray(getattr(returned[0], name), dtype=float) for name in self.results)
-        wanted: Any = {BodyEffect: Body, SensorEffect: Motion}
-        for kind, cls in wanted.items():
-            if isinstance(self.effect, kind):
-                if not isinstance(returned, cls):
-                    raise _Wrong(f"returned {type(returned).__name__}, expected {cls.__name__}")
-                return tuple(np.asarray(getattr(returned, name), dtype=float) for name in self.results)
-        if not isinstance(returned, np.ndarray):
-            raise _Wrong(f"returned {type(returned).__name__}, expected an array")
-        return (np.asarray(returned, dtype=float),)
-
-    def one_by_one(self, theta: Array) -> tuple[Array, ...]:
-        """The arrays when samples come one at a time, as in a simulation."""
-        memory: Any = None
-        parts = []
-        for k in range(SAMPLES):
-            returned = self.effect.apply(*self.arguments(theta, slice(k, k + 1), memory))
-            if isinstance(self.effect, CommandEffect):
-                memory = cast(Any, returned)[1]
-            parts.append(self.arrays(returned))
-        return tuple(np.concatenate(columns) for columns in zip(*parts, strict=True))
-
-
-def _rows(item: Any, rows: slice) -> Any:
-    """Some samples of a dataclass of arrays."""
-    changed = {}
-    for field in fields(item):
-        value = getattr(item, field.name)
-        if isinstance(value, np.ndarray):
-            changed[field.name] = value[rows]
-        elif isinstance(value, Rates):
-            changed[field.name] = _rows(value, rows)
-    return replace(item, **changed)
-
-
 def _same(first: Any, second: Any) -> bool:
     """Whether two arguments hold the same numbers."""
     if isinstance(first, np.ndarray):
@@ -361,45 +256,3 @@ def _same(first: Any, second: Any) -> bool:
     if is_dataclass(first):
         return all(_same(getattr(first, f.name), getattr(second, f.name)) for f in fields(first))
     return True
-
-
-@cache
-def _vehicles() -> tuple[Vehicle, Vehicle]:
-    """Six tilting arms with twelve rotors; and one of which only the wrench is known."""
-    azimuth = np.radians(np.arange(6) * 60.0)
-    outward = np.stack((np.cos(azimuth), np.sin(azimuth), np.zeros(6)), axis=1)
-    wide = np.full(6, 10.0)
-    arms = Arms(0.3 * outward, outward, np.tile([0.0, 0.0, 1.0], (6, 1)), np.ones(6, dtype=bool), -wide, wide, wide)
-    ones = np.ones(12)
-    rotors = Rotors(
-        np.repeat(np.arange(6), 2),
-        0.035 * np.tile([1.0, -1.0], 6),
-        np.tile([1.0, -1.0, -1.0, 1.0], 3),
-        7.2e-6 * ones,
-        0.0165 * ones,
-        0.115 * ones,
-        0.0 * ones,
-        1250.0 * ones,
-    )
-    body = Body(4.0, np.diag([0.10, 0.11, 0.19]), np.array([0.001, -0.002, 0.003]))
-    place = np.array([0.01, 0.0, 0.02])
-    return Vehicle("trial", body, arms, rotors, place), Vehicle("trial", body, None, None, place)
-
-
-def _flight(vehicle: Vehicle) -> tuple[State, Commands, Motion]:
-    """A few samples of a vehicle that moves, turns and tilts."""
-    n = SAMPLES
-    rng = np.random.default_rng(7)
-    quat = so3.exp(rng.normal(0.0, 0.5, (n, 3)))
-    time = np.linspace(0.0, 0.01 * (n - 1), n, dtype=np.float64)
-    omega = rng.normal(size=(n, 3))
-    position = rng.normal((0.0, 0.0, 2.0), 1.0, (n, 3))
-    voltage = np.linspace(16.0, 15.0, n, dtype=np.float64)
-    state = State(time, position, quat, 2.0 * rng.normal(size=(n, 3)), omega, voltage)
-    wrench = rng.normal((0.0, 0.0, 39.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.5, 0.5, 0.5), (n, 6))
-    commands = Commands(wrench)
-    if vehicle.has_rotors:
-        arms, rotors = vehicle.geometry()
-        speed = 650.0 + 50.0 * rng.normal(size=(n, len(rotors)))
-        commands = Commands(wrench, 0.3 * rng.normal(size=(n, len(arms))), speed)
-    return state, commands, Motion(omega, rng.normal(size=(n, 3)), rng.normal((0.0, 0.0, 9.8), 1.0, (n, 3)))

@@ -183,7 +183,7 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
         return f"{path}: {found['msg']}" if path else found["msg"]
     if kind == "missing":
         return f"{path}: is missing{f'; see {page}' if page else ''}"
-    shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "list_type": f"tables [[{path}]]"}
+    shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "tuple_type": f"tables [[{path}]]"}
     got = repr(found["input"])
     got = got if len(got) <= LONGEST else f"{got[: LONGEST - 3]}..."
     return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"

@@ -5,8 +5,8 @@
     [[moves]]       kind, start, duration and what the kind needs (plant.moves); angles in degrees, keys end in _deg
     [purpose]       what the flight is for; kept as it is, no part of the motion
 
-Reading checks every key (plant.reader). The motion is exactly that of the file: what is written has been rounded before it was
-judged. docs/design-flights.md lists the keys.
+Reading checks every key (plant.reader). The motion is exactly that of the file: what is written has been rounded
+before it was judged. docs/design-flights.md lists the keys.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ class FileTable(Table):
 
     version: Number = Field(alias="schema")
     trajectory: HeadTable
-    moves: list[dict[str, Any]] = []
-    purpose: dict[str, Any] = {}
+    moves: tuple[dict[str, Any], ...] = ()
+    purpose: dict[str, Any] = Field({})
 
 
 def load(path: Path) -> TrajectoryFile:

@@ -20,11 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.gravity import GRAVITY as GRAVITY
 
 Array = NDArray[np.float64]
-
-GRAVITY = 9.80665
-"""Standard gravity [m/s^2]."""
 
 
 @dataclass(frozen=True)

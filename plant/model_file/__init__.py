@@ -1,4 +1,4 @@
-"""Model files: TOML, checked whole on reading, comments kept on writing. The keys are documented in docs/model-file.md."""
+"""Model files: TOML, checked whole on reading, comments kept on writing. Their keys: docs/model-file.md."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class ArmTable(Table):
     tilt_min_deg: Number = -1e9
     tilt_max_deg: Number = 1e9
     tilt_rate_deg: Positive = 1e9
-    rotors: list[RotorTable]
+    rotors: tuple[RotorTable, ...]
 
     @model_validator(mode="after")
     def _geometry(self) -> ArmTable:
@@ -142,7 +142,7 @@ class VehicleTable(Table):
     imu_position: Vector = (0.0, 0.0, 0.0)
     arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
     rotor: RotorDefaults | None = None  # type: ignore[valid-type]
-    arms: list[ArmTable] = []
+    arms: tuple[ArmTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -193,7 +193,7 @@ class ProvenanceTable(Table):
     fitted: Text = ""
     version: Text = ""
     method: Text = ""
-    logs: list[FileTable] = []
+    logs: tuple[FileTable, ...] = ()
 
 
 class ParameterTable(Table):
@@ -282,7 +282,7 @@ class SnapshotTable(Table):
     """One effect as it stood."""
 
     name: Text
-    parameters: list[ValueTable] = []
+    parameters: tuple[ValueTable, ...] = ()
 
 
 class VersionTable(Table):
@@ -295,9 +295,9 @@ class VersionTable(Table):
     parent: Text = ""
     date: Text = ""
     wrenchgap: Text = ""
-    flights: list[FileTable] = []
+    flights: tuple[FileTable, ...] = ()
     held_out: HeldOutTable | None = None
-    effects: list[SnapshotTable] = []
+    effects: tuple[SnapshotTable, ...] = ()
 
     def made(self) -> Version:
         """The version."""
@@ -318,11 +318,11 @@ class ModelTable(Table):
 
     version: Number = Field(alias="schema")
     vehicle: VehicleTable
-    controller: dict[str, Any] = {}
-    sensors: dict[str, Any] = {}
-    topics: dict[str, Text] = {}
-    effects: list[EffectTable] = []
-    history: list[VersionTable] = []
+    controller: dict[str, Any] = Field({})
+    sensors: dict[str, Any] = Field({})
+    topics: dict[str, Text] = Field({})
+    effects: tuple[EffectTable, ...] = ()
+    history: tuple[VersionTable, ...] = ()
 
 
 def loads(text: str) -> Model:

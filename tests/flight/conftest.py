@@ -15,6 +15,7 @@ from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.gravity import GRAVITY
 
 CUSTOM = {
     "actuator_msgs/msg/Actuators": (
@@ -151,7 +152,7 @@ class Recording:
 
 
 class Motion:
-    """A closed-form flight: x = a sin(w t), pitch = b sin(v t); gravity 9.81."""
+    """A closed-form flight: x = a sin(w t), pitch = b sin(v t)."""
 
     a, w, b, v = 0.8, 1.7, 0.4, 2.3
 
@@ -165,7 +166,7 @@ class Motion:
         pitch = self.b * np.sin(self.v * t)
         self.quat_EB = np.stack((np.cos(pitch / 2), zero, np.sin(pitch / 2), zero), axis=1)
         self.omega_B = np.stack((zero, self.b * self.v * np.cos(self.v * t), zero), axis=1)
-        self.specific_force_B = so3.rotate_inverse(self.quat_EB, self.acceleration_E + np.array([0.0, 0.0, 9.81]))
+        self.specific_force_B = so3.rotate_inverse(self.quat_EB, self.acceleration_E + np.array([0.0, 0.0, GRAVITY]))
 
     def pose(self, prefix="pose"):
         fields = {f"{prefix}.position.{axis}": self.position_E[:, i] for i, axis in enumerate("xyz")}

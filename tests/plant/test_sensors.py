@@ -1,12 +1,18 @@
 """Sensor models: geometry and statistics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.resample import resample
+from wrenchgap.plant import model_file
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_imu, read_pose
+from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.state import Motion, State
+from wrenchgap.plant.trajectory import named
 
 
 def test_an_accelerometer_off_the_axis_feels_the_centripetal_acceleration():
@@ -56,3 +62,12 @@ def test_silent_sensors_tell_the_truth():
 def test_senseless_sensors_are_named(bad):
     with pytest.raises(ModelError, match=f"sensors.{next(iter(bad))}"):
         SensorNoise(**bad)
+
+
+def test_odometry_alone_says_the_same_specific_force_as_the_imu():
+    """A vehicle at rest, simulated without noise: the two agree far below the noise of an accelerometer."""
+    made = model_file.load("tilt_hexarotor")
+    silent = made.sensors.silent
+    flown = simulate(made, None, named("hover", 6.0), rng=np.random.default_rng(0), feedback="true", sensors=silent)
+    by_imu, by_odometry = (resample(f).samples[0].specific_force_B for f in (flown, replace(flown, imu=None)))
+    np.testing.assert_allclose(by_odometry.mean(axis=0), by_imu.mean(axis=0), atol=1e-6)

@@ -1,0 +1,156 @@
+"""A user's own effect in a trial: one vehicle, a few samples in motion, the arguments of `apply` and what it returns."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.plant import model_file
+from wrenchgap.plant.actuation import actuation
+from wrenchgap.plant.effects import (
+    AnyEffect,
+    BodyEffect,
+    CommandEffect,
+    Context,
+    SensorEffect,
+    ThrustEffect,
+    WrenchEffect,
+)
+from wrenchgap.plant.state import Commands, Motion, Rates, State
+from wrenchgap.plant.vehicle import Body, Vehicle
+
+Array = NDArray[np.float64]
+
+SAMPLES = 6
+"""How many samples the checks use."""
+
+
+class Wrong(Exception):
+    """What `apply` returned is not what its place asks for."""
+
+
+class Trial:
+    """One effect on one vehicle: arguments for `apply`, and the arrays that it returns."""
+
+    def __init__(self, effect: AnyEffect, vehicle: Vehicle) -> None:
+        self.effect = effect
+        self.vehicle = vehicle
+        self.state, self.commands, self.motion = _flight(vehicle)
+        self.context = Context(vehicle, self.state)
+        self.actuation = None
+        if vehicle.has_rotors:
+            a, r = (0.1 * np.ones((SAMPLES, n)) for n in (len(vehicle.geometry()[0]), len(vehicle.geometry()[1])))
+            self.actuation = replace(actuation(vehicle, self.commands), rates=Rates(a, a, r))
+
+    @property
+    def steps(self) -> range | None:
+        """The samples one by one; None where the effect does not depend on samples."""
+        return None if isinstance(self.effect, BodyEffect) else range(SAMPLES)
+
+    @property
+    def results(self) -> tuple[str, ...]:
+        """Names of the arrays that `apply` returns."""
+        if isinstance(self.effect, CommandEffect):
+            return ("wrench_B", "tilt", "rotor_speed")[: 3 if self.vehicle.has_rotors else 1]
+        if isinstance(self.effect, BodyEffect):
+            return ("mass", "inertia", "com_B")
+        if isinstance(self.effect, SensorEffect):
+            return ("omega_B", "omega_dot_B", "specific_force_B")
+        return ("the thrusts",) if isinstance(self.effect, ThrustEffect) else ("the added wrench",)
+
+    def unchanged(self) -> tuple[Array, ...]:
+        """What no effect returns."""
+        if isinstance(self.effect, WrenchEffect):
+            return (np.zeros((SAMPLES, 6)),)
+        if isinstance(self.effect, ThrustEffect):
+            assert self.actuation is not None
+            return (self.actuation.thrust,)
+        whole: Any = {CommandEffect: self.commands, BodyEffect: self.vehicle.body, SensorEffect: self.motion}
+        kind = next(k for k in whole if isinstance(self.effect, k))
+        return self.arrays((whole[kind], None) if kind is CommandEffect else whole[kind])
+
+    def arguments(self, theta: Array, rows: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
+        """Arguments of `apply` for some of the samples."""
+        context = Context(self.vehicle, _rows(self.state, rows))
+        act = None if self.actuation is None else _rows(self.actuation, rows)
+        if isinstance(self.effect, CommandEffect):
+            return (_rows(self.commands, rows), theta, context, 0.01, memory)
+        if isinstance(self.effect, BodyEffect):
+            return (self.vehicle.body, theta)
+        if isinstance(self.effect, SensorEffect):
+            return (_rows(self.motion, rows), theta, context)
+        if isinstance(self.effect, ThrustEffect):
+            return (act, theta, context)
+        return (act, self.commands.wrench_B[rows], theta, context)
+
+    def arrays(self, returned: Any) -> tuple[Array, ...]:
+        """The arrays of what `apply` returned; raises Wrong where it is something else."""
+        if isinstance(self.effect, CommandEffect):
+            if not (isinstance(returned, tuple) and len(returned) == 2 and isinstance(returned[0], Commands)):
+                raise Wrong(f"returned {type(returned).__name__}, expected (Commands, memory)")
+            return tuple(np.asarray(getattr(returned[0], name), dtype=float) for name in self.results)
+        wanted: Any = {BodyEffect: Body, SensorEffect: Motion}
+        for kind, cls in wanted.items():
+            if isinstance(self.effect, kind):
+                if not isinstance(returned, cls):
+                    raise Wrong(f"returned {type(returned).__name__}, expected {cls.__name__}")
+                return tuple(np.asarray(getattr(returned, name), dtype=float) for name in self.results)
+        if not isinstance(returned, np.ndarray):
+            raise Wrong(f"returned {type(returned).__name__}, expected an array")
+        return (np.asarray(returned, dtype=float),)
+
+    def one_by_one(self, theta: Array) -> tuple[Array, ...]:
+        """The arrays when samples come one at a time, as in a simulation."""
+        memory: Any = None
+        parts = []
+        for k in range(SAMPLES):
+            returned = self.effect.apply(*self.arguments(theta, slice(k, k + 1), memory))
+            if isinstance(self.effect, CommandEffect):
+                memory = cast(Any, returned)[1]
+            parts.append(self.arrays(returned))
+        return tuple(np.concatenate(columns) for columns in zip(*parts, strict=True))
+
+
+def _rows(item: Any, rows: slice) -> Any:
+    """Some samples of a dataclass of arrays."""
+    changed = {}
+    for field in fields(item):
+        value = getattr(item, field.name)
+        if isinstance(value, np.ndarray):
+            changed[field.name] = value[rows]
+        elif isinstance(value, Rates):
+            changed[field.name] = _rows(value, rows)
+    return replace(item, **changed)
+
+
+@cache
+def vehicles() -> tuple[Vehicle, Vehicle]:
+    """Six tilting arms with twelve rotors; and one of which only the wrench is known."""
+    shipped = model_file.load("tilt_hexarotor").vehicle
+    body = replace(shipped.body, com_B=np.array([0.001, -0.002, 0.003]))
+    whole = replace(shipped, name="trial", body=body, imu_position_B=np.array([0.01, 0.0, 0.02]))
+    return whole, replace(whole, arms=None, rotors=None)
+
+
+def _flight(vehicle: Vehicle) -> tuple[State, Commands, Motion]:
+    """A few samples of a vehicle that moves, turns and tilts."""
+    n = SAMPLES
+    rng = np.random.default_rng(7)
+    quat = so3.exp(rng.normal(0.0, 0.5, (n, 3)))
+    time = np.linspace(0.0, 0.01 * (n - 1), n, dtype=np.float64)
+    omega = rng.normal(size=(n, 3))
+    position = rng.normal((0.0, 0.0, 2.0), 1.0, (n, 3))
+    voltage = np.linspace(16.0, 15.0, n, dtype=np.float64)
+    state = State(time, position, quat, 2.0 * rng.normal(size=(n, 3)), omega, voltage)
+    wrench = rng.normal((0.0, 0.0, 39.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.5, 0.5, 0.5), (n, 6))
+    commands = Commands(wrench)
+    if vehicle.has_rotors:
+        arms, rotors = vehicle.geometry()
+        speed = 650.0 + 50.0 * rng.normal(size=(n, len(rotors)))
+        commands = Commands(wrench, 0.3 * rng.normal(size=(n, len(arms))), speed)
+    return state, commands, Motion(omega, rng.normal(size=(n, 3)), rng.normal((0.0, 0.0, 9.8), 1.0, (n, 3)))
