@@ -36,7 +36,7 @@ def _work(case: cases.Case) -> Row:
 def main() -> None:
     """See the module."""
     parser = argparse.ArgumentParser(description="Benchmark of naming hidden effects.")
-    parser.add_argument("--fast", action="store_true", help="a dozen flights")
+    parser.add_argument("--fast", action="store_true", help="one flight of each kind")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--seed", type=int, default=5000, help="first seed; another one makes other flights")
     parser.add_argument("--only", help="cases whose name has this in it")

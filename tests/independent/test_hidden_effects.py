@@ -1,4 +1,4 @@
-"""A dozen flights of the benchmark of hidden effects: every kind, judged as the benchmark judges."""
+"""Some flights of the benchmark of hidden effects: every kind, judged as the benchmark judges."""
 
 from functools import cache
 

@@ -22,9 +22,10 @@ LIMITS = Limits((3.0, 3.5, 2.6), float(np.radians(50.0)), 1.5)
 
 @pytest.fixture(scope="module")
 def few():
-    """Only one azimuth and one sweep of exchanges are tried: a quarter of the time."""
+    """Only one azimuth, some vigours and one sweep of exchanges are tried: a small part of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(search, "AZIMUTHS", (0.0,))
+        patch.setattr(search, "VIGOURS", (1.0, 0.6))
         patch.setattr(search, "SWEEPS", 1)
         yield
 

@@ -14,14 +14,12 @@ ALWAYS = TIMING | {"arm_reaction"}  # the engine: servos lag 15 ms, and its arms
 @pytest.mark.parametrize(
     ("hidden", "named"),
     [
-        ("com_offset", "com_offset"),
-        ("weak_rotor", "rotor_thrust"),
-        ("wake", "rotor_interference"),
         ("servo_lag", "servo_lag"),
         ("tilt_offset", "tilt_offset"),
     ],
 )
 def test_names_the_hidden_effect_first(fly, hexarotor, hidden, named):
+    """The others are in tests/independent/test_hidden_effects.py."""
     data, _ = fly(hidden, None, "train", seed=21, seconds=25)
     found = explain(data, hexarotor)
     assert found.effects[0] == named

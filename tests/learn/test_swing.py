@@ -123,14 +123,13 @@ def test_a_mass_too_damped_to_swing_does_not(shaken):
     assert shaken.search(shaken.sprung(1.5, 1.0) + shaken.noise(1)) is None
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_noise_does_not_swing(tumbling, seed):
+def test_noise_does_not_swing(tumbling):
     """White, and white through a narrow band at 1 Hz, which rings but does not answer the motion."""
     b, a = butter(1, (0.9, 1.1), "bandpass", fs=1 / np.diff(tumbling.time).mean())
-    ringing = lfilter(b, a, tumbling.noise(seed, 25.0), axis=0)
+    ringing = lfilter(b, a, tumbling.noise(0, 25.0), axis=0)
     assert np.all(ringing.std(axis=0) > 2 * tumbling.data.noise)
-    assert tumbling.search(tumbling.noise(seed, 3.0)) is None
-    assert tumbling.search(ringing + tumbling.noise(seed + 10)) is None
+    assert tumbling.search(tumbling.noise(0, 3.0)) is None
+    assert tumbling.search(ringing + tumbling.noise(10)) is None
 
 
 @pytest.mark.parametrize(("seed", "tau"), [(0, 0.05), (1, 0.25)])
@@ -142,12 +141,11 @@ def test_a_lag_does_not_swing(shaken, seed, tau):
     assert shaken.search(residual) is None
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_function_of_the_command_does_not_swing(shaken, seed):
+def test_a_function_of_the_command_does_not_swing(shaken):
     """Any bend in the thrust curve, coupled over the axes at random."""
-    mix = np.random.default_rng(seed).normal(size=(6, 6))
+    mix = np.random.default_rng(0).normal(size=(6, 6))
     z = (shaken.said - shaken.said.mean(axis=0)) / shaken.said.std(axis=0) @ mix
-    assert shaken.search(10 * shaken.data.noise * (np.tanh(z) + 0.05 * z**2) + shaken.noise(seed)) is None
+    assert shaken.search(10 * shaken.data.noise * (np.tanh(z) + 0.05 * z**2) + shaken.noise(0)) is None
 
 
 def test_a_swing_too_small_to_mention_is_not_mentioned(tumbling):

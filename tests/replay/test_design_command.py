@@ -14,8 +14,9 @@ from wrenchgap.replay.present.design import next_flight
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
-    """Only one azimuth and one sweep of exchanges are tried."""
+    """Only one azimuth, some vigours and one sweep of exchanges are tried."""
     monkeypatch.setattr(search, "AZIMUTHS", (0.0,))
+    monkeypatch.setattr(search, "VIGOURS", (1.0, 0.6))
     monkeypatch.setattr(search, "SWEEPS", 1)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,8 @@ import pytest
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.diagnose.where import Where, examine, summary
+from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.plant import model_file
-from wrenchgap.replay.present.where_figures import budget_figure, correlation_figure, grid_figure, maps_figure
 
 MODEL = "tilt_hexarotor"
 
@@ -47,12 +45,15 @@ def test_what_is_left_of_the_right_model_is_noise(logs: Any, run: Any, tmp_path:
     assert found.rms == pytest.approx(np.sqrt(found.budget.nominal - found.budget.physics))
 
 
-def test_command_prints_writes_and_draws(logs: Any, run: Any, result_of: Callable[..., Any], tmp_path: Path) -> None:
-    assert (
-        run("learn", logs.train, "-m", MODEL, "--points", 40, "--outputs", "torque_x,torque_z", "-o", "t.gp").exit_code
-        == 0
-    )
-    result = result_of("where", logs.test, logs.train, "-m", MODEL, "--gp", "t.gp", "--figure", "w.png")
+def test_command_prints_writes_and_draws(logs: Any, run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = ("--points", 40, "--restarts", 0, "--outputs", "torque_x,torque_z")
+    assert run("learn", logs.train, "-m", MODEL, *few, "-o", "t.gp").exit_code == 0
+    monkeypatch.setenv("COLUMNS", "120")
+    asked = ("where", logs.test, logs.train, "-m", MODEL, "--gp", "t.gp")
+    done = run(*asked, "--figure", "w.png", "--json", "w.json")
+    assert done.exit_code == 0, done.output
+    assert 100 < max(len(line.rstrip()) for line in done.output.splitlines()) <= 120
+    result = json.loads((tmp_path / "w.json").read_text(encoding="utf-8"))
     assert result["schema"] == "wrenchgap.where/1"
     assert [i["role"] for i in result["inputs"]] == ["log", "log", "model", "gp"]
     assert result["axes"] == list(AXES)
@@ -75,28 +76,6 @@ def test_command_prints_writes_and_draws(logs: Any, run: Any, result_of: Callabl
     assert len(result["whiteness"]["autocorrelation"]) == 6
     assert {g["name"] for g in result["relevance"]["groups"]} >= {"command", "heading", "height", "velocity"}
     assert (tmp_path / "w.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_what_is_printed_fits_a_terminal(logs: Any, run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "120")
-    done = run("where", logs.train, "-m", MODEL, "--between", "1:11")
-    assert done.exit_code == 0, done.output
-    assert 100 < max(len(line.rstrip()) for line in done.output.splitlines()) <= 120
-    assert run("where", logs.train, "-m", MODEL, "--between", "1:7", "--quiet").output == ""
-
-
-def test_every_figure_can_be_drawn_alone(found: Where) -> None:
-    for draw in (budget_figure, maps_figure, grid_figure, correlation_figure):
-        figure = draw(found)
-        figure.canvas.draw()
-        assert figure.axes
-
-
-def test_plain_all_the_way(found: Where) -> None:
-    """What it hands out is JSON already, but for what is not a number."""
-    again = json.loads(json.dumps(found.to_json()))
-    assert again["model"] == "nominal"
-    assert again["summary"] == list(summary(found))
 
 
 @pytest.mark.parametrize(
