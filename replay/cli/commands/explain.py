@@ -67,7 +67,7 @@ def explain(
     from wrenchgap.learn.diagnose.timing import barred, timing_of
     from wrenchgap.learn.identify.explain import explain as find_missing
     from wrenchgap.learn.identify.fit import dataset
-    from wrenchgap.learn.parallel import cores
+    from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.plant import model_file
     from wrenchgap.plant.effects import find
     from wrenchgap.replay.cli.console import Printer, progress
@@ -85,6 +85,7 @@ def explain(
     hz = comparison.cutoff_checked(cutoff)
     with progress("explaining", quiet) as report:
         report(0.0, "reading logs")
+        get_ready(cores())
         every = open_flights(
             [*logs, *unseen],
             base,
