@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from platformdirs import user_cache_path
 
 from wrenchgap.flight.flight import (
     ActuatorSeries,
@@ -50,9 +51,8 @@ UNREADABLE = (OSError, zipfile.BadZipFile, KeyError, ValueError, TypeError)
 
 
 def folder() -> Path:
-    """Where flights are kept: $XDG_CACHE_HOME/wrenchgap, by default ~/.cache/wrenchgap."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "wrenchgap"
+    """Where flights are kept: the user's cache folder on this platform, e.g. ~/.cache/wrenchgap on Linux."""
+    return user_cache_path("wrenchgap", appauthor=False)
 
 
 def load(

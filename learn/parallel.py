@@ -1,52 +1,211 @@
-"""The same function on many items, on all cores where that is cheap: forked workers, which see what the parent has.
+"""The same function on many items, by this process and workers beside it, with the same result on any number of them.
 
-Forking costs milliseconds and copies nothing, so a search may do it at every step. Where there is no fork (Windows,
-macOS) or one core only, the items are done one after the other, with the same result.
+Workers are started anew by loky (part of joblib), not forked: alike on Linux, macOS and Windows, whatever threads run
+here (docs/decisions/0013-processes.md). They take a second to start; meanwhile, and afterwards, this process does items
+too, so that a short search loses nothing. They stay for the next call. What is large and the same in all calls of a
+search is named as `shared`: every worker reads it once, and keeps what it remembers of it.
 """
 
 from __future__ import annotations
 
-import multiprocessing
+import importlib
 import os
 import signal
-import sys
+import tempfile
 import warnings
+import weakref
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import is_dataclass, replace
+from pathlib import Path
+from typing import IO, Any, TypeVar
 
+import cloudpickle
+from joblib.externals import loky
 from threadpoolctl import threadpool_limits
+
+from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
+from wrenchgap.plant import own_effects
 
 T = TypeVar("T")
 
-_work: Callable[[Any], Any] | None = None
+IDLE_SECONDS = 300
+"""A worker that has had nothing to do for so long ends."""
+AHEAD = 2
+"""Items that wait for each worker, so that it need not wait for this process."""
+HELD = 6
+"""Files that a worker keeps in memory: the shared objects of one search, and its present question."""
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "NUMEXPR")} | {
+    "VECLIB_MAXIMUM_THREADS": "1"
+}
+DIED = (
+    "the work ended without a result: a process of it died (out of memory, or ended from outside); "
+    "use shorter or fewer logs, or try again"
+)
+
+warnings.filterwarnings("ignore", "A worker stopped", UserWarning)  # one that has grown is replaced; nothing is lost
 
 
 def cores() -> int:
-    """Cores that this process may use, 1 where work cannot be forked."""
-    return len(os.sched_getaffinity(0)) if sys.platform.startswith("linux") else 1
+    """Cores that this process may use: affinity, the limits of a container and LOKY_MAX_CPU_COUNT count."""
+    return int(loky.cpu_count())
 
 
-def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1) -> Iterator[T]:
-    """work(item) of every item, in order, by `jobs` processes. What comes back must survive pickling."""
-    if min(jobs, len(items)) < 2 or cores() < 2:
+def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: Sequence[object] = ()) -> Iterator[T]:
+    """work(item) of every item, in order, by `jobs` processes of which this is one.
+
+    `work` and what it refers to must survive pickling, but for `shared`: dataclasses that workers are given once, as
+    long as they live here. An error of the work is raised here; a worker that dies is a FitError.
+    """
+    if min(jobs, len(items)) < 2:
         yield from map(work, items)
         return
-    global _work
-    _work = work
-    with warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
-        warnings.simplefilter("ignore", DeprecationWarning)  # a fork beside the thread that draws the progress
-        try:
-            with multiprocessing.get_context("fork").Pool(min(jobs, len(items)), _quiet) as pool:
-                yield from pool.imap(_call, items)
-        finally:
-            _work = None
+    question = _written(lambda file: _Pickler(file, shared).dump(work))
+    pool = _workers(jobs - 1)
+    try:
+        with threadpool_limits(1, user_api="blas"):
+            yield from _shared_out(pool, question, work, items, jobs - 1)
+    except BaseException as error:
+        pool.shutdown(kill_workers=True)
+        if isinstance(error, BrokenProcessPool):
+            raise FitError(DIED) from None
+        raise
+    finally:
+        _remove(question)
 
 
-def _call(item: str) -> Any:
-    assert _work is not None
-    return _work(item)
+def get_ready(jobs: int, what: str = "wrenchgap.learn.identify.search") -> None:
+    """Let the workers of a later `each` start, and import the module `what`, while this process reads logs."""
+    if jobs > 1:
+        with ctrl_c_stays_here():
+            pool = _workers(jobs - 1)
+            for _ in range(jobs - 1):
+                pool.submit(importlib.import_module, what)
 
 
-def _quiet() -> None:
-    """Ctrl-C is the parent's business."""
+def _shared_out(pool: Any, question: str, work: Callable[[str], T], items: Sequence[str], workers: int) -> Iterator[T]:
+    """Answers in order. Workers have a few items ahead; what nobody has yet is done here, one item at a time."""
+    left = deque(enumerate(items))
+    done: dict[int, T] = {}
+    asked: dict[int, Future[T]] = {}
+    for k in range(len(items)):
+        while k not in done:
+            while left and sum(not future.done() for future in asked.values()) < AHEAD * workers:
+                j, item = left.popleft()
+                with ctrl_c_stays_here():
+                    asked[j] = pool.submit(_answer, question, item)
+            if k in asked and (asked[k].done() or not left):
+                done[k] = asked.pop(k).result()
+            else:
+                j, item = left.popleft()
+                done[j] = work(item)
+        yield done.pop(k)
+
+
+def begin(own: Sequence[str]) -> None:
+    """How a worker begins: Ctrl-C is its parent's business, and the user's own effects are those of the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    own_effects.use(map(Path, own))
+
+
+def own_files() -> tuple[str, ...]:
+    """What `begin` has to be given: the files of the user's own effects."""
+    return tuple(str(path.resolve()) for path in own_effects.files())
+
+
+@contextmanager
+def ctrl_c_stays_here() -> Iterator[None]:
+    """Processes started in here never see Ctrl-C, not even before `begin`; here it counts, if a moment later."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def portable(error: Exception) -> Exception:
+    """An error of a worker as its parent should raise it: with the line of the user's own file, known only here."""
+    said = None if isinstance(error, WrenchgapError) else own_effects.blame(error)
+    return error if said is None else ModelError(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
+
+
+def _workers(count: int) -> Any:
+    """The pool: the one of the last call, unless another number of workers or other effects are wanted."""
+    return loky.get_reusable_executor(
+        count, timeout=IDLE_SECONDS, initializer=begin, initargs=(own_files(),), env=ONE_THREAD
+    )
+
+
+# --- what workers are given, as files that they read once ------------------------------------------------------------
+
+_files: dict[int, str] = {}
+"""Shared objects that are written, by identity."""
+_held: OrderedDict[str, Any] = OrderedDict()
+"""In a worker: what was read, by file, the last used last."""
+
+
+class _Pickler(cloudpickle.Pickler):  # type: ignore[misc]
+    """Puts the names of files in the place of shared objects."""
+
+    def __init__(self, file: IO[bytes], shared: Sequence[object]) -> None:
+        super().__init__(file)
+        self._shared = {id(item): _file_of(item) for item in shared}
+
+    def persistent_id(self, item: object) -> str | None:
+        return self._shared.get(id(item))
+
+
+class _Unpickler(cloudpickle.pickle.Unpickler):  # type: ignore[misc]
+    def persistent_load(self, file: str) -> Any:
+        return _read(file)
+
+
+def _answer(question: str, item: str) -> Any:
+    try:
+        return _read(question)(item)
+    except Exception as error:
+        raise portable(error) from error
+
+
+def _read(file: str) -> Any:
+    """What is in a file of the parent, read when it is asked for the first time."""
+    if file in _held:
+        _held.move_to_end(file)
+        return _held[file]
+    with Path(file).open("rb") as stream:
+        found = _Unpickler(stream).load()
+    _held[file] = found
+    while len(_held) > HELD:
+        _held.popitem(last=False)
+    return found
+
+
+def _file_of(item: object) -> str:
+    """The file of a shared object, which is there as long as the object; without what it has remembered so far."""
+    if id(item) not in _files:
+        bare = replace(item) if is_dataclass(item) and not isinstance(item, type) else item
+        _files[id(item)] = _written(lambda file: cloudpickle.dump(bare, file))
+        weakref.finalize(item, _forget, id(item))
+    return _files[id(item)]
+
+
+def _forget(key: int) -> None:
+    _remove(_files.pop(key))
+
+
+def _written(write: Callable[[IO[bytes]], None]) -> str:
+    number, name = tempfile.mkstemp(prefix="wrenchgap-", suffix=".pickle")
+    with os.fdopen(number, "wb") as file:
+        write(file)
+    return name
+
+
+def _remove(file: str) -> None:
+    with suppress(OSError):
+        Path(file).unlink()

@@ -39,8 +39,10 @@ from wrenchgap.plant.effects import (
     ThrustEffect,
     WrenchEffect,
     catalogue,
+    find,
     forget,
     register,
+    sources,
 )
 from wrenchgap.plant.own_effect_trial import Trial, Wrong, vehicles
 from wrenchgap.plant.vehicle import Vehicle
@@ -58,6 +60,12 @@ def use(paths: Iterable[Path]) -> None:
     for path in paths:
         for effect, source in load(path):
             register(effect, source)
+
+
+def files() -> tuple[Path, ...]:
+    """The files whose effects are own ones of this process: what another process has to `use`."""
+    modules = (sys.modules.get(type(find(name)).__module__) for name in sources())
+    return tuple(dict.fromkeys(Path(m.__file__) for m in modules if m is not None and m.__file__ is not None))
 
 
 def load(path: Path) -> list[tuple[AnyEffect, Source]]:

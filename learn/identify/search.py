@@ -181,6 +181,10 @@ class Search:
         self.given: Array = held_out(data, model, self.present, self.fit)
         self.current = self.given
 
+    def __getstate__(self) -> dict[str, object]:
+        """What a worker needs to fit a candidate (`learn.parallel`)."""
+        return {**vars(self), "progress": None, "steps": []}
+
     def run(self, most: int, rounds: int = 3) -> tuple[Member, ...]:
         """Forward and refine in turn, until a refinement changes nothing that the next step could build on."""
         for _ in range(rounds):
@@ -258,7 +262,9 @@ class Search:
             return replace(found, fit=replace(found.fit, effects=()))  # which may not survive pickling
 
         out: list[Candidate] = []
-        for k, (name, found) in enumerate(zip(names, each(attempt, names, self.jobs), strict=True)):
+        for k, (name, found) in enumerate(
+            zip(names, each(attempt, names, self.jobs, (self.data, self.model)), strict=True)
+        ):
             self.tell(f"{words}: {name}", k, len(names))
             if isinstance(found, str):
                 self.failed[name] = found

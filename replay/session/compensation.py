@@ -101,7 +101,7 @@ class CompensationDesk:
             steps = done.steps
             return _Replayed(done.time, steps.correction, steps.sigma, steps.beta, _summary(done))
 
-        found = apart(work, report, self.bench.lock)
+        found = apart(work, report)
         with self.bench.lock:
             if setting is self._setting:  # not changed meanwhile
                 self._replayed[flight] = found
@@ -120,7 +120,7 @@ class CompensationDesk:
             found = counterfactual(recording, model, Change(compensator=helper), progress=tell)
             return _reflown(found, gp if gating.on else None, setting.name)
 
-        return apart(work, report, self.bench.lock)
+        return apart(work, report)
 
     def _known(self) -> tuple[GaussianProcess, Compensation]:
         if self.bench.gp is None or self._setting is None:

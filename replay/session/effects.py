@@ -289,7 +289,7 @@ class EffectsDesk:
             )
             return _ranking(found, flight, name)
 
-        return apart(work, report, self.bench.lock)
+        return apart(work, report)
 
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> NextFlight:
         """Search for the flight that tells these effects apart; takes long, in a process of its own."""
@@ -315,7 +315,7 @@ class EffectsDesk:
                 trajectory_file.dumps(file),
             )
 
-        return apart(work, report, self.bench.lock)
+        return apart(work, report)
 
 
 def _stair(name: str, rms: Array, weights: Array) -> Stair:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +49,12 @@ class FailureDesk:
             data, left = self.bench.data(flight), self.bench.left_by(self.bench.model, flight)
             nominal = self.bench.left_by(self.bench.model.nominal, flight)
 
-        def work(tell: Report) -> Array | None:
-            return held_out_process(data, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
+        bare = replace(data)  # without what its evaluators remember
 
-        return _budget(data, nominal, left, apart(work, report, self.bench.lock), "fitted")
+        def work(tell: Report) -> Array | None:
+            return held_out_process(bare, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
+
+        return _budget(data, nominal, left, apart(work, report), "fitted")
 
     def _made(self, flight: str) -> Failure:
         bench = self.bench

@@ -1,104 +1,129 @@
 """Long work in a process of its own, so that the page stays usable and a cancelled search ends at once.
 
-The child is forked and so sees what the parent has; what it gives back must survive pickling. It leads a process group:
-who cancels it ends its workers too. Where there is no fork (Windows, macOS) the work is done where it was asked for.
+The process is started anew by loky, on every platform (docs/decisions/0013-processes.md), and stays for the next work.
+What it is given and what it gives back must survive pickling. Who cancels ends it, and the workers that it has itself.
 """
 
 from __future__ import annotations
 
-import atexit
-import contextlib
-import multiprocessing
-import os
-import signal
-import stat
-import sys
-import warnings
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from multiprocessing.connection import Connection
-from pathlib import Path
-from typing import Any, TypeVar
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, ClassVar, TypeVar
+
+from joblib.externals import loky
+from joblib.externals.loky.backend import get_context
 
 from wrenchgap.flight.errors import FitError, WrenchgapError
+from wrenchgap.learn.parallel import DIED, IDLE_SECONDS, begin, ctrl_c_stays_here, own_files, portable
 
 T = TypeVar("T")
 Report = Callable[[float, str], None]
 
 PATIENCE = 0.1
-"""How often the parent looks whether it is still wanted, while the child says nothing [s]."""
-
-_running: set[int] = set()
+"""How often the parent looks whether it is still wanted, while the process says nothing [s]."""
 
 
-def apart(work: Callable[[Report], T], report: Report, lock: AbstractContextManager[Any]) -> T:
-    """work(report) in a child process; `report` is called in this one, also while there is nothing new.
+def apart(work: Callable[[Report], T], report: Report) -> T:
+    """work(report) in another process; `report` is called in this one, also while there is nothing new.
 
-    The fork happens under `lock`, so that no other thread of this process is then halfway through what the child needs.
-    What `report` raises (somebody cancelled) ends the child and is passed on. Errors of wrenchgap in the child are
-    raised here; a child that dies is a FitError.
+    What `report` raises (somebody cancelled) ends the process and is passed on. Errors of wrenchgap in the process are
+    raised here; a process that dies is a FitError.
     """
-    if not sys.platform.startswith("linux"):
-        return work(report)
-    receiver, sender = multiprocessing.Pipe(duplex=False)
-    with lock, warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # a fork beside the threads of the page, which it closes
-        child = multiprocessing.get_context("fork").Process(target=_child, args=(work, sender), name="wrenchgap-work")
-        child.start()
-    sender.close()
-    assert child.pid is not None
-    _running.add(child.pid)
-    said: tuple[float, str] = (0.0, "")
+    process = _Process.free()
+    future, said = process.submit(work), (0.0, "")
     try:
-        while True:
-            if receiver.poll(PATIENCE):
-                kind, content = receiver.recv()
-                if kind == "done":
-                    return content  # type: ignore[no-any-return]
-                if kind == "error":
-                    raise content
-                said = content
+        while wait([future], timeout=PATIENCE).not_done:
+            for said in process.news():
+                report(*said)
             report(*said)
-    except EOFError:
-        raise FitError("the work ended without a result (out of memory, or ended from outside); try again") from None
-    finally:
-        _end(child.pid)
-        child.join()
-        receiver.close()
+        for said in process.news():
+            report(*said)
+        result: T = future.result()
+    except BrokenProcessPool:
+        process.end()
+        raise FitError(DIED) from None
+    except WrenchgapError:
+        process.rest()
+        raise
+    except BaseException:
+        process.end()
+        raise
+    process.rest()
+    return result
 
 
-def _child(work: Callable[[Report], Any], sender: Connection) -> None:
-    os.setpgrp()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _let_go_of_sockets()
+class _Process:
+    """One process, the way that its progress takes, and a folder for what it writes, removed when it ends."""
+
+    _idle: ClassVar[list[_Process]] = []
+    _lock = threading.Lock()
+
+    def __init__(self, own: tuple[str, ...]) -> None:
+        context = get_context()
+        self.own = own
+        self._folder = tempfile.TemporaryDirectory(prefix="wrenchgap-", ignore_cleanup_errors=True)
+        self._news = context.SimpleQueue()
+        self._pool = loky.ProcessPoolExecutor(
+            1,
+            timeout=IDLE_SECONDS,
+            context=context,
+            initializer=_begin,
+            initargs=(own, self._folder.name, self._news),
+        )
+
+    @classmethod
+    def free(cls) -> _Process:
+        """One that has nothing to do, or a new one."""
+        own = own_files()
+        with cls._lock:
+            found = next((p for p in cls._idle if p.own == own), None)
+            if found is not None:
+                cls._idle.remove(found)
+        return found or cls(own)
+
+    def submit(self, work: Callable[[Report], T]) -> Future[T]:
+        """Begin the work."""
+        with ctrl_c_stays_here():
+            future: Future[T] = self._pool.submit(_do, work)
+        return future
+
+    def news(self) -> Iterator[tuple[float, str]]:
+        """What it has reported since it was asked last."""
+        while not self._news.empty():
+            yield self._news.get()
+
+    def rest(self) -> None:
+        """Wait for other work."""
+        with self._lock:
+            self._idle.append(self)
+
+    def end(self) -> None:
+        """End it and its workers, whatever they are doing."""
+        self._pool.shutdown(kill_workers=True)
+        self._folder.cleanup()
+
+
+# --- in the other process ---------------------------------------------------------------------------------------------
+
+_news: Any = None
+
+
+def _begin(own: tuple[str, ...], folder: str, news: Any) -> None:
+    global _news
+    _news, tempfile.tempdir = news, folder
+    begin(own)
+
+
+def _do(work: Callable[[Report], T]) -> T:
     try:
-        result = work(lambda share, words: sender.send(("progress", (share, words))))
-        sender.send(("done", result))
-    except WrenchgapError as error:
-        sender.send(("error", error))
+        return work(lambda share, words: _news.put((share, words)))
+    except WrenchgapError:
+        raise
     except Exception as error:
-        sender.send(("error", RuntimeError(f"{type(error).__name__}: {error}")))
-
-
-def _let_go_of_sockets() -> None:
-    """Close the page's sockets, or browsers would not see it end."""
-    for entry in Path("/proc/self/fd").iterdir():
-        number = int(entry.name)
-        with contextlib.suppress(OSError):
-            if stat.S_ISSOCK(os.fstat(number).st_mode):
-                os.close(number)
-
-
-def _end(leader: int) -> None:
-    """End a child and its workers."""
-    _running.discard(leader)
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(leader, signal.SIGKILL)
-    with contextlib.suppress(ProcessLookupError):  # it had no time to lead a group
-        os.kill(leader, signal.SIGKILL)
-
-
-@atexit.register
-def _end_all() -> None:
-    for leader in list(_running):
-        _end(leader)
+        found = portable(error)
+        if found is not error:
+            raise found from None
+        raise RuntimeError(f"{type(error).__name__}: {error}") from None

@@ -1,12 +1,19 @@
-"""Work on all cores gives what work on one gives."""
+"""Work by several processes gives what work by one gives."""
 
 import os
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from wrenchgap.flight.errors import FitError, ModelError
+from wrenchgap.learn import parallel
 from wrenchgap.learn.identify.explain import explain
-from wrenchgap.learn.parallel import cores, each
+from wrenchgap.learn.parallel import each
+from wrenchgap.plant import own_effects
+from wrenchgap.plant.effects import find
 
 
 def test_answers_come_in_the_order_of_the_questions():
@@ -15,21 +22,102 @@ def test_answers_come_in_the_order_of_the_questions():
     assert list(each(str.upper, [], 3)) == []
 
 
-@pytest.mark.skipif(cores() < 2, reason="one core")
-def test_other_processes_do_the_work():
-    parent = os.getpid()
-    assert parent not in set(each(lambda _: os.getpid(), ["a", "b", "c"], 2))
-    assert set(each(lambda _: os.getpid(), ["a", "b", "c"], 1)) == {parent}
+def test_other_processes_do_a_part_of_the_work_and_stay_for_the_next():
+    def who(_):
+        import time
+
+        time.sleep(0.3)
+        return os.getpid()
+
+    first, second = (set(each(who, list("abcdefgh"), 2)) for _ in range(2))
+    assert len(first) == 2
+    assert first == second
+    assert set(each(lambda _: os.getpid(), ["a", "b", "c"], 1)) == {os.getpid()}
 
 
-def test_an_error_in_the_work_is_the_callers():
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_error_in_the_work_is_the_callers(jobs):
     def fail(text):
         raise ValueError(text)
 
-    for jobs in (1, 2):
-        with pytest.raises(ValueError, match="why"):
-            list(each(fail, ["why", "not"], jobs))
+    with pytest.raises(ValueError, match="why"):
+        list(each(fail, ["why", "why"], jobs))
+    assert list(each(str.upper, ["a", "b"], jobs)) == ["A", "B"]
+
+
+def test_a_worker_that_dies_is_told_and_the_next_call_has_others():
+    parent = os.getpid()
+
+    def die(_):
+        if os.getpid() != parent:
+            os._exit(1)
+
+    with pytest.raises(FitError, match="died"):
+        list(each(die, list("abcdefgh"), 2))
     assert list(each(str.upper, ["a", "b"], 2)) == ["A", "B"]
+
+
+@dataclass(frozen=True)
+class Large:
+    values: np.ndarray
+
+
+def part_of(large):
+    return lambda name: (os.getpid(), id(large), large.values[int(name)])
+
+
+def test_what_is_shared_is_written_once_and_goes_with_its_owner():
+    large = Large(np.arange(1e5))
+    items = [str(k) for k in range(10)]
+    found = [answer for _ in range(3) for answer in each(part_of(large), items, 2, shared=[large])]
+    assert [value for *_, value in found] == 3 * [float(k) for k in range(10)]
+    identities = {(process, identity) for process, identity, _ in found}
+    assert len(identities) == len({process for process, _ in identities})  # every process has kept its own
+    file = Path(parallel._files[id(large)])
+    assert file.stat().st_size > large.values.nbytes
+    del large
+    assert not file.exists()
+
+
+def test_own_effects_are_those_of_the_workers_too(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        textwrap.dedent(
+            """
+            import numpy as np
+            from wrenchgap.plant.effects import Parameter, WrenchEffect
+
+            class Mine(WrenchEffect):
+                name = "mine"
+                excited_by = "anything"
+
+                def parameters(self, vehicle):
+                    return (Parameter("size", "N", -10.0, 10.0, 1.0),)
+
+                def apply(self, actuation, wrench_B, theta, context):
+                    return theta[0] * np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(wrench_B), 1))
+
+                def break_(self):
+                    raise KeyError("inside")
+            """
+        )
+    )
+    try:
+        own_effects.use([file])
+        mine = find("mine")
+        found = list(each(lambda name: (os.getpid(), find(name).name, find(name)), ["mine"] * 12, 2))
+        assert {name for _, name, _ in found} == {"mine"}
+        assert all(type(effect) is type(mine) for *_, effect in found)
+        parent = os.getpid()
+
+        def broken(name):
+            if os.getpid() != parent:
+                find(name).break_()
+
+        with pytest.raises(ModelError, match=r"mine\.py:\d+: KeyError"):
+            list(each(broken, ["mine"] * 12, 2))
+    finally:
+        own_effects.use([])
 
 
 def test_explain_finds_the_same_on_two_cores(fly, hexarotor):

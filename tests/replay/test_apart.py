@@ -2,7 +2,6 @@
 
 import os
 import time
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ def test_result_and_progress_come_back_from_another_process():
         report(0.5, "half")
         return os.getpid(), np.arange(3.0)
 
-    pid, values = apart(work, lambda share, words: told.append((share, words)), nullcontext())
+    pid, values = apart(work, lambda share, words: told.append((share, words)))
     assert pid != os.getpid()
     assert np.array_equal(values, [0.0, 1.0, 2.0])
     assert (0.5, "half") in told
@@ -35,18 +34,18 @@ def test_errors_of_the_work_are_raised_here():
         raise FitError("too short")
 
     with pytest.raises(FitError, match="too short"):
-        apart(work, silent, nullcontext())
+        apart(work, silent)
 
     def broken(report):
         return {}["missing"]
 
     with pytest.raises(RuntimeError, match="KeyError"):
-        apart(broken, silent, nullcontext())
+        apart(broken, silent)
 
 
 def test_a_child_that_dies_is_told_not_waited_for():
     with pytest.raises(FitError, match="without a result"):
-        apart(lambda report: os._exit(1), silent, nullcontext())
+        apart(lambda report: os._exit(1), silent)
 
 
 def test_cancelling_ends_the_child_and_its_workers(tmp_path):
@@ -64,7 +63,7 @@ def test_cancelling_ends_the_child_and_its_workers(tmp_path):
 
     started = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        apart(work, report, nullcontext())
+        apart(work, report)
     assert time.monotonic() - started < 20.0
     for name in ("leader", "a"):
         pid = int((tmp_path / name).read_text())

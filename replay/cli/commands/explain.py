@@ -38,6 +38,7 @@ def explain(
 
     Example: `wrenchgap explain train.mcap -m tilt_hexarotor --validate test.mcap`
     """
+    from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present.documents import claim
@@ -49,6 +50,7 @@ def explain(
     names = o.parse_effects(effects_only)
     with progress("explaining", quiet) as report:
         report(0.0, "reading logs")
+        get_ready(cores())  # workers start while logs are read
         every = reading.open([*logs, *unseen], base)
         flights, tests = every[: len(logs)], every[len(logs) :]
         found = api.explain(flights, base, names=names, validate=tests, progress=report)

@@ -64,7 +64,7 @@ def view(
     import threading
     import webbrowser
 
-    from wrenchgap.flight import cache as kept
+    from wrenchgap.flight import cache
     from wrenchgap.learn.process import store
     from wrenchgap.plant import model_file
     from wrenchgap.replay.cli.console import Printer, progress
@@ -86,7 +86,7 @@ def view(
             topics=parse_topics(topic),
             between=parse_between(between),
             shifts=parse_shifts(shift),
-            load=kept.load,
+            load=cache.load,
             against=others,
             gp_name="GP" if gp is None else gp.name,
         )

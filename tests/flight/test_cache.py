@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap import flight
-from wrenchgap.flight import cache as kept
+from wrenchgap.flight import cache
 from wrenchgap.flight.channels import channels
 from wrenchgap.flight.errors import LogError
 from wrenchgap.plant import model_file
@@ -26,7 +26,7 @@ def log(tmp_path, monkeypatch):
 def reads(monkeypatch):
     """Paths of the logs that were really read."""
     seen = []
-    monkeypatch.setattr(kept, "read", lambda path, *rest: seen.append(path) or flight.load(path, *rest))
+    monkeypatch.setattr(cache, "read", lambda path, *rest: seen.append(path) or flight.load(path, *rest))
     return seen
 
 
@@ -43,44 +43,44 @@ def same(one, other):
 
 
 def test_the_second_time_it_is_not_read_and_yet_the_same(log, reads):
-    first = kept.load(log)
-    second = kept.load(log)
+    first = cache.load(log)
+    second = cache.load(log)
     assert reads == [log]
     same(first, flight.load(log))
     same(second, first)
 
 
 def test_another_mapping_another_content_or_a_damaged_file_is_read_anew(log, reads):
-    kept.load(log)
-    kept.load(log, {"desired": "none"})
+    cache.load(log)
+    cache.load(log, {"desired": "none"})
     assert len(reads) == 2
-    for file in kept.folder().glob("*.npz"):
+    for file in cache.folder().glob("*.npz"):
         file.write_bytes(file.read_bytes()[:1000])
-    kept.load(log)
+    cache.load(log)
     assert len(reads) == 3
     plan = Plan(model_file.load("tilt_hexarotor"), "figure8", 4.0, 0.0, 1, None, ())
     log.unlink()
     flight.write(fly(plan, name="short"), log)
-    assert kept.load(log).imu.time[-1] > 3.5
+    assert cache.load(log).imu.time[-1] > 3.5
     assert len(reads) == 4
 
 
 def test_old_flights_make_room(log, reads, monkeypatch):
-    monkeypatch.setattr(kept, "BYTES", 1)
-    kept.load(log)
-    kept.load(log, {"desired": "none"})
-    assert len(list(kept.folder().glob("*"))) == 1
+    monkeypatch.setattr(cache, "BYTES", 1)
+    cache.load(log)
+    cache.load(log, {"desired": "none"})
+    assert len(list(cache.folder().glob("*"))) == 1
 
 
 def test_a_folder_that_cannot_be_written_keeps_nothing_and_breaks_nothing(log, reads, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    same(kept.load(log), flight.load(log))
+    same(cache.load(log), flight.load(log))
 
 
 def test_a_log_that_is_none_is_told_as_ever(tmp_path):
     with pytest.raises(LogError, match="no such file"):
-        kept.load(tmp_path / "none.mcap")
+        cache.load(tmp_path / "none.mcap")
 
 
 def test_channels_are_everything_in_the_log_on_its_clock(log):
