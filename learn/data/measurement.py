@@ -97,8 +97,8 @@ def prepare(
 ) -> Record:
     """A stretch of flight with its measured wrench; thinned to about `rate_hz` [Hz] (default five times the cut-off).
 
-    `commands` are those of `commands_of`, where they are at hand. Three cut-off periods are trimmed at either end. Raises FitError for a stretch that is too short or without any
-    command.
+    `commands` are those of `commands_of`, where they are at hand. Three cut-off periods are trimmed at either end.
+    Raises FitError for a stretch that is too short or without any command.
     """
     dt = samples.dt
     trim = int(np.ceil(3.0 / (cutoff_hz * dt)))

@@ -11,9 +11,10 @@ import numpy as np
 
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
-from wrenchgap.flight.flight import Flight, Samples
-from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, low_pass, prepare
+from wrenchgap.flight.flight import Array, Flight, Gap, Samples
+from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, low_pass, prepare
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 Loader = Callable[..., Flight]
@@ -25,11 +26,17 @@ MINIMUM_FLIGHT = 2.0
 
 @dataclass(frozen=True)
 class OpenFlight:
-    """A flight, its stretches on one clock, the records made of them, and notes that a user should read."""
+    """A flight, its stretches on one clock, and notes that a user should read.
+
+    `flown` are the parts of the stretches in which the vehicle was in the air, `records` what was made of each of them.
+    `left_out` are the times [s] that are not used although the log has them: on the ground, or not asked for.
+    """
 
     flight: Flight
     samples: tuple[Samples, ...]
+    flown: tuple[Samples, ...]
     records: tuple[Record, ...]
+    left_out: tuple[Gap, ...]
     notes: tuple[str, ...]
 
 
@@ -39,18 +46,20 @@ def open_flight(
     *,
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
+    rate_hz: float | None = None,
     between: tuple[float, float] | None = None,
     shifts: Mapping[str, float] | None = None,
+    incomplete: bool = False,
     load: Loader = flight.load,
 ) -> OpenFlight:
     """Read one log for a model, or what lies `between` two of its times [s]; `load` reads as `flight.load` does.
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
-    (`flight.shifted`).
+    (`flight.shifted`). `rate_hz` and `incomplete` are those of `opened`.
     """
     found = flight.shifted(load(path, topics, preferred=model.topics), shifts or {})
-    return opened(found, model, cutoff_hz=cutoff_hz, between=between)
+    return opened(found, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
 
 
 def opened(
@@ -60,56 +69,129 @@ def opened(
     cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
     between: tuple[float, float] | None = None,
+    incomplete: bool = False,
 ) -> OpenFlight:
-    """A flight in memory as `open_flight` gives it; `rate_hz` is that of the records (default as `prepare`)."""
-    required = tuple(r for r in ("commanded", "actuators") if getattr(found, r) is not None)[:1]
-    if not required:
-        raise LogError(
-            f"{found.path.name}: no topic plays the role 'commanded' or 'actuators', so there is nothing to compare "
-            "the measurement with; map one with --topic commanded=/your/topic"
-        )
-    resampled = flight.resample(found, require=(*required, *(("imu",) if found.imu is not None else ())))
-    records: list[Record] = []
-    short: list[str] = []
-    grounded = 0.0
-    for samples in _within(resampled.samples, between, found):
+    """A flight in memory as `open_flight` gives it; `rate_hz` is that of the records (default as `prepare`).
+
+    With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
+    are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
+    """
+    played, notes = _commanded(found, incomplete)
+    try:
+        resampled = flight.resample(played, require=_required(played))
+    except LogError as error:
+        if not incomplete:
+            raise
+        return OpenFlight(found, (), (), (), _outside(between), (*found.notes, *notes, f"no measured wrench: {error}"))
+    parts = _airborne_parts(_within(resampled.samples, between, found), resampled.samples, model.vehicle)
+    records, short = [], []
+    for part in parts.flown:
         try:
-            whole = prepare(samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz)
-            flown = airborne(samples, whole, model.vehicle)
-            grounded += (len(samples) - sum(len(part) for part in flown)) * samples.dt
-            if len(flown) == 1 and flown[0] is samples:
-                records.append(whole)
-                continue
-            long = [part for part in flown if len(part) * part.dt >= MINIMUM_FLIGHT]
-            records += [prepare(part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz) for part in long]
+            made = prepare(part.samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=part.commands)
+            records.append((part.samples, made))
         except FitError as error:
-            if len(samples) * samples.dt >= 12.0 / cutoff_hz:
+            if len(part.samples) * part.samples.dt >= 12.0 / cutoff_hz:
                 raise
             short.append(str(error))
-    if not records:
+    if not records and not (incomplete and short):
         raise LogError(short[0] if short else _never_flew(found, model))
-    sources = {r.source for r in records}
-    notes = [*found.notes, *resampled.notes, *short]
+    notes = [*found.notes, *resampled.notes, *notes, *short, *_notes(found, parts.grounded, [r for _, r in records])]
+    return OpenFlight(
+        flight=found,
+        samples=resampled.samples,
+        flown=tuple(samples for samples, _ in records),
+        records=tuple(record for _, record in records),
+        left_out=(*_outside(between), *parts.left_out),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _required(played: Flight) -> tuple[str, ...]:
+    """Roles without which there is no clock: commands, and the IMU where there is one."""
+    commands = "commanded" if played.commanded is not None else "actuators"
+    return (commands, "imu") if played.imu is not None else (commands,)
+
+
+def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
+    """The flight with something that was commanded, and a note where that is an assumption."""
+    if found.commanded is not None or found.actuators is not None:
+        return found, []
+    if incomplete and found.desired is not None:
+        note = f"{found.name}: only a desired wrench in the log; taken as what was commanded."
+        return replace(found, commanded=found.desired), [note]
+    raise LogError(
+        f"{found.path.name}: no topic plays the role 'commanded' or 'actuators', so there is nothing to compare "
+        "the measurement with; map one with --topic commanded=/your/topic"
+    )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of a stretch that flew, with its commands and their `Record.source`."""
+
+    samples: Samples
+    commands: tuple[Commands, str]
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What flew of some stretches, what was left out of them, and for how long [s] the vehicle did not fly."""
+
+    flown: tuple[_Part, ...]
+    left_out: tuple[Gap, ...]
+    grounded: float
+
+
+def _airborne_parts(stretches: Sequence[Samples], every: Sequence[Samples], vehicle: Vehicle) -> _Parts:
+    """Stretches cut to where the vehicle flew, for `MINIMUM_FLIGHT` at least; `every` are all of the flight."""
+    flown: list[_Part] = []
+    left_out: list[Gap] = []
+    grounded = 0.0
+    for samples in stretches:
+        commands, source = commands_of(samples, vehicle)
+        rows = airborne(commands.wrench_B, samples.dt, vehicle)
+        if rows == [slice(0, len(samples))]:
+            flown.append(_Part(samples, (commands, source)))
+            continue
+        grounded += (len(samples) - sum(r.stop - r.start for r in rows)) * samples.dt
+        long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
+        flown += [_Part(_part(samples, r), (commands.take(r), source)) for r in long]
+        # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
+        begin = -np.inf if samples.time[0] <= every[0].time[0] else samples.time[0] - samples.dt
+        end = np.inf if samples.time[-1] >= every[-1].time[-1] else samples.time[-1] + samples.dt
+        edges = [begin, *(t for r in long for t in (samples.time[r.start], samples.time[r.stop - 1])), end]
+        inner = [r.start > 0 for r in long] + [not long or long[-1].stop < len(samples)]
+        left_out += [Gap(float(a), float(b)) for a, b, out in zip(edges[::2], edges[1::2], inner, strict=True) if out]
+    return _Parts(tuple(flown), tuple(left_out), grounded)
+
+
+def airborne(wrench_B: Array, dt: float, vehicle: Vehicle) -> list[slice]:
+    """The contiguous parts in which the force of commanded wrenches (N, 6), low-passed, could carry the vehicle."""
+    force = np.linalg.norm(low_pass(wrench_B[:, :3], dt, 1.0), axis=1)
+    flying = force > GROUNDED * vehicle.body.mass * GRAVITY
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
+    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _notes(found: Flight, grounded: float, records: Sequence[Record]) -> list[str]:
+    """What a user should know of where the commands come from, and of time that was left out."""
+    notes = []
     if grounded > 0.0:
         notes.append(
             f"{found.name}: for {grounded:.1f} s the commanded force is below {100 * GROUNDED:.0f} % of the weight (on "
             "the ground, held or falling): left out."
         )
+    sources = {r.source for r in records}
     if "allocated" in sources:
         notes.append(f"{found.name}: no actuator commands in the log; allocated from the commanded wrench.")
     if "none" in sources:
         notes.append(f"{found.name}: the model has no rotors; the commanded wrench is the nominal model.")
-    return OpenFlight(found, resampled.samples, tuple(records), tuple(dict.fromkeys(notes)))
+    return notes
 
 
-def airborne(samples: Samples, record: Record, vehicle: Vehicle) -> list[Samples]:
-    """The contiguous parts of a stretch in which the commanded force, low-passed, could carry the vehicle."""
-    force = np.linalg.norm(low_pass(record.commands.wrench_B[:, :3], samples.dt, 1.0), axis=1)
-    flying = force > GROUNDED * vehicle.body.mass * GRAVITY
-    if flying.all():
-        return [samples]
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
-    return [_part(samples, slice(start, stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+def _outside(between: tuple[float, float] | None) -> tuple[Gap, ...]:
+    """The times that were not asked for."""
+    return () if between is None else (Gap(-np.inf, between[0]), Gap(between[1], np.inf))
 
 
 def _within(stretches: Sequence[Samples], between: tuple[float, float] | None, found: Flight) -> list[Samples]:
@@ -171,11 +253,11 @@ def open_flights(
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
     """`open_flight` for several logs, in order, with names that differ; the same log twice is an error."""
-    opened: list[OpenFlight] = []
+    found: list[OpenFlight] = []
     for path in paths:
         one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts, load=load)
-        for other in opened:
+        for other in found:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")
-        opened.append(one)
-    return distinct(opened)
+        found.append(one)
+    return distinct(found)

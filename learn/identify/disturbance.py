@@ -1,4 +1,4 @@
-"""What a model does not explain of a recorded flight, as functions of time that are carried into a re-flight.
+"""What a model does not explain of a recorded flight, as functions of time that are carried into a re-simulation.
 
     d(t)  the disturbance: wrench that the recorded motion needs minus wrench that the model M makes of the recorded
           commands
@@ -14,13 +14,14 @@ through the flight, and a slow and well damped pull (`PULL_HZ`) back to the reco
 
     F_pull = m R_BE [w^2 (p_rec - p) + 2 w (v_rec - v)],    M_pull = J [w^2 log(q^-1 q_rec) + 2 w (omega_rec - omega)]
 
-So d is smooth, and the flight of M + d that was integrated is what a re-flight without any change repeats. d is a
-body-fixed wrench: right for errors of thrust and mass, an approximation for wind when the attitude of the re-flight
+So d is smooth, and the flight of M + d that was integrated is what a re-simulation without any change repeats. d is a
+body-fixed wrench: right for errors of thrust and mass, an approximation for wind when the attitude of the re-simulation
 differs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,8 +34,9 @@ from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ, RecordedMotion
 from wrenchgap.learn.data.recording import Recording
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.closed_loop import Report, integrate
+from wrenchgap.plant.closed_loop import fly, over_periods
 from wrenchgap.plant.controller import evaluate, integrate_error, pushes_along_z_only
+from wrenchgap.plant.flight_computer import RecordedPilot, beyond_allocation
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import Body, Vehicle
@@ -44,59 +46,57 @@ Array = NDArray[np.float64]
 
 PULL_HZ = 1.0
 """Natural frequency of the pull towards the recorded motion, critically damped [Hz]."""
+FAST_HZ = 10.0
+"""Above this a disturbance is noise rather than motion [Hz]; `DisturbanceSize.rms_fast` is its share there."""
+
+
+@dataclass(frozen=True)
+class DisturbanceSize:
+    """Of a disturbance, per axis (6,) [N, Nm]: mean, rms, rms above `FAST_HZ`, largest; rms of the pull."""
+
+    mean: Array
+    rms: Array
+    rms_fast: Array
+    largest: Array
+    rms_pull: Array
 
 
 @dataclass(frozen=True)
 class Inference:
-    """What is carried into every re-flight, K periods; wrenches in B, force first.
+    """What is carried into every re-simulation, K periods; wrenches in B, force first.
 
-    states        (K) of the model that is pushed along the recorded motion by the disturbance
-    disturbance   d (K, 6) about O;  pull (K, 6): the part of it that the integration needed
-    offset        e (K, 6) about the believed centre of mass
-    correction    (K, 6) recorded commanded minus desired wrench: what a compensator did when the log was made
-    tilt_offset, speed_offset   a (K, A) [rad], (K, R) [rad/s]; None without rotors
-    integral      (3,) of the control law at the first period [rad s]
-    memory        of the model's command effects before the first period
-    tilt          (A,) allocated one period before the first, None at the start of a log
-    along_z       whether the law is that of a vehicle that pushes along its z axis only
-    explained     (6,) share of the desired wrench's variance that the law explains; nan on axes that hardly moved
+    disturbance  d (K, 6) about O;  pull (K, 6): the part of it that the integration needed
+    pilot        e and a, and how the recorded flight computer began
+    memory       of the model's command effects before the first period
+    explained    (6,) share of the desired wrench's variance that the law explains; nan on axes that hardly moved
     """
 
     recording: Recording
     model: Model
-    states: State
     disturbance: Array
     pull: Array
-    offset: Array
-    correction: Array
-    tilt_offset: Array | None
-    speed_offset: Array | None
-    integral: Array
+    pilot: RecordedPilot
     memory: dict[str, Any] | None
-    tilt: Array | None
-    along_z: bool
     explained: Array
 
     @property
-    def statistics(self) -> dict[str, list[float]]:
-        """Size of the disturbance per axis: mean, rms, rms above 10 Hz, maximum; rms of the pull."""
-        d, dt = self.disturbance, self.recording.dt
-        fast = d - low_pass(d, dt, 10.0)
+    def size(self) -> DisturbanceSize:
+        """How large the disturbance is."""
 
-        def rms(x: Array) -> list[float]:
-            return [float(v) for v in np.sqrt(np.mean(x**2, axis=0))]
+        def rms(x: Array) -> Array:
+            return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
 
-        return {
-            "mean": d.mean(axis=0).tolist(),
-            "rms": rms(d),
-            "rms_above_10_hz": rms(fast),
-            "max_abs": np.abs(d).max(axis=0).tolist(),
-            "pull_rms": rms(self.pull),
-        }
+        d = self.disturbance
+        fast = d - low_pass(d, self.recording.dt, FAST_HZ)
+        return DisturbanceSize(d.mean(axis=0), rms(d), rms(fast), np.abs(d).max(axis=0), rms(self.pull))
 
 
 def infer(
-    recording: Recording, model: Model, *, cutoff_hz: float = CUTOFF_HZ, progress: Report | None = None
+    recording: Recording,
+    model: Model,
+    *,
+    cutoff_hz: float = CUTOFF_HZ,
+    progress: Callable[[float], None] | None = None,
 ) -> Inference:
     """Disturbance, pilot's and allocation's residual of a recording, as `model` (with its controller) sees it.
 
@@ -105,8 +105,10 @@ def infer(
     check_effects(model.effects, model, [recording.record])
     r, plant, window = recording, model.wrench_model, recording.window
     state, motion = r.motion.state, r.motion.motion
-    ours, tilt_offset, speed_offset = _allocated(r, model.vehicle)
-    nominal = with_offsets(model.vehicle, r.commands.wrench_B, ours, tilt_offset, speed_offset)
+    ours, tilt, speed = _allocated(r, model.vehicle)
+    nominal = Commands(r.commands.wrench_B)
+    if ours is not None and tilt is not None and speed is not None:
+        nominal = beyond_allocation(model.vehicle, ours, tilt, speed)
     memory: dict[str, Any] | None = None
     if r.first:
         before = slice(0, r.first)
@@ -114,35 +116,30 @@ def infer(
 
     made, _ = plant.actuate(nominal, state, r.dt)
     needed = about_origin(plant.body, measured_wrench(plant.body, motion))
-    over_period = np.concatenate((0.5 * (needed[:-1] + needed[1:]), needed[-1:]))
-    base: Array = over_period - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt))
-
-    def disturbance(k: int, now: State) -> Array:
-        return np.asarray(base[r.first + k] + _pull(plant.body, r.motion, r.first + k, now))
-
-    def command(k: int, now: State) -> Commands:
-        return nominal.take(slice(r.first + k, r.first + k + 1))
-
-    flown = integrate(plant, r, memory, command, disturbance, progress)
+    base: Array = over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt))
+    flown = fly(
+        plant,
+        r.start,
+        r.clock,
+        lambda k, now: nominal.take(slice(r.first + k, r.first + k + 1)),
+        disturbance=lambda k, now: base[r.first + k] + _pull(plant.body, r.motion, r.first + k, now),
+        memory=memory,
+        progress=progress,
+    )
     along_z = pushes_along_z_only(model.vehicle) or not np.any(r.desired[:, :2])
     integral, law = _law(model, r, flown.state, along_z)
-    offset = r.desired[window] - law
-    return Inference(
-        recording=r,
-        model=model,
-        states=flown.state,
-        disturbance=flown.disturbance,
-        pull=flown.disturbance - base[window],
-        offset=offset,
+    pilot = RecordedPilot(
+        offset=r.desired[window] - law,
         correction=(r.commanded - r.desired)[window],
-        tilt_offset=None if tilt_offset is None else tilt_offset[window],
-        speed_offset=None if speed_offset is None else speed_offset[window],
+        tilt=None if tilt is None else tilt[window],
+        rotor_speed=None if speed is None else speed[window],
         integral=integral,
-        memory=memory,
-        tilt=None if ours is None or ours.tilt is None or r.first == 0 else ours.tilt[r.first - 1],
+        previous_tilt=None if ours is None or ours.tilt is None or r.first == 0 else ours.tilt[r.first - 1],
         along_z=along_z,
-        explained=_explained(r.desired[window], offset),
     )
+    explained = _explained(r.desired[window], pilot.offset)
+    pull = flown.disturbance - base[window]
+    return Inference(r, model, flown.disturbance, pull, pilot, memory, explained)
 
 
 def _explained(desired: Array, offset: Array) -> Array:
@@ -163,23 +160,8 @@ def _allocated(r: Recording, vehicle: Vehicle) -> tuple[Commands | None, Array |
     assert ours.tilt is not None
     assert ours.rotor_speed is not None
     tilt = (r.commands.tilt - ours.tilt + np.pi) % (2.0 * np.pi) - np.pi
-    return ours, tilt, r.commands.rotor_speed - ours.rotor_speed
-
-
-def with_offsets(
-    vehicle: Vehicle, wrench_B: Array, allocated: Commands | None, tilt: Array | None, speed: Array | None
-) -> Commands:
-    """Commands (N) as the vehicle's allocation would have sent them: ours plus the recorded offset, within limits."""
-    if allocated is None or tilt is None or speed is None:
-        return Commands(wrench_B)
-    assert allocated.tilt is not None
-    assert allocated.rotor_speed is not None
-    arms, rotors = vehicle.geometry()
-    return Commands(
-        wrench_B,
-        np.clip(allocated.tilt + tilt, arms.tilt_min, arms.tilt_max),
-        np.clip(allocated.rotor_speed + speed, rotors.speed_min, rotors.speed_max),
-    )
+    speed = r.commands.rotor_speed - ours.rotor_speed
+    return Commands(r.commands.wrench_B, ours.tilt, ours.rotor_speed), tilt, speed
 
 
 def _pull(body: Body, recorded: RecordedMotion, k: int, now: State) -> Array:

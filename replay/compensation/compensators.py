@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
+from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
-from wrenchgap.replay.counterfactual.reflight import Compensates
 
 TORQUE = AXES[3:]
 OBSERVER_HZ = 1.0
@@ -48,9 +50,9 @@ def physics(process: GaussianProcess, model: Model, lead: float | None = None) -
     return PhysicsMismatch(model.wrench_model, process.outputs, lead)
 
 
-def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple[tuple[str, Compensates], ...]:
+def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple[tuple[str, Compensating], ...]:
     """What a process must be better than, by name: observer, the effects alone, a straight line through its points."""
-    found: list[tuple[str, Compensates]] = [
+    found: list[tuple[str, Compensating]] = [
         (f"disturbance observer, {OBSERVER_HZ:g} Hz", DisturbanceObserver(model.vehicle, dt, OBSERVER_HZ))
     ]
     outputs = TORQUE if process is None else process.outputs
@@ -64,13 +66,37 @@ def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple
     return tuple(found)
 
 
-def notes(process: GaussianProcess, model: Model) -> tuple[str, ...]:
-    """What a user must know before compensating with this process and model: what `learn` warned of, for one."""
-    found = [f"learn said of this GP: {warning}" for warning in process.provenance.warnings]
-    wanted = process.provenance.model_hash
-    if process.settings.mean == "physics" and content_hash(model) != wanted:
-        found.append(
-            f"the GP was learnt on another version of {model.name} ({process.provenance.physics}): the physics that is "
-            "compensated is that of the model given here."
-        )
+@dataclass(frozen=True)
+class LearnWarned:
+    """`wrenchgap learn` warned of the process when it made it."""
+
+    warning: str
+
+
+@dataclass(frozen=True)
+class OtherVersion:
+    """The process was learnt on top of `physics`, in another version of the model."""
+
+    model: str
+    physics: str
+
+
+@dataclass(frozen=True)
+class LearntFromThisFlight:
+    """The process is judged on a flight that it was learnt from."""
+
+    flight: str
+
+
+ProcessCaveat = LearnWarned | OtherVersion | LearntFromThisFlight
+
+
+def caveats(process: GaussianProcess, model: Model, flight: Flight | None = None) -> tuple[ProcessCaveat, ...]:
+    """What a user must know before compensating with this process and model, on this flight."""
+    source = process.provenance
+    found: list[ProcessCaveat] = [LearnWarned(warning) for warning in source.warnings]
+    if process.settings.mean == "physics" and content_hash(model) != source.model_hash:
+        found.append(OtherVersion(model.name, source.physics))
+    if flight is not None and flight.content_hash in [log.sha256 for log in source.logs]:
+        found.append(LearntFromThisFlight(flight.name))
     return tuple(found)

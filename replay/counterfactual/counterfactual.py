@@ -1,7 +1,8 @@
-"""The counterfactual: a recorded flight, flown again with something changed.
+"""The counterfactual: a recorded flight, re-simulated with something changed.
 
-What the model M does not explain is inferred from the log (`learn.identify.disturbance`) and carried into the re-flight
-(`replay.counterfactual.reflight`) as functions of time: a disturbance d(t), the pilot's residual e(t), the allocation's residual a(t).
+What the model M does not explain is inferred from the log (`learn.identify.disturbance`) and carried into the
+re-simulation (`replay.counterfactual.reflight`) as functions of time: a disturbance d(t), the pilot's residual e(t),
+the allocation's residual a(t).
 
     W_des = law(state, reference) + e(t)  ->  compensator  ->  W_cmd  ->  allocation + a(t)  ->  plant + d(t)
 
@@ -12,28 +13,30 @@ flight was understood, not how well a loop can hide it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap import flight
-from wrenchgap.flight import so3
-from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
-from wrenchgap.plant.closed_loop import Report
-from wrenchgap.plant.controller import ControllerGains, attitude_error
+from wrenchgap.plant.closed_loop import Lost
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.trajectory import Recorded, Reference
+from wrenchgap.plant.tracking import Deviation, Tracking
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.counterfactual.reflight import Compensates, Reflight, as_flight, refly
+from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
 Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+"""Called with the fraction done (0 to 1) and what is being done."""
 
 ATTITUDE_GOAL_DEG, POSITION_GOAL_M = 0.5, 0.02
 """Largest error of a null run with which a counterfactual can be believed."""
@@ -41,62 +44,13 @@ ATTITUDE_GOAL_DEG, POSITION_GOAL_M = 0.5, 0.02
 EXPLAINED_GOAL = 0.5
 """Share of the command's variance below which the control law is called a guess."""
 
-
-def null_error(inference: Inference, null: Reflight) -> dict[str, float]:
-    """How far the null run is from the recorded odometry: attitude [deg] and position [m], largest and rms."""
-    odometry, state = inference.recording.odometry, null.flown.state
-    inside = (odometry.time >= state.time[0] - 1e-6) & (odometry.time <= state.time[-1] + 1e-6)
-    stamps = odometry.time[inside]
-    position = np.stack([np.interp(stamps, state.time, c) for c in state.position_E.T], axis=-1)
-    quat = so3.interpolate(stamps, state.time, state.quat_EB)
-    angle = np.degrees(np.linalg.norm(so3.log(so3.multiply(so3.conjugate(odometry.quat_EB[inside]), quat)), axis=-1))
-    distance = np.linalg.norm(position - odometry.position_E[inside], axis=-1)
-    return {
-        "attitude_deg_max": float(angle.max()),
-        "attitude_deg_rms": float(np.sqrt(np.mean(angle**2))),
-        "position_m_max": float(distance.max()),
-        "position_m_rms": float(np.sqrt(np.mean(distance**2))),
-        "duration_s": len(state.time) * inference.recording.dt,
-    }
-
-
-def tracking(time: Array, position_E: Array, quat_EB: Array, reference: Reference) -> dict[str, Any]:
-    """Tracking errors of N samples: e_R per axis (see `plant.controller`) and distance from the reference."""
-    e = np.abs(attitude_error(so3.matrix(quat_EB), so3.matrix(reference.quat_ED)))
-    distance = np.linalg.norm(position_E - reference.position_E, axis=-1)
-    return {
-        "attitude_error": {
-            "mean_abs": e.mean(axis=0).tolist(),
-            "median_abs": np.median(e, axis=0).tolist(),
-            "rms": np.sqrt(np.mean(e**2, axis=0)).tolist(),
-        },
-        "position_error_m": {
-            "mean": float(distance.mean()),
-            "median": float(np.median(distance)),
-            "rms": float(np.sqrt(np.mean(distance**2))),
-            "max": float(distance.max()),
-        },
-        "duration_s": float(time[-1] - time[0]),
-    }
-
-
-def tracking_of(inference: Inference, flown: Reflight | None = None) -> dict[str, Any]:
-    """Tracking errors of a re-flight, or of the recorded flight by its odometry."""
-    r = inference.recording
-    if flown is not None:
-        state, rows = flown.flown.state, slice(r.first, r.first + len(flown.flown.state.time))
-        return tracking(state.time, state.position_E, state.quat_EB, r.reference.take(rows))
-    times, odometry = r.time[r.window], r.odometry
-    inside = (odometry.time >= times[0] - 1e-6) & (odometry.time <= times[-1] + 1e-6)
-    stamps = odometry.time[inside]
-    assert r.flight.reference is not None
-    asked = Recorded(r.flight.reference, start=0.0).at(stamps)
-    return tracking(stamps, odometry.position_E[inside], odometry.quat_EB[inside], asked)
+WORSE_FACTOR, WORSE_DEG = 1.1, 0.02
+"""Growth of an axis' mean attitude error from which a compensation counts as harmful: beyond both."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What is different in the re-flight; nothing by default.
+    """What is different in the re-simulation; nothing by default.
 
     plant        effects and vehicle that fly
     gains        of the control law
@@ -109,18 +63,59 @@ class Change:
     plant: Model | None = None
     gains: ControllerGains | None = None
     believed: Vehicle | None = None
-    compensator: Compensates | None = None
-    beside: tuple[tuple[str, Compensates], ...] = ()
+    compensator: Compensating | None = None
+    beside: tuple[tuple[str, Compensating], ...] = ()
     words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReferenceEnds:
+    """The reference covers only a part of the re-simulation; its ends are held."""
+
+
+@dataclass(frozen=True)
+class NullRunOff:
+    """The null run is further from the recorded flight than the goals."""
+
+    deviation: Deviation
+
+
+@dataclass(frozen=True)
+class WeakLaw:
+    """On these axes the control law explains less of the recorded command than `EXPLAINED_GOAL`."""
+
+    axes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ControlLost:
+    """Control was lost in the null run, with the change, or with one of the other compensators by its name."""
+
+    run: str
+    lost: Lost
+
+
+@dataclass(frozen=True)
+class CompensationHarms:
+    """On these axes (x, y, z) the attitude error grows with the compensation."""
+
+    axes: tuple[str, ...]
+
+
+Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms
+"""What a reader must know before relying on the numbers."""
+
+NULL_RUN, CHANGED = "null_run", "counterfactual"
+"""Names of runs; other compensators have their own."""
 
 
 @dataclass(frozen=True, repr=False)
 class Counterfactual(Result):
-    """An inference, its null run, and the re-flight with the change (the null run itself where nothing changed).
+    """An inference, its null run, and the re-simulation with the change (the null run itself where nothing changed).
 
-    `uncompensated` is the re-flight with all of the change but its compensator: what the compensated one is to be
+    `uncompensated` is the re-simulation with all of the change but its compensator: what the compensated one is to be
     compared with. It is the null run where nothing else was changed, None where no compensator flew. `beside` are the
-    re-flights with other compensators in its place.
+    re-simulations with other compensators in its place.
     """
 
     inference: Inference
@@ -131,70 +126,52 @@ class Counterfactual(Result):
     beside: tuple[tuple[str, Reflight], ...] = ()
 
     @cached_property
-    def null_run(self) -> dict[str, float]:
-        """Errors of the null run, see `null_error`."""
-        return null_error(self.inference, self.null)
+    def null_run(self) -> Deviation:
+        """Error of the null run against the recorded odometry."""
+        return self.null.deviation
 
     @cached_property
-    def tracking(self) -> dict[str, dict[str, Any]]:
-        """Tracking errors of the recorded flight, the null run, the uncompensated one if any, the counterfactual."""
-        flown = {"null_run": self.null, "uncompensated": self.uncompensated, "counterfactual": self.changed}
-        of = {name: tracking_of(self.inference, one) for name, one in flown.items() if one is not None}
-        return {"recorded": tracking_of(self.inference), **of}
+    def tracking(self) -> dict[str, Tracking]:
+        """Of the recorded flight, the null run, the uncompensated one if any, the counterfactual."""
+        flown = {NULL_RUN: self.null, "uncompensated": self.uncompensated, CHANGED: self.changed}
+        of = {name: one.tracking for name, one in flown.items() if one is not None}
+        return {"recorded": self.inference.recording.tracking, **of}
 
     @cached_property
-    def baselines(self) -> dict[str, dict[str, Any]]:
+    def baselines(self) -> dict[str, Tracking]:
         """Tracking errors with the other compensators, by name."""
-        return {name: tracking_of(self.inference, one) for name, one in self.beside}
+        return {name: one.tracking for name, one in self.beside}
 
     @cached_property
-    def content(self) -> dict[str, Any]:
-        """The result as it goes into JSON (docs/json.md, wrenchgap.counterfactual/1)."""
-        r = self.inference.recording
-        return {
-            "flight": r.flight.name,
-            "model": self.inference.model.name,
-            "changes": list(self.change.words),
-            "start_s": float(r.time[r.first]),
-            "null_run": self.null_run,
-            "tracking": self.tracking,
-            "baselines": self.baselines,
-            "axes": list(AXES),
-            "disturbance": self.inference.statistics,
-            "controller_explained": self.inference.explained.tolist(),
-            "lost": self.changed.flown.stopped or None,
-            "notes": list(self.notes),
-        }
+    def caveats(self) -> tuple[Caveat, ...]:
+        """What a reader must know before relying on the numbers."""
+        found: list[Caveat] = [] if self.inference.recording.reference_covers else [ReferenceEnds()]
+        runs = {NULL_RUN: self.null, CHANGED: self.changed, **dict(self.beside)}
+        if self.changed is self.null:
+            del runs[CHANGED]
+        lost = [ControlLost(name, run.flown.lost) for name, run in runs.items() if run.flown.lost is not None]
+        found += [one for one in lost if one.run == NULL_RUN]
+        off = self.null_run
+        if off.attitude_deg_max > ATTITUDE_GOAL_DEG or off.position_m_max > POSITION_GOAL_M:
+            found.append(NullRunOff(off))
+        weak = [axis for axis, share in zip(AXES, self.inference.explained, strict=True) if share < EXPLAINED_GOAL]
+        found += [WeakLaw(tuple(weak))] if weak else []
+        found += [one for one in lost if one.run != NULL_RUN]
+        harmed = self._harmed()
+        return (*found, CompensationHarms(harmed)) if harmed else tuple(found)
+
+    def _harmed(self) -> tuple[str, ...]:
+        if self.uncompensated is None:
+            return ()
+        runs = (self.tracking["uncompensated"], self.tracking[CHANGED])
+        before, after = (np.degrees(np.arcsin(np.minimum(run.attitude_mean, 1.0))) for run in runs)
+        worse = after > WORSE_FACTOR * before + WORSE_DEG
+        return tuple(axis for axis, one in zip("xyz", worse, strict=True) if one)
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What a reader must know before believing the numbers."""
-        r, found = self.inference.recording, [*self.inference.recording.notes]
-        null, explained = self.null_run, self.inference.explained
-        if self.null.flown.stopped:
-            found.append(f"{r.flight.name}: in the null run {self.null.flown.stopped}")
-        if null["attitude_deg_max"] > ATTITUDE_GOAL_DEG or null["position_m_max"] > POSITION_GOAL_M:
-            found.append(
-                f"{r.flight.name}: the null run is {null['attitude_deg_max']:.2f} deg and "
-                f"{100 * null['position_m_max']:.1f} cm off the recorded flight at most (goal {ATTITUDE_GOAL_DEG} deg, "
-                f"{100 * POSITION_GOAL_M:.0f} cm): IMU and odometry disagree, or the log is too coarse"
-            )
-        weak = [axis for axis, share in zip(AXES, explained, strict=True) if share < EXPLAINED_GOAL]
-        if weak:
-            found.append(
-                f"{r.flight.name}: the control law of {self.inference.model.name} explains less than "
-                f"{100 * EXPLAINED_GOAL:.0f} % of the recorded {', '.join(weak)}: there the re-flight's feedback is a "
-                "guess; set [controller] to the gains that flew"
-            )
-        if self.changed.flown.stopped and self.changed is not self.null:
-            found.append(f"{r.flight.name}: {self.changed.flown.stopped}")
-        found += [f"{r.flight.name}, {name}: {one.flown.stopped}" for name, one in self.beside if one.flown.stopped]
-        return tuple(dict.fromkeys(found))
-
-    @property
-    def log(self) -> Flight:
-        """The re-flight as a flight on the recorded time base."""
-        return as_flight(self.inference, self.changed)
+    def log(self) -> flight.Flight:
+        """The re-simulation as a flight on the recorded time base."""
+        return self.changed.log
 
     @property
     def series(self) -> tuple[flight.Named, ...]:
@@ -216,19 +193,19 @@ def counterfactual(
     change: Change | None = None,
     *,
     cutoff_hz: float = CUTOFF_HZ,
-    progress: Report | None = None,
+    progress: Progress | None = None,
 ) -> Counterfactual:
-    """Infer, fly the null run, and fly again with the change."""
+    """Infer, fly the null run, and re-simulate with the change."""
     change = change or Change()
     report = progress or (lambda fraction, words: None)
 
-    def stage(begin: float, end: float, words: str) -> Report:
-        return lambda fraction, _: report(begin + (end - begin) * fraction, words)
+    def stage(begin: float, end: float, words: str) -> Callable[[float], None]:
+        return lambda fraction: report(begin + (end - begin) * fraction, words)
 
     inference = infer(recording, model, cutoff_hz=cutoff_hz, progress=stage(0.0, 0.3, "inferring the disturbance"))
     null = refly(inference, progress=stage(0.3, 0.5, "null run"))
 
-    def fly(compensator: Compensates | None, begin: float, end: float, words: str = "counterfactual") -> Reflight:
+    def run(compensator: Compensating | None, begin: float, end: float, words: str = "counterfactual") -> Reflight:
         return refly(
             inference,
             change.plant,
@@ -239,13 +216,13 @@ def counterfactual(
         )
 
     others = any(item is not None for item in (change.plant, change.gains, change.believed))
-    plain = fly(None, 0.5, 0.6) if others else null
+    plain = run(None, 0.5, 0.6) if others else null
     share = 0.4 / (1 + len(change.beside))
-    beside = tuple((name, fly(one, 1.0 - share, 1.0, name)) for name, one in change.beside)
+    beside = tuple((name, run(one, 1.0 - share, 1.0, name)) for name, one in change.beside)
     if change.compensator is None:
         return Counterfactual(inference, null, plain, change, beside=beside)
-    changed = fly(change.compensator, 0.6, 0.6 + share)
+    changed = run(change.compensator, 0.6, 0.6 + share)
     return Counterfactual(inference, null, changed, change, plain, beside)
 
 
-__all__ = ["Change", "Counterfactual", "counterfactual", "null_error", "read_recording", "tracking", "tracking_of"]
+__all__ = ["Change", "Counterfactual", "counterfactual", "read_recording"]

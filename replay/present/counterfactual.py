@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,32 @@ from rich.table import Table
 from wrenchgap import flight
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import set_by_hand
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
+from wrenchgap.plant.tracking import Tracking
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.compensation import compensators as compensating
-from wrenchgap.replay.counterfactual.counterfactual import Change, Counterfactual
+from wrenchgap.replay.counterfactual.counterfactual import (
+    ATTITUDE_GOAL_DEG,
+    CHANGED,
+    EXPLAINED_GOAL,
+    NULL_RUN,
+    POSITION_GOAL_M,
+    Caveat,
+    Change,
+    CompensationHarms,
+    ControlLost,
+    Counterfactual,
+    NullRunOff,
+    ReferenceEnds,
+    WeakLaw,
+)
+from wrenchgap.replay.present import compensation as of_process
 from wrenchgap.replay.present import tables
 
 Array = NDArray[np.float64]
@@ -101,33 +119,54 @@ def change(
     )
 
 
-def warnings(result: Counterfactual, process: GaussianProcess | None) -> list[str]:
-    """What makes a GP's counterfactual look better than it is, and what was wrong with the GP from the start."""
-    log = result.inference.recording.flight
-    found = [] if process is None else list(compensating.notes(process, result.inference.model))
-    if process is not None and log.content_hash in [source.sha256 for source in process.provenance.logs]:
-        found.append(f"{log.name}: the GP was learnt from this very flight, so it flatters itself; use an unseen one")
-    if result.uncompensated is not None:
-        before, after = (_errors(result.tracking[key])[:3] for key in ("uncompensated", "counterfactual"))
-        worse = [axis for axis, b, a in zip("xyz", before, after, strict=True) if a > 1.1 * b + 0.02]
-        if worse:
-            found.append(
-                f"with this compensation the attitude error about {', '.join(worse)} grows: do not fly it; see what "
+def notes(result: Counterfactual, process: GaussianProcess | None = None) -> tuple[str, ...]:
+    """What a reader must know before relying on the numbers, of the flight, the GP, and the result."""
+    log, model = result.inference.recording.flight, result.inference.model
+    found = [*result.inference.recording.notes, *(_sentence(one, log.name, model.name) for one in result.caveats)]
+    if process is not None:
+        found += of_process.sentences(compensating.caveats(process, model, log))
+    return tuple(dict.fromkeys(found))
+
+
+def _sentence(caveat: Caveat, flight: str, model: str) -> str:
+    match caveat:
+        case ReferenceEnds():
+            return f"{flight}: the reference covers only a part of the re-simulation; its ends are held."
+        case ControlLost(run, lost):
+            return f"{flight}{_WHERE.get(run, f', {run}:')} {lost}; the re-simulation ends there"
+        case NullRunOff(off):
+            return (
+                f"{flight}: the null run is {off.attitude_deg_max:.2f} deg and {100 * off.position_m_max:.1f} cm off "
+                f"the recorded flight at most (goal {ATTITUDE_GOAL_DEG} deg, {100 * POSITION_GOAL_M:.0f} cm): IMU and "
+                "odometry disagree, or the log is too coarse"
+            )
+        case WeakLaw(axes):
+            return (
+                f"{flight}: the control law of {model} explains less than {100 * EXPLAINED_GOAL:.0f} % of the recorded "
+                f"{', '.join(axes)}: there the re-simulation's feedback is a guess; set [controller] to the gains that "
+                "flew"
+            )
+        case CompensationHarms(axes):
+            return (
+                f"with this compensation the attitude error about {', '.join(axes)} grows: do not fly it; see what "
                 "`wrenchgap learn --validate` says of the GP"
             )
-    return found
+
+
+_WHERE = {NULL_RUN: ": in the null run", CHANGED: ":"}
 
 
 def show(result: Counterfactual) -> list[Table]:
     """The null run, the disturbance, and the tracking errors."""
-    content, null = result.content, result.null_run
+    null, size = result.null_run, result.inference.size
     first = tables.table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
-    first.add_row(escape("attitude [deg]"), f"{null['attitude_deg_max']:.3f}", f"{null['attitude_deg_rms']:.3f}")
-    first.add_row(escape("position [mm]"), f"{1e3 * null['position_m_max']:.2f}", f"{1e3 * null['position_m_rms']:.2f}")
+    first.add_row(escape("attitude [deg]"), f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}")
+    first.add_row(escape("position [mm]"), f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}")
 
     second = tables.table("what the model does not explain", "", *tables.HEADS)
-    for key, name in (("mean", "mean"), ("rms", "rms"), ("rms_above_10_hz", "rms above 10 Hz"), ("max_abs", "max")):
-        second.add_row(f"disturbance, {name}", *tables.row(np.array(content["disturbance"][key])))
+    above = f"rms above {FAST_HZ:g} Hz"
+    for values, name in ((size.mean, "mean"), (size.rms, "rms"), (size.rms_fast, above), (size.largest, "max")):
+        second.add_row(f"disturbance, {name}", *tables.row(values))
     shares = [f"{100 * s:.0f} %" if np.isfinite(s) else "-" for s in result.inference.explained]
     second.add_row("command explained by the control law", *shares)
 
@@ -142,8 +181,8 @@ def show(result: Counterfactual) -> list[Table]:
     for key, values in errors.items():
         if names.get(key):
             third.add_row(escape(names[key]), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
-    for name, one in result.baselines.items():
-        values = _errors(one)
+    for name, tracked in result.baselines.items():
+        values = _errors(tracked)
         third.add_row(escape(f"instead: {name}"), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
@@ -151,11 +190,10 @@ def show(result: Counterfactual) -> list[Table]:
     return [first, second, third]
 
 
-def _errors(one: Mapping[str, Any]) -> Array:
+def _errors(one: Tracking) -> Array:
     """Mean and median of |e_R| per axis as angles [deg], mean and largest distance [mm]: (8,)."""
-    attitude, position = one["attitude_error"], one["position_error_m"]
-    sines = np.array([*attitude["mean_abs"], *attitude["median_abs"]])
-    return np.array([*np.degrees(np.arcsin(np.minimum(sines, 1.0))), 1e3 * position["mean"], 1e3 * position["max"]])
+    sines = np.concatenate((one.attitude_mean, one.attitude_median))
+    return np.array([*np.degrees(np.arcsin(np.minimum(sines, 1.0))), 1e3 * one.position_mean, 1e3 * one.position_max])
 
 
 def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]], *, force: bool) -> None:
@@ -165,16 +203,53 @@ def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, 
         "command": "counterfactual",
         "version": tool_version(),
         "changes": "; ".join(result.change.words) or "nothing",
-        "null_run": f"{null['attitude_deg_max']:.4f} deg, {null['position_m_max']:.5f} m at most",
+        "null_run": f"{null.attitude_deg_max:.4f} deg, {null.position_m_max:.5f} m at most",
     }
     metadata |= {f"{i['role']}": f"{i['file']} {i['sha256']}" for i in inputs}
     flight.write(result.log, path, extra=result.series, metadata=metadata, force=force)
 
 
-def to_json(result: Counterfactual, extra_notes: Sequence[str] = ()) -> dict[str, Any]:
+def to_json(result: Counterfactual, process: GaussianProcess | None = None) -> dict[str, Any]:
     """The body of the JSON (docs/json.md, wrenchgap.counterfactual/1)."""
-    content = dict(result.content)
-    return {**content, "notes": [*content["notes"], *extra_notes]}
+    inference, lost = result.inference, result.changed.flown.lost
+    r, size = inference.recording, inference.size
+    return {
+        "flight": r.flight.name,
+        "model": inference.model.name,
+        "changes": list(result.change.words),
+        "start_s": float(r.time[r.first]),
+        "null_run": asdict(result.null_run),
+        "tracking": {name: _tracking_json(one) for name, one in result.tracking.items()},
+        "baselines": {name: _tracking_json(one) for name, one in result.baselines.items()},
+        "axes": list(AXES),
+        "disturbance": {
+            "mean": size.mean.tolist(),
+            "rms": size.rms.tolist(),
+            "rms_above_10_hz": size.rms_fast.tolist(),
+            "max_abs": size.largest.tolist(),
+            "pull_rms": size.rms_pull.tolist(),
+        },
+        "controller_explained": inference.explained.tolist(),
+        "lost": None if lost is None else f"{lost}; the re-simulation ends there",
+        "notes": list(notes(result, process)),
+    }
+
+
+def _tracking_json(one: Tracking) -> dict[str, Any]:
+    return {
+        "attitude_error": {
+            "mean_abs": one.attitude_mean.tolist(),
+            "median_abs": one.attitude_median.tolist(),
+            "rms": one.attitude_rms.tolist(),
+        },
+        "position_error_m": {
+            "mean": one.position_mean,
+            "median": one.position_median,
+            "rms": one.position_rms,
+            "max": one.position_max,
+        },
+        "duration_s": one.duration,
+    }
 
 
 __all__ = [
@@ -182,8 +257,8 @@ __all__ = [
     "believed_vehicle",
     "change",
     "changed_gains",
+    "notes",
     "show",
     "to_json",
-    "warnings",
     "write_log",
 ]

@@ -18,6 +18,7 @@ from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
+from wrenchgap.replay.present.compensation import sentences
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.tables import HEADS, number, row, table
 
@@ -89,7 +90,7 @@ def summarise(replay: Replay) -> Summary:
     """The numbers of a replay."""
     steps = replay.steps
     size = np.abs(steps.correction)
-    before, after = np.abs(replay.mismatch_before), np.abs(replay.mismatch_after)
+    before, after = np.abs(steps.mismatch_before), np.abs(steps.mismatch_after)
     solve = 1e3 * steps.solve_time
     return Summary(
         source=replay.source,
@@ -184,8 +185,19 @@ def to_json(replay: Replay, summary: Summary) -> dict[str, Any]:
         "settings": asdict(replay.settings),
         **numbers,
         "warnings": list(summary.warnings()),
-        "notes": list(replay.notes),
+        "notes": list(notes(replay)),
     }
+
+
+def notes(replay: Replay) -> tuple[str, ...]:
+    """What a user should know of the log, the command and the GP."""
+    found = list(replay.notes)
+    if replay.computed_from is not None:
+        found.append(
+            f"{replay.flight.name}: no commanded wrench in the log; computed from {replay.computed_from} with the "
+            "model's geometry."
+        )
+    return tuple(dict.fromkeys((*found, *sentences(replay.caveats))))
 
 
 def frame(replay: Replay) -> pd.DataFrame:
@@ -299,6 +311,7 @@ def _wrench_panel(panel: Any, replay: Replay, k: int) -> None:
 __all__ = [
     "Summary",
     "frame",
+    "notes",
     "summarise",
     "tables",
     "to_json",

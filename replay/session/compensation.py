@@ -12,11 +12,13 @@ from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.compensation.compensators import compensator, notes
+from wrenchgap.replay.compensation.compensators import caveats, compensator
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.counterfactual.counterfactual import Change, Counterfactual, counterfactual, read_recording
 from wrenchgap.replay.present import tables
-from wrenchgap.replay.present.counterfactual import warnings
+from wrenchgap.replay.present.compensation import sentences
+from wrenchgap.replay.present.counterfactual import notes
+from wrenchgap.replay.present.replay import notes as replay_notes
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import Bench
 from wrenchgap.viewer.analysis import Compensated, Compensation, Gating, Reflown, Report
@@ -93,7 +95,7 @@ class CompensationDesk:
         """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
         with self.bench.lock:
             gp, setting = self._known()
-            log, model = self.bench.flight(flight).flight, self.bench.given
+            log, model = self.bench.flight(flight), self.bench.given
             settings = _settings(setting.gating, 0.01)  # replay takes the period of the log
 
         def work(tell: Report) -> _Replayed:
@@ -111,7 +113,7 @@ class CompensationDesk:
         """Fly (a part of) a flight again: with the compensation in the loop, or as it was where that is off."""
         with self.bench.lock:
             gp, setting = self._known()
-            log, gating = self.bench.flight(flight).flight, setting.gating
+            log, gating = self.bench.flight(flight), setting.gating
             model, given = self.bench.model, self.bench.given
 
         def work(tell: Report) -> Reflown:
@@ -146,12 +148,14 @@ def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     kinds = {axis.split("_")[0] for axis in gp.outputs}
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
     gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
-    return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes(gp, model))
+    return Compensation(
+        name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, sentences(caveats(gp, model))
+    )
 
 
 def _summary(done: Any) -> Compensated:
     """The mismatch of each output before and after the correction, and how much was withheld."""
-    before, after = (np.mean(np.abs(m), axis=0) for m in (done.mismatch_before, done.mismatch_after))
+    before, after = (np.mean(np.abs(m), axis=0) for m in (done.steps.mismatch_before, done.steps.mismatch_after))
     rows = tuple(
         (f"{axis} [{'N' if axis.startswith('force') else 'Nm'}]", tables.number(b), tables.number(a))
         for axis, b, a in zip(done.outputs, before, after, strict=True)
@@ -163,7 +167,7 @@ def _summary(done: Any) -> Compensated:
         f"{len(done)} steps of {1e3 * done.dt:.3g} ms; more than half of the correction is withheld in "
         f"{100 * withheld:.1f} % of them. a = exp(-dt / tau_d) = {fading:.3f}.",
         *(f"{count} steps: {words}" for words, count in steps.trouble.items()),
-        *done.notes,
+        *replay_notes(done),
     ]
     return Compensated(rows, tuple(sentences))
 
@@ -180,18 +184,16 @@ def _reflown(found: Counterfactual, gp: GaussianProcess | None, name: str) -> Re
         words,
     )
     runs = [found.tracking[key] for key in ("recorded", "null_run", "counterfactual")]
-    attitude = np.degrees(np.arcsin(np.clip([r["attitude_error"]["rms"] for r in runs], 0.0, 1.0)))
+    attitude = np.degrees(np.arcsin(np.clip([r.attitude_rms for r in runs], 0.0, 1.0)))
     rows = [(f"attitude {axis}, rms [deg]", *(f"{v:.2f}" for v in attitude[:, k])) for k, axis in enumerate("xyz")]
-    rows += [
-        (f"position, {kind} [cm]", *(f"{100 * r['position_error_m'][kind]:.2f}" for r in runs))
-        for kind in ("rms", "max")
-    ]
+    rows.append(("position, rms [cm]", *(f"{100 * r.position_rms:.2f}" for r in runs)))
+    rows.append(("position, max [cm]", *(f"{100 * r.position_max:.2f}" for r in runs)))
     null = found.null_run
     trust = (
-        f"With nothing changed the re-flight is at most {null['attitude_deg_max']:.2f} deg and "
-        f"{100 * null['position_m_max']:.1f} cm off the recorded flight: believe the rest as far as that."
+        f"With nothing changed the re-flight is at most {null.attitude_deg_max:.2f} deg and "
+        f"{100 * null.position_m_max:.1f} cm off the recorded flight: believe the rest as far as that."
     )
-    return Reflown(motion, tuple(_four(r) for r in rows), (trust, *found.notes, *warnings(found, gp)))
+    return Reflown(motion, tuple(_four(r) for r in rows), (trust, *notes(found, gp)))
 
 
 def _four(row: tuple[str, ...]) -> tuple[str, str, str, str]:

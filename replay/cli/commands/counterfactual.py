@@ -1,4 +1,4 @@
-"""`wrenchgap counterfactual`: a recorded flight, flown again with something changed."""
+"""`wrenchgap counterfactual`: a recorded flight, re-simulated with something changed."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli.options import (
+    Between,
     Force,
     JsonFile,
     Lead,
@@ -19,6 +20,7 @@ from wrenchgap.replay.cli.options import (
     complete_effects,
     complete_models,
     many,
+    parse_between,
     parse_shifts,
     parse_topics,
 )
@@ -78,20 +80,21 @@ def counterfactual(
     ] = None,
     topic: Topics = None,
     shift: Shift = None,
+    between: Between = None,
     own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fly a recorded flight again with something changed.
+    """Re-simulate a recorded flight with something changed.
 
-    What MODEL does not explain of the recorded motion is inferred as a disturbance over time and acts in the re-flight
-    too, from the recorded initial state, along the recorded reference. The null run, with nothing changed, must end up
-    where the recorded flight did; its error is printed first.
+    What MODEL does not explain of the recorded motion is inferred as a disturbance over time and acts in the
+    re-simulation too, from the recorded initial state, along the recorded reference. The null run, with nothing
+    changed, must end up where the recorded flight did; its error is printed first.
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
-    from wrenchgap.flight import load, shifted
+    from wrenchgap.learn.data.opening import open_flight
     from wrenchgap.learn.process import store
     from wrenchgap.plant import model_file
     from wrenchgap.replay.cli.console import Printer, progress
@@ -105,7 +108,8 @@ def counterfactual(
     process = None if gp is None else store.load(gp)
     with progress("counterfactual", quiet) as report:
         report(0.0, "reading the log")
-        found = shifted(load(log, parse_topics(topic), preferred=base.topics), parse_shifts(shift))
+        topics, shifts = parse_topics(topic), parse_shifts(shift)
+        found = open_flight(log, base, topics=topics, shifts=shifts, between=parse_between(between))
         recording = engine.read_recording(found, base.vehicle, start=start, duration=duration)
         change = reports.change(
             base,
@@ -119,15 +123,14 @@ def counterfactual(
             believe=other,
         )
         result = engine.counterfactual(recording, base, change, progress=report)
-    inputs = [log_input(found), model_input(base)]
+    inputs = [log_input(found.flight), model_input(base)]
     inputs += [] if gp is None else [file_input(gp, "gp")]
     inputs += [] if other is None else [model_input(other, "believed")]
-    flattery = reports.warnings(result, process)
     if output is not None:
         reports.write_log(result, output, inputs, force=force)
     if json is not None:
-        write_json(json, document("counterfactual", reports.to_json(result, flattery), inputs), force=force)
+        write_json(json, document("counterfactual", reports.to_json(result, process), inputs), force=force)
     printer = Printer(quiet)
     printer.show(*reports.show(result))
-    printer.notes([*result.notes, *flattery])
+    printer.notes(reports.notes(result, process))
     printer.wrote(log=output, result=json)

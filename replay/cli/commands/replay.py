@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import Force, JsonFile, Lead, ModelOption, OwnEffects, Quiet, Topics, parse_topics
+from wrenchgap.replay.cli.options import (
+    Between,
+    Force,
+    JsonFile,
+    Lead,
+    ModelOption,
+    OwnEffects,
+    Quiet,
+    Shift,
+    Topics,
+    parse_between,
+    parse_shifts,
+    parse_topics,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -39,7 +53,9 @@ def replay(
     sigma_threshold: Annotated[
         float | None, typer.Option(help="Standard deviation at which half of the optimum is taken.")
     ] = None,
-    kappa: Annotated[float | None, typer.Option(help="Rapidness of the change around the threshold.")] = None,
+    kappa: Annotated[
+        float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")
+    ] = None,
     decay_time: Annotated[
         float, typer.Option(help="Time constant with which a distrusted correction dies out, in seconds.")
     ] = 0.15,
@@ -50,6 +66,11 @@ def replay(
         Path | None, typer.Option("--figure", metavar="PNG", help="Draw wrenches, correction, sigma and beta.")
     ] = None,
     topic: Topics = None,
+    shift: Shift = None,
+    cutoff: Annotated[
+        float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
+    ] = None,
+    between: Between = None,
     own: OwnEffects = None,
     json: JsonFile = None,
     force: Force = False,
@@ -63,11 +84,14 @@ def replay(
     Example: `wrenchgap replay test.mcap -m tilt_hexarotor --gp torque.gp -o replayed.mcap --figure replay.png`
     """
     from wrenchgap.compensate import Settings
-    from wrenchgap.flight import load
+    from wrenchgap.learn.data.comparison import cutoff_checked
+    from wrenchgap.learn.data.measurement import CUTOFF_HZ
+    from wrenchgap.learn.data.opening import open_flight
     from wrenchgap.learn.process import store
     from wrenchgap.plant import model_file
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.compensation import replay as engine
+    from wrenchgap.replay.compensation.source import checked
     from wrenchgap.replay.present import replay as replay_report
     from wrenchgap.replay.present.documents import claim, document, file_input, log_input, model_input, write_json
 
@@ -76,14 +100,22 @@ def replay(
     settings = Settings(
         filter_uncertain=not no_filter, sigma_threshold=sigma_threshold, kappa=kappa, decay_time=decay_time
     )
-    printer = Printer(quiet)
+    printer, asked = Printer(quiet), checked(source)
     base, process = model_file.load(model), store.load(gp)
     process.check_vehicle(base.vehicle.name)
     with progress("replaying", quiet) as report:
         report(0.0, "reading the log")
-        flight = load(log, parse_topics(topic), preferred=base.topics)
-        chosen = engine.checked(source)
-        result = engine.replay(flight, base, process, settings, source=chosen, lead=lead, progress=report)
+        opened = open_flight(
+            log,
+            base,
+            topics=parse_topics(topic),
+            cutoff_hz=cutoff_checked(cutoff or process.provenance.cutoff_hz or CUTOFF_HZ),
+            rate_hz=math.inf,
+            between=parse_between(between),
+            shifts=parse_shifts(shift),
+            incomplete=True,
+        )
+        result = engine.replay(opened, base, process, settings, source=asked, lead=lead, progress=report)
         summary = replay_report.summarise(result)
     if output is not None:
         replay_report.write_log(result, output, force=force)
@@ -94,9 +126,9 @@ def replay(
     if figure is not None:
         replay_report.write_figure(result, figure)
     if json is not None:
-        read = [log_input(flight), model_input(base), file_input(gp, "gp")]
+        read = [log_input(result.flight), model_input(base), file_input(gp, "gp")]
         write_json(json, document("replay", replay_report.to_json(result, summary), read), force=force)
     printer.show(*replay_report.tables(result, summary))
-    printer.notes(result.notes)
+    printer.notes(replay_report.notes(result))
     printer.notes(summary.warnings(), "warning")
     printer.wrote(log=output, table=csv, parquet=parquet, figure=figure, result=json)

@@ -1,0 +1,84 @@
+"""How well a flight followed its reference, and how far it is from a recorded one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import OdometrySeries
+from wrenchgap.plant.controller import attitude_error
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import Reference
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Tracking error of a flight of `duration` [s].
+
+    attitude_*   (3,) of |e_R| per axis, the sine of the error angle (see `plant.controller`)
+    position_*   of the distance from the reference [m]
+    """
+
+    attitude_mean: Array
+    attitude_median: Array
+    attitude_rms: Array
+    position_mean: float
+    position_median: float
+    position_rms: float
+    position_max: float
+    duration: float
+
+
+def tracking(time: Array, position_E: Array, quat_EB: Array, reference: Reference) -> Tracking:
+    """Tracking error of N samples at `time` (N,) [s] against N samples of a reference."""
+    e = np.abs(attitude_error(so3.matrix(quat_EB), so3.matrix(reference.quat_ED)))
+    distance = np.linalg.norm(position_E - reference.position_E, axis=-1)
+    return Tracking(
+        attitude_mean=e.mean(axis=0),
+        attitude_median=np.median(e, axis=0),
+        attitude_rms=np.sqrt(np.mean(e**2, axis=0)),
+        position_mean=float(distance.mean()),
+        position_median=float(np.median(distance)),
+        position_rms=float(np.sqrt(np.mean(distance**2))),
+        position_max=float(distance.max()),
+        duration=float(time[-1] - time[0]),
+    )
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far a flight of `duration_s` is from recorded poses: the angle between the attitudes, and the distance."""
+
+    attitude_deg_max: float
+    attitude_deg_rms: float
+    position_m_max: float
+    position_m_rms: float
+    duration_s: float
+
+
+def deviation(state: State, odometry: OdometrySeries, dt: float) -> Deviation:
+    """From the odometry's samples within a flight whose states (N) are `dt` [s] apart, linear in between."""
+    recorded = during(odometry, state.time)
+    stamps = recorded.time
+    position = np.stack([np.interp(stamps, state.time, c) for c in state.position_E.T], axis=-1)
+    quat = so3.interpolate(stamps, state.time, state.quat_EB)
+    angle = np.degrees(np.linalg.norm(so3.log(so3.multiply(so3.conjugate(recorded.quat_EB), quat)), axis=-1))
+    distance = np.linalg.norm(position - recorded.position_E, axis=-1)
+    return Deviation(
+        attitude_deg_max=float(angle.max()),
+        attitude_deg_rms=float(np.sqrt(np.mean(angle**2))),
+        position_m_max=float(distance.max()),
+        position_m_rms=float(np.sqrt(np.mean(distance**2))),
+        duration_s=len(state.time) * dt,
+    )
+
+
+def during(odometry: OdometrySeries, time: Array) -> OdometrySeries:
+    """The poses of an odometry from the first to the last of `time` (N,)."""
+    inside = (odometry.time >= time[0] - 1e-6) & (odometry.time <= time[-1] + 1e-6)
+    return OdometrySeries(odometry.topic, odometry.time[inside], odometry.position_E[inside], odometry.quat_EB[inside])
