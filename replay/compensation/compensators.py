@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import AXES, Flight
-from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.mismatch_inputs import columns
@@ -70,7 +70,7 @@ def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple
 class LearnWarned:
     """`wrenchgap learn` warned of the process when it made it."""
 
-    warning: str
+    caution: Caution
 
 
 @dataclass(frozen=True)

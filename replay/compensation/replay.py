@@ -28,7 +28,7 @@ from wrenchgap.learn.data.inputs import check
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.learn.process.predictors import predictors
+from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
 from wrenchgap.plant.mismatch import Conditioning, conditioning
 from wrenchgap.plant.mismatch_inputs import extra_inputs
@@ -87,7 +87,7 @@ class Replay(Result):
     restarts: int
     computed_from: str | None
     caveats: tuple[ProcessCaveat, ...]
-    notes: tuple[str, ...]
+    notes: tuple[object, ...]
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -150,7 +150,7 @@ def replay(
         restarts=len(starts(series)) - 1,
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=tuple(dict.fromkeys((*opened.notes, *said))),
+        notes=(*opened.notes, *said),
     )
 
 
@@ -181,7 +181,7 @@ def _inputs(gp: GaussianProcess, wrench: Array, motion: State | None, dt: float)
 
 def _wrenches(
     opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries
-) -> tuple[dict[str, Array], list[str]]:
+) -> tuple[dict[str, Array], list[ProcessNote]]:
     """Measured, predicted as flown and predicted at the new command, (K, 6) each at the stamps of `new`; and notes."""
     records, body = opened.records, model.vehicle.body
     found, notes = predictors(model, (), gp, records[0].cutoff_hz if records else None)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from wrenchgap.replay.compensation.compensators import LearntFromThisFlight, LearnWarned, OtherVersion, ProcessCaveat
+from wrenchgap.replay.present.learning import caution
 
 
 def sentence(caveat: ProcessCaveat) -> str:
     """One sentence."""
     match caveat:
-        case LearnWarned(warning):
-            return f"learn said of this GP: {warning}"
+        case LearnWarned(found):
+            return f"learn said of this GP: {caution(found)}"
         case OtherVersion(model, physics):
             return (
                 f"the GP was learnt on another version of {model} ({physics}): the physics that is compensated is that "

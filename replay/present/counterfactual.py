@@ -41,7 +41,8 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     WeakLaw,
 )
 from wrenchgap.replay.present import compensation as of_process
-from wrenchgap.replay.present import tables
+from wrenchgap.replay.present.numbers import UNIT_HEADS, row
+from wrenchgap.replay.present.tables import reductions, table
 
 Array = NDArray[np.float64]
 
@@ -159,14 +160,14 @@ _WHERE = {NULL_RUN: ": in the null run", CHANGED: ":"}
 def show(result: Counterfactual) -> list[Table]:
     """The null run, the disturbance, and the tracking errors."""
     null, size = result.null_run, result.inference.size
-    first = tables.table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
+    first = table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
     first.add_row(escape("attitude [deg]"), f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}")
     first.add_row(escape("position [mm]"), f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}")
 
-    second = tables.table("what the model does not explain", "", *tables.HEADS)
+    second = table("what the model does not explain", "", *UNIT_HEADS)
     above = f"rms above {FAST_HZ:g} Hz"
     for values, name in ((size.mean, "mean"), (size.rms, "rms"), (size.rms_fast, above), (size.largest, "max")):
-        second.add_row(f"disturbance, {name}", *tables.row(values))
+        second.add_row(f"disturbance, {name}", *row(values))
     shares = [f"{100 * s:.0f} %" if np.isfinite(s) else "-" for s in result.inference.explained]
     second.add_row("command explained by the control law", *shares)
 
@@ -176,7 +177,7 @@ def show(result: Counterfactual) -> list[Table]:
         names["uncompensated"] = "the same, not compensated"
     before = "uncompensated" if result.uncompensated is not None else "null_run"
     heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
-    third = tables.table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
+    third = table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
     errors = {key: _errors(one) for key, one in result.tracking.items()}
     for key, values in errors.items():
         if names.get(key):
@@ -186,7 +187,7 @@ def show(result: Counterfactual) -> list[Table]:
         third.add_row(escape(f"instead: {name}"), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
-        third.add_row("change", *tables.fall(falls))
+        third.add_row("change", *reductions(falls))
     return [first, second, third]
 
 

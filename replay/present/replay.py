@@ -20,7 +20,9 @@ from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.present.compensation import sentences
 from wrenchgap.replay.present.documents import atomic
-from wrenchgap.replay.present.tables import HEADS, number, row, table
+from wrenchgap.replay.present.notes import sentences as sentences_of
+from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row
+from wrenchgap.replay.present.tables import table
 
 Array = NDArray[np.float64]
 
@@ -131,7 +133,7 @@ def _mean_abs(residual: Array) -> Array:
 
 def tables(replay: Replay, summary: Summary) -> list[Table]:
     """For the terminal."""
-    wrenches = table(f"{replay.flight.name}: compensation of the {summary.source} wrench", "mean |.|", *HEADS)
+    wrenches = table(f"{replay.flight.name}: compensation of the {summary.source} wrench", "mean |.|", *UNIT_HEADS)
     wrenches.add_row("correction", *row(summary.correction_mean_abs))
     wrenches.add_row("  its maximum", *row(summary.correction_max_abs))
     known = output_indices(summary.outputs)
@@ -191,7 +193,7 @@ def to_json(replay: Replay, summary: Summary) -> dict[str, Any]:
 
 def notes(replay: Replay) -> tuple[str, ...]:
     """What a user should know of the log, the command and the GP."""
-    found = list(replay.notes)
+    found = sentences_of(replay.notes)
     if replay.computed_from is not None:
         found.append(
             f"{replay.flight.name}: no commanded wrench in the log; computed from {replay.computed_from} with the "

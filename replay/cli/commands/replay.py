@@ -19,6 +19,7 @@ from wrenchgap.replay.cli.options import (
     Shift,
     Topics,
     parse_between,
+    parse_cutoff,
     parse_shifts,
     parse_topics,
 )
@@ -84,7 +85,6 @@ def replay(
     Example: `wrenchgap replay test.mcap -m tilt_hexarotor --gp torque.gp -o replayed.mcap --figure replay.png`
     """
     from wrenchgap.compensate import Settings
-    from wrenchgap.learn.data.comparison import cutoff_checked
     from wrenchgap.learn.data.measurement import CUTOFF_HZ
     from wrenchgap.learn.data.opening import open_flight
     from wrenchgap.learn.process import store
@@ -109,7 +109,7 @@ def replay(
             log,
             base,
             topics=parse_topics(topic),
-            cutoff_hz=cutoff_checked(cutoff or process.provenance.cutoff_hz or CUTOFF_HZ),
+            cutoff_hz=parse_cutoff(cutoff or process.provenance.cutoff_hz or CUTOFF_HZ),
             rate_hz=math.inf,
             between=parse_between(between),
             shifts=parse_shifts(shift),
