@@ -1,1 +1,5 @@
-"""The application: replay, counterfactuals, comparison, reports and the command line."""
+"""The application: the loop as functions (`api`), compensation, counterfactuals, reports, sessions, the command line."""
+
+from wrenchgap._lazy import callable_as
+
+callable_as(__name__, "wrenchgap.replay.api", "replay_compensation")

@@ -11,12 +11,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.write import write
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.opening import open_flights as open_every
+from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
 from wrenchgap.learn.design.designer import Design
 from wrenchgap.learn.design.manoeuvres import Limits
@@ -33,7 +37,15 @@ from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import model_file
+from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.model import Model
+from wrenchgap.replay.compensation import compensators
+from wrenchgap.replay.compensation import replay as replaying
+from wrenchgap.replay.compensation.replay import Replay
+from wrenchgap.replay.compensation.source import checked
+from wrenchgap.replay.counterfactual import counterfactual as resimulating
+from wrenchgap.replay.counterfactual.change import change
+from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
 
 Flights = OpenFlight | Sequence[OpenFlight]
 Progress = Callable[[float, str], None]
@@ -63,7 +75,7 @@ def save_model(
 
 
 def open_flights(
-    logs: str | Path | Sequence[str | Path],
+    logs: str | Path | Flight | Sequence[str | Path | Flight],
     model: Model | Addition,
     *,
     topics: Mapping[str, str] | None = None,
@@ -71,13 +83,13 @@ def open_flights(
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
 ) -> list[OpenFlight]:
-    """Read logs for a model: roles found, one clock, ground time left out, measured wrenches behind one filter.
+    """Read logs (or flights of `simulate`) for a model: roles found, one clock, ground time left out, measured wrenches behind one filter.
 
     `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part of each flight. Raises
     LogError for what cannot be read or never flew.
     """
-    paths = [logs] if isinstance(logs, str | Path) else list(logs)
-    return open_every(paths, model_of(model), topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts)
+    every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
+    return open_every(every, model_of(model), topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts)
 
 
 def inspect(
@@ -147,7 +159,7 @@ def add(
     return adding.add(model_of(model), names, opened, progress=progress)
 
 
-def learn(
+def learn_gp(
     flights: Flights,
     model: Model | Addition,
     *,
@@ -182,7 +194,7 @@ def load_gp(path: str | Path) -> GaussianProcess:
 
 def save_gp(gp: GaussianProcess | Learnt, path: str | Path, *, force: bool = False) -> None:
     """Write a process: arrays and JSON in a zip, no code. Raises UsageError where the file exists without `force`."""
-    store.save(gp.gp if isinstance(gp, Learnt) else gp, path, force=force)
+    store.save(gp_of(gp), path, force=force)
 
 
 def model_of(model: Model | Addition) -> Model:
@@ -217,3 +229,104 @@ def design(
         seed=seed,
         progress=progress,
     )
+
+
+def compensator(
+    gp: GaussianProcess | Learnt,
+    model: Model | Addition,
+    settings: Settings | None = None,
+    *,
+    lead: float | None = None,
+) -> Compensator:
+    """What goes into a control loop: `compensator(gp, model).step(wrench_des, state)` gives the wrench to command.
+
+    With the effects of the model where the process was learnt on top of them; `lead` [s] leads their lags.
+    """
+    return compensators.compensator(gp_of(gp), model_of(model), settings, lead=lead)
+
+
+def replay_compensation(
+    flight: OpenFlight,
+    model: Model | Addition,
+    gp: GaussianProcess | Learnt,
+    settings: Settings | None = None,
+    *,
+    source: str | None = None,
+    lead: float | None = None,
+    progress: Progress | None = None,
+) -> Replay:
+    """What the compensation would have commanded on a recorded flight, at the log's own stamps.
+
+    `source` is the logged wrench that goes in, "desired" (where it is logged) or "commanded".
+    """
+    return replaying.replay(
+        flight, model_of(model), gp_of(gp), settings, source=checked(source), lead=lead, progress=progress
+    )
+
+
+def counterfactual(
+    flight: OpenFlight,
+    model: Model | Addition,
+    *,
+    gp: GaussianProcess | Learnt | None = None,
+    gp_name: str = "GP",
+    lead: float | None = None,
+    without: Sequence[str] = (),
+    having: Sequence[str] = (),
+    gains: Sequence[str] = (),
+    believe: Model | Addition | None = None,
+    baselines: bool = False,
+    start: float = 0.0,
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> Counterfactual:
+    """A recorded flight, re-simulated with something changed; the null run says how well the flight is understood.
+
+    `gp` compensates in the loop; `without` these effects of the model, `having` others ("servo_lag=tau:0.05"); other
+    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` flies what a GP must beat.
+    """
+    base, process = model_of(model), None if gp is None else gp_of(gp)
+    recording = read_recording(flight, base.vehicle, start=start, duration=duration)
+    asked = change(
+        base,
+        period=recording.dt,
+        gp=None if process is None else (gp_name, process),
+        lead=lead,
+        baselines=baselines,
+        without=without,
+        with_=having,
+        gains=gains,
+        believe=None if believe is None else model_of(believe),
+    )
+    return resimulating.counterfactual(recording, base, asked, progress=progress)
+
+
+def simulate(
+    model: Model | Addition,
+    trajectory: str,
+    *,
+    duration: float | None = None,
+    excitation: float = 0.0,
+    seed: int = 0,
+    integral: bool | None = None,
+    hide: Sequence[str] = (),
+    name: str = "simulation",
+    progress: Callable[[float], None] | None = None,
+) -> Flight:
+    """A flight of a simulated vehicle, which `open_flights` takes like a log.
+
+    The controller believes `model`; the plant flies it with the effects `hide` ("com_offset=x:0.004") besides.
+    `trajectory` is a name or a file of `design`; `excitation` adds a multisine on all axes, 1 is usual for training.
+    """
+    plan = Plan(model_of(model), trajectory, duration, excitation, seed, integral, tuple(hide))
+    return fly(plan, name=name, progress=progress)
+
+
+def save_log(flight: Flight, path: str | Path, *, force: bool = False) -> Path:
+    """Write a flight as MCAP with ROS 2 messages. Raises UsageError where the file exists without `force`."""
+    return write(flight, Path(path), force=force)
+
+
+def gp_of(gp: GaussianProcess | Learnt) -> GaussianProcess:
+    """The process itself."""
+    return gp.gp if isinstance(gp, Learnt) else gp

@@ -1,1 +1,18 @@
 """Shows flights and asks for work through a protocol of its own; knows neither learn nor compensate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wrenchgap._lazy import names_of
+
+__getattr__, __all__ = names_of(
+    __name__,
+    {"wrenchgap.viewer.page": ("Page",), "wrenchgap.viewer.session": ("Motion", "Scene", "Series", "Session")},
+)
+
+if TYPE_CHECKING:
+    from wrenchgap.viewer.session import Motion as Motion
+    from wrenchgap.viewer.session import Scene as Scene
+    from wrenchgap.viewer.session import Series as Series
+    from wrenchgap.viewer.session import Session as Session

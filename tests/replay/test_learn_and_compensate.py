@@ -22,7 +22,7 @@ from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation import replay as engine
-from wrenchgap.replay.present.counterfactual import change
+from wrenchgap.replay.counterfactual.change import change
 
 NAME = "tilt_hexarotor"
 MODEL = model_file.load(NAME)

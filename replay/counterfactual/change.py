@@ -1,0 +1,90 @@
+"""What is changed in a re-simulation, from what a user asked for in words: effects, gains, beliefs, compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from wrenchgap.compensate import Settings
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.controller import ControllerGains
+from wrenchgap.plant.effect_values import set_by_hand
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.compensation import compensators as compensating
+from wrenchgap.replay.counterfactual.counterfactual import Change
+
+SETTABLE = ("zeta_position", "omega_position", "zeta_attitude", "omega_attitude", "integral", "integral_limit")
+"""Gains that a counterfactual may change."""
+
+
+def changed_gains(gains: ControllerGains, texts: Sequence[str]) -> ControllerGains:
+    """Gains with some replaced by texts such as `integral=0` or `omega_attitude=5,5,3.5` (one number: all axes).
+
+    Raises UsageError for an unknown name or a value that is no number, ModelError for one out of range.
+    """
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if name not in SETTABLE or not equals:
+            raise UsageError(f"--gains {text}: expected NAME=VALUE with a name out of {', '.join(SETTABLE)}")
+        try:
+            numbers = tuple(float(value) for value in values.split(","))
+        except ValueError:
+            raise UsageError(f"--gains {text}: {values!r} is not a number, or three with commas between") from None
+        per_axis = name in ("zeta_attitude", "omega_attitude")
+        if len(numbers) not in ((1, 3) if per_axis else (1,)):
+            raise UsageError(f"--gains {text}: got {len(numbers)} numbers, expected {'1 or 3' if per_axis else '1'}")
+        spread = numbers * 3 if per_axis and len(numbers) == 1 else numbers
+        changed: dict[str, Any] = {name: spread if per_axis else numbers[0]}
+        gains = replace(gains, **changed)
+    return gains
+
+
+def believed_vehicle(model: Model, believed: Model) -> Vehicle:
+    """The model's vehicle with mass, inertia and centre of mass as `believed` (with its effects) has them."""
+    if believed.vehicle.name != model.vehicle.name:
+        raise ModelError(
+            f"{believed.name}: is a model of {believed.vehicle.name}, expected one of {model.vehicle.name}; "
+            "a controller can be told another mass, inertia and centre of mass, not another vehicle"
+        )
+    return replace(model.vehicle, body=believed.wrench_model.body)
+
+
+def change(
+    model: Model,
+    *,
+    period: float,
+    gp: tuple[str, GaussianProcess] | None = None,
+    lead: float | None = None,
+    without: Sequence[str] = (),
+    with_: Sequence[str] = (),
+    gains: Sequence[str] = (),
+    believe: Model | None = None,
+    baselines: bool = False,
+) -> Change:
+    """What the options of the command line ask for; `period` [s] is that of the control loop.
+
+    Raises UsageError, ModelError or FitError for options that ask for nothing that can be.
+    """
+    if lead is not None and gp is None:
+        raise UsageError(f"--lead {lead:g}: leads the lags in a compensation, and there is none; give one with --gp")
+    plant = set_by_hand(model.without(without), with_) if without or with_ else None
+    words = [f"without {name}" for name in without] + [f"with {text}" for text in with_]
+    words += [f"gains {text}" for text in gains]
+    if believe is not None:
+        words.append(f"controller believes {believe.name}")
+    compensator = None
+    if gp is not None:
+        name, process = gp
+        words.append(f"compensated by {name}" + ("" if lead is None else f", lags led by {lead:g} s"))
+        compensator = compensating.compensator(process, model, Settings(dt=period), lead=lead)
+    return Change(
+        plant=plant,
+        gains=changed_gains(model.controller, gains) if gains else None,
+        believed=None if believe is None else believed_vehicle(model, believe),
+        compensator=compensator,
+        beside=compensating.baselines(None if gp is None else gp[1], model, period) if baselines else (),
+        words=tuple(words),
+    )
