@@ -153,12 +153,13 @@ def _set(
 ) -> None:
     from wrenchgap.learn.identify import add as editing
     from wrenchgap.plant import model_file
+    from wrenchgap.plant.effect_values import set_by_hand
     from wrenchgap.replay.cli.console import Printer
     from wrenchgap.replay.present import tables
     from wrenchgap.replay.present.documents import document, model_input, write_json
 
     source = model_input(base)  # before the output may replace it
-    changed = editing.set_by_hand(base, values)
+    changed = set_by_hand(base, values)
     versioned = model_file.next_version(base, changed, command=command_line(ctx), path=output)
     saved = model_file.save(versioned, output, force=force)
     printer = Printer(quiet)
