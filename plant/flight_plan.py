@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -121,26 +120,27 @@ def provenance(plan: Plan) -> dict[str, str]:
     }
 
 
-def summary(flown: Flight) -> dict[str, Any]:
-    """How the flight went."""
+@dataclass(frozen=True)
+class Summary:
+    """How a flight went: its length, largest tilt, and errors against the reference, rms over time."""
+
+    duration_s: float
+    tilt_max_deg: float
+    position_error_rms_m: float
+    attitude_error_rms_deg: float
+
+
+def summary(flown: Flight) -> Summary:
+    """How a flight went, by its odometry."""
     assert flown.odometry is not None
     assert flown.reference is not None
     odometry, reference = flown.odometry, flown.reference
     want = np.stack([np.interp(odometry.time, reference.time, p) for p in reference.position_E.T], axis=1)
     quat_ED = so3.interpolate(odometry.time, reference.time, reference.quat_ED)
     error = so3.log(so3.multiply(so3.conjugate(quat_ED), odometry.quat_EB))
-    return {
-        "duration_s": float(odometry.time[-1]),
-        "tilt_max_deg": float(np.degrees(so3.tilt_angle(odometry.quat_EB).max())),
-        "position_error_rms_m": float(np.sqrt(np.mean(np.sum((odometry.position_E - want) ** 2, axis=1)))),
-        "attitude_error_rms_deg": float(np.degrees(np.sqrt(np.mean(np.sum(error**2, axis=1))))),
-    }
-
-
-def words(facts: dict[str, Any]) -> list[tuple[str, str]]:
-    """`summary` for a table."""
-    return [
-        ("largest tilt", f"{facts['tilt_max_deg']:.1f} deg"),
-        ("position error", f"{1e3 * facts['position_error_rms_m']:.1f} mm rms"),
-        ("attitude error", f"{facts['attitude_error_rms_deg']:.2f} deg rms"),
-    ]
+    return Summary(
+        duration_s=float(odometry.time[-1]),
+        tilt_max_deg=float(np.degrees(so3.tilt_angle(odometry.quat_EB).max())),
+        position_error_rms_m=float(np.sqrt(np.mean(np.sum((odometry.position_E - want) ** 2, axis=1)))),
+        attitude_error_rms_deg=float(np.degrees(np.sqrt(np.mean(np.sum(error**2, axis=1))))),
+    )

@@ -13,16 +13,17 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.identify.learning import TORQUE, Learnt, learn
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.learning import TORQUE, Learnt, learn
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
-from wrenchgap.replay.compensation import replay as engine
-from wrenchgap.replay.counterfactual.change import change
+from wrenchgap.replay.compensation.compensators import OtherVersion
+from wrenchgap.replay.compensation.replay import replay
+from wrenchgap.replay.present.counterfactual import change
 
 NAME = "tilt_hexarotor"
 MODEL = model_file.load(NAME)
@@ -109,9 +110,9 @@ def test_counterfactual_flies_with_the_physics_in_the_compensation(
 
 def test_another_version_of_the_physics_is_told(on_physics: Learnt) -> None:
     other = KNOWN.with_effects([make_effect(MODEL.vehicle, "com_offset", 2 * OFFSET)])
-    (note,) = [n for n in compensating.notes(on_physics.gp, other) if "another version" in n]
-    assert "com_offset" in note
-    assert not any("another version" in n for n in compensating.notes(on_physics.gp, KNOWN))
+    assert OtherVersion(other.name, on_physics.gp.provenance.physics) in compensating.caveats(on_physics.gp, other)
+    assert on_physics.gp.provenance.physics == "com_offset"
+    assert not any(isinstance(c, OtherVersion) for c in compensating.caveats(on_physics.gp, KNOWN))
 
 
 def test_physics_that_is_not_there_is_refused(files: Path, on_physics: Learnt, run: Any) -> None:
@@ -132,7 +133,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
 
     log = flown(sag, "hover", 2.5, "battery", excitation=1.0, voltage=voltage)
     gp = learn([opened(log, sag)], sag, ("force_z",), replace(QUICK, mean="physics")).gp
-    steps = engine.replay(log, sag, gp).steps
+    steps = replay(opened(log, sag), sag, gp).steps
     assert log.desired is not None
     share = 2.0 - 0.08 * np.array([voltage(t) for t in log.desired.time])
     expected = log.desired.wrench_B[:, 2] * share / (1.0 - share)
@@ -140,7 +141,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
     assert steps.correction[:-20, 2] == pytest.approx(expected[:-20], abs=0.1)
     blind = replace(log, battery=None)
     for attempt in (
-        lambda: engine.replay(blind, sag, gp),
+        lambda: replay(opened(blind, sag), sag, gp),
         lambda: learn([opened(blind, sag)], sag, ("force_z",), replace(QUICK, mean="physics")),
     ):
         with pytest.raises(FitError, match="battery_sag needs the battery voltage; map it with --topic battery="):
@@ -199,9 +200,9 @@ def test_log_without_pose_has_no_velocity_to_offer(slow: Path) -> None:
     log = flight.load(slow / "train.mcap")
     gp = learn([opened(log, MODEL)], MODEL, TORQUE, replace(QUICK, inputs=("velocity",))).gp
     with pytest.raises(FitError, match="input velocity needs odometry"):
-        engine.replay(replace(log, odometry=None), MODEL, gp)
+        replay(opened(replace(log, odometry=None), MODEL), MODEL, gp)
     with pytest.raises(LogError, match="depends on the motion, and the log has neither IMU nor odometry"):
-        engine.replay(replace(log, imu=None, odometry=None), MODEL, gp)
+        replay(opened(replace(log, imu=None, odometry=None), MODEL, incomplete=True), MODEL, gp)
 
 
 # --- whether it is worth it -------------------------------------------------------------------------------------------

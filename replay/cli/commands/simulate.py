@@ -81,28 +81,28 @@ def simulate(
     """
     from wrenchgap import flight
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.plant import flight_plan as simulation
     from wrenchgap.plant import model_file
+    from wrenchgap.plant.flight_plan import Plan, fly, prepare, provenance, summary
     from wrenchgap.replay.cli.console import Printer, progress
+    from wrenchgap.replay.present import simulation
     from wrenchgap.replay.present.documents import claim, document, model_input, write_json
 
     claim({"--output": output, "--truth": truth, "--json": json}, force=force, inputs=[trajectory])
     if output.suffix != ".mcap":
         raise UsageError(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
     believed = model_file.load(model)
-    plan = simulation.Plan(believed, trajectory, duration, excitation, seed, integral, tuple(hide or ()))
-    ready = simulation.prepare(plan)
+    plan = Plan(believed, trajectory, duration, excitation, seed, integral, tuple(hide or ()))
+    flown_model = prepare(plan).truth
     with progress("flying", quiet) as report:
-        flown = simulation.fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
-    flight.write(flown, output, metadata=simulation.provenance(plan), force=force)
+        flown = fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
+    flight.write(flown, output, metadata=provenance(plan), force=force)
     if truth is not None:
-        model_file.save(ready.truth, truth, force=force)
+        model_file.save(flown_model, truth, force=force)
+    went = summary(flown)
     printer = Printer(quiet)
-    summary = simulation.summary(flown)
-    title = f"{output.name}: {trajectory}, {summary['duration_s']:.1f} s"
-    printer.line(", ".join([title, *(f"{what} {value}" for what, value in simulation.words(summary))]))
+    printer.line(simulation.line(output, plan, went))
     printer.notes(flown.notes, "warning")
     if json is not None:
-        body = {"log": str(output), **simulation.provenance(plan), **summary, "notes": list(flown.notes)}
+        body = simulation.to_json(output, plan, flown, went)
         write_json(json, document("simulate", body, [model_input(believed)]), force=force)
     printer.wrote(log=output, true_model=truth, result=json)
