@@ -1,7 +1,7 @@
 """A Gaussian process learnt from flights, and how well it predicts.
 
 Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench. Samples are thinned to
-1 / (2 f_c) or more, because the filter has made closer ones dependent (reference paper-decisions.md).
+1 / (2 f_c) or more, because the filter has made closer ones dependent (docs/decisions/0006-blocks.md).
 """
 
 from __future__ import annotations
