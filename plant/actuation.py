@@ -7,7 +7,7 @@
 The rotors of arm i sit at p_i + offset n_i, and n x n = 0, so the offsets make no torque and the wrench is linear in
 the arm's sums S_i = sum T_r and Q_i = sum spin_r kappa_r T_r, times cos(alpha_i) and sin(alpha_i).
 
-Source: reference vehicle.md; Bodie et al., "An omnidirectional aerial manipulation platform", RSS 2019.
+Source: Bodie et al., "An omnidirectional aerial manipulation platform", RSS 2019.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ W = A x. The nominal allocation is the pseudo-inverse x = A^+ W, after which
     T_i = hypot(lat_i, ver_i),   alpha_i = atan2(lat_i, ver_i),   Omega_r = sqrt(T_i / sum of the arm's c_f).
 
 The rotors of one arm turn at equal speed. An arm that cannot tilt contributes one column per rotor, so fixed-rotor
-vehicles are the special case without lateral columns. Source: reference vehicle.md; Kamel et al., "The Voliro
+vehicles are the special case without lateral columns. Source: Kamel et al., "The Voliro
 omniorientational hexacopter", 2018.
 
 Angles are unwrapped from sample to sample and held while an arm's thrust is below `hold_thrust`; then limited in

@@ -7,9 +7,10 @@
     e_omega = omega - R_EB^T R_ED omega_D
     i       = k_i w_a^2 q,   q = int e_R dt, clamped
 
-Source: Zhang et al., RA-L 2020, eqs. (attitude_control) and (position_control), with the error signs of
-reference/paper-decisions.md, decision 1. `m` and `J` are what the controller believes; the wrench is about the believed
-centre of mass. The position loop acts on O, as if the centre of mass were there.
+Source: Zhang et al., RA-L 2020, eqs. (attitude_control) and (position_control), with the error signs above
+(the paper's coordinate transformations, taken literally, give their negatives, which is positive feedback). `m` and `J`
+are what the controller believes; the wrench is about the believed centre of mass. The position loop acts on O, as if
+the centre of mass were there.
 
 With exact tracking of the wrench the errors obey x'' + 2 zeta w x' + w^2 x = 0 (attitude: for small angles).
 """
@@ -83,10 +84,10 @@ def default_gains(vehicle: Vehicle, given: Mapping[str, Any] | None = None) -> C
 
         J_k w_k^2 = m g r_k   =>   w_k = sqrt(g / r_k),
 
-    since the rotors lie at about that distance and carry about that weight. This is Froude scaling, frequencies
-    with sqrt(g / length): Kushleyev, Mellinger, Powers, Kumar, "Towards a swarm of agile micro quadrotors", Autonomous
-    Robots 35, 2013, sec. 2. Yaw of a vehicle that pushes along z only comes from drag torque: no more than
-    kappa m g is asked for. Nothing is faster than `SAMPLED` over the control period.
+    since the rotors lie at about that distance and carry about that weight. Angular accelerations then go with
+    1 / length: Froude scaling, Mahony, Kumar, Corke, "Multirotor aerial vehicles", IEEE Robotics & Automation Magazine
+    19 (3), 2012, "Size, weight, and power constraints and scaling laws". Yaw of a vehicle that pushes along z comes from
+    drag torque: no more than kappa m g is asked for. Nothing is faster than `SAMPLED` over the control period.
 
     Position: w_p = w_a / n, the slower of roll and pitch. A vehicle that turns in order to move has, for small errors,
     s^4 + 2 z_a w_a s^3 + w_a^2 s^2 + 2 z_p w_p w_a^2 s + w_p^2 w_a^2, stable for n > z_a / z_p + z_p / z_a

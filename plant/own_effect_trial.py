@@ -1,4 +1,4 @@
-"""A user's own effect in a trial: one vehicle, a few samples in motion, the arguments of `apply` and what it returns."""
+"""A user's own effect in a trial: one vehicle, a few samples in motion, what `apply` is given and returns."""
 
 from __future__ import annotations
 

@@ -7,7 +7,8 @@ White noise of density n [unit/sqrt(Hz), one-sided, as datasheets give it], samp
 f_s / 2, has the standard deviation n sqrt(f_s / 2) per sample. Pose, velocity and rate of the pose sensor carry white
 noise of a given standard deviation; the attitude error is a small rotation about random body axes.
 
-Defaults: ADIS16448 densities (reference/measurement.md) and the noise of a motion capture system.
+Defaults: densities of the ADIS16448 (its datasheet: 0.0135 deg/s/sqrt(Hz), 0.23 mg/sqrt(Hz)) and the noise of a motion
+capture system.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The vehicle: arms that may tilt, rotors on them, mass properties, limits.
 
-Geometry of one arm, in B, origin at the body origin O (vehicle.md; L = arm length, g = azimuth):
+Geometry of one arm, in B, origin at the body origin O (L = arm length, g = azimuth; docs/notation.md):
 
     p_arm   hub point                         (L cos g, L sin g, 0) for a planar star
     a       tilt axis, unit, outward          (cos g, sin g, 0)

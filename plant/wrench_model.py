@@ -11,7 +11,7 @@ J and the nominal centre of mass,
     F_meas = m (f_O + domega x c + omega x (omega x c)),    M_meas = J domega + omega x J omega      (about c)
 
 so that every model, whatever it believes about mass and centre of mass, is compared with one and the same measured
-quantity (reference measurement.md). Newton and Euler about O, for a body with mass m, inertia J_c about its centre of
+quantity (docs/design.md). Newton and Euler about O, for a body with mass m, inertia J_c about its centre of
 mass c, wrench (F, M_O) about O and f_O the specific force at O:
 
     F   = m (f_O + domega x c + omega x (omega x c))

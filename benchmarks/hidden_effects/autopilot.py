@@ -1,6 +1,6 @@
 """The paper's controller and a closed-form allocation, written out once more for the independent engine.
 
-Control law and signs: vehicle.md of the project's reference ("Controller", "Allocation"):
+Control law of Zhang et al., RA-L 2020, and the pseudo-inverse allocation of six tilting arms:
 
     F_B = R_EB^T m [a_D - 2 zeta_p w_p (v - v_D) - w_p^2 (p - p_D) + g e_z]
     M_B = J [R_BD domega_D - omega x (R_BD omega_D) - 2 zeta_a w_a e_omega - w_a^2 e_R - i] + omega x J omega

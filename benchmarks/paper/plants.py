@@ -26,7 +26,8 @@ INTEGRAL_LIMIT = 1.0
 0.5 Nm of yaw offset are taken up."""
 
 SERVO_LAG, MOTOR_LAG, DELAY = 0.06, 0.02, 0.01
-"""Time constants and bus delay [s]: the middle of what is known of such servos and motors (reference vehicle.md)."""
+"""Time constants and bus delay [s]: our estimate for such servos and motors; RotorS' omav.xacro has 12.5 to 25 ms for
+the motors."""
 
 
 PLAY = 0.01

@@ -5,7 +5,7 @@
 
 One zero-phase filter acts on both sides: on gyroscope and accelerometer, and on the wrench that the model makes of the
 commands. Filtering the measurement alone would leave (H - 1) W_cmd, a lag that is not there. Products such as
-omega x J omega are formed after filtering. Source: reference measurement.md.
+omega x J omega are formed after filtering. Source: Newton and Euler, docs/notation.md.
 """
 
 from __future__ import annotations

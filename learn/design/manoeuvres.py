@@ -1,9 +1,9 @@
 """Manoeuvres from which a flight is designed, and the limits that they keep.
 
 A manoeuvre fills `length` seconds, begins and ends at rest at home, and is scaled by its vigour (0 to 1) and turned by
-an azimuth. What it is good for follows reference effects.md, "what excites it": yaw and tilt turn E against B, several
-azimuths show which arm is meant, rates and broadband motion show lags and inertia, speed shows drag, a height scan
-shows the ground.
+an azimuth. What it is good for follows from what excites each effect (docs/effects/README.md): yaw and tilt turn E
+against B, several azimuths show which arm is meant, rates and broadband motion show lags and inertia, speed shows drag,
+a height scan shows the ground.
 """
 
 from __future__ import annotations

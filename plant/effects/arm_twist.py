@@ -14,8 +14,8 @@ class ArmTwist(CommandEffect):
     """An arm turns further by an angle in proportion to its thrust: dalpha_i = q T_i, q = lever / stiffness.
 
     The lever is that of the thrust about the arm's elastic axis, the stiffness that of arm and joint together; T_i is
-    the arm's nominal thrust c_f Omega |Omega|, both rotors. Source: Saint-Venant torsion; reference effects.md, "arm
-    twist / bending" (50-300 Nm/rad, which at a lever of 0.3 m are 1-6 mrad/N).
+    the arm's nominal thrust c_f Omega |Omega|, both rotors. Source: Saint-Venant torsion. Size: our
+    estimate of 50-300 Nm/rad for such arms, which at a lever of 0.3 m are 1-6 mrad/N.
     """
 
     name = "arm_twist"

@@ -15,8 +15,8 @@ class Backlash(CommandEffect):
 
         alpha[k] = min(max(alpha[k-1], c[k] - b/2), c[k] + b/2)         c: the servo's angle
 
-    Source: the play operator, Visintin, "Differential Models of Hysteresis", 1994, III.2; reference effects.md, "tilt
-    backlash". N steps are a product of clamps, and clamps compose to clamps, so a prefix scan does them at once.
+    Source: the play operator, Visintin, "Differential Models of Hysteresis", 1994, III.2. N steps are a product of
+    clamps, and clamps compose to clamps, so a prefix scan does them at once.
     """
 
     name = "backlash"

@@ -15,7 +15,7 @@ class BodyDrag(WrenchEffect):
 
         F = -D_1 v_B - D_2 v_B |v_B|,    M = p x F       (componentwise; p: centre of pressure, from the centre of mass)
 
-    Source: reference effects.md, "body drag"; Faessler et al., RA-L 2018 (rotor drag, linear), Hoerner, "Fluid-Dynamic
+    Source: Faessler et al., RA-L 2018 (rotor drag, linear), Hoerner, "Fluid-Dynamic
     Drag", 1965 (quadratic).
     """
 

@@ -16,8 +16,7 @@ class CoaxialLoss(ThrustEffect):
     """The lower rotor loses a share eta of its thrust: T_l = (1 - eta) c_f Omega_l^2.
 
     Constant eta; at equal pair speeds it is an exact alias of a global thrust scale, save for the drag torques.
-    Source: momentum theory of coaxial rotors, Leishman, "Principles of Helicopter Aerodynamics", 2nd ed., 2.15;
-    reference effects.md, "coaxial lower-rotor loss".
+    Source: momentum theory of coaxial rotors, Leishman, "Principles of Helicopter Aerodynamics", 2nd ed., 2.15.
     """
 
     name = "coaxial_loss"

@@ -15,7 +15,7 @@ class ComOffset(BodyEffect):
 
         M_c = M_O - r_c x F,    f_O = F/m - domega x r_c - omega x (omega x r_c)
 
-    Source: Newton-Euler about a point that is not the centre of mass; reference effects.md, "centre-of-mass offset".
+    Source: Newton-Euler about a point that is not the centre of mass, docs/notation.md.
     """
 
     name = "com_offset"

@@ -10,7 +10,7 @@ from wrenchgap.plant.vehicle import Vehicle
 class CommandDelay(CommandEffect):
     """Everything that is commanded takes effect d later: u(t) <- u(t - d). Bus, transport, ESC or clock.
 
-    Source: reference effects.md, "command delay".
+    Source: definition of a transport delay, docs/effects/command_delay.md.
     """
 
     name = "command_delay"

@@ -11,7 +11,7 @@ from wrenchgap.plant.vehicle import Vehicle
 class ConstantWrench(WrenchEffect):
     """A constant wrench in B, about O: trim, a bias of the IMU or of the actuators taken together.
 
-    Source: reference effects.md, "constant wrench".
+    Source: definition, docs/effects/constant_wrench.md.
     """
 
     name = "constant_wrench"

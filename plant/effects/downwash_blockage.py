@@ -20,7 +20,7 @@ class DownwashBlockage(ThrustEffect):
     rho_i is the distance from the axis of the rotor's wake, which leaves along -n_i; R the rotor's radius. A boom of
     width w in a far wake of twice the induced velocity, T = 2 rho pi R^2 v_i^2, feels C_D w / (pi R^2) of T per length,
     so k = C_D w / (pi R), about 0.07 for 2 cm. Source: momentum theory, Leishman, "Principles of Helicopter
-    Aerodynamics", 2006, ch. 2; the Gaussian profile is an assumption; reference effects.md, "downwash blockage".
+    Aerodynamics", 2006, ch. 2; the Gaussian profile is our assumption.
     """
 
     name = "downwash_blockage"

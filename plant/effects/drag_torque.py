@@ -11,7 +11,7 @@ class DragTorque(WrenchEffect):
     """Every rotor's drag torque per thrust is (1 + k) kappa: dM = -sum_r spin_r k kappa_r T_r n_r.
 
     It cancels in a coaxial pair at equal speeds. Source: actio and reactio between rotor and hull, as in the nominal
-    model (`plant/actuation.py`); kappa = C_Q R / C_T of blade element theory; size from reference effects.md.
+    model (`plant/actuation.py`); kappa = C_Q R / C_T of blade element theory. Size: our estimate.
     """
 
     name = "drag_torque"

@@ -12,7 +12,7 @@ from wrenchgap.plant.wrench_model import cross
 class ImuLeverArm(SensorEffect):
     """The accelerometer sits r away from its nominal place: it feels domega x r + omega x (omega x r) more.
 
-    Source: rigid-body kinematics; reference effects.md, "IMU lever arm, bias" (1 to 5 cm).
+    Source: rigid-body kinematics. Size: our estimate, 1 to 5 cm.
     """
 
     name = "imu_lever_arm"

@@ -10,8 +10,8 @@ class ImuMisalignment(SensorEffect):
     """The IMU's axes are turned by the small rotation e against B: gyro and accelerometer read v - e x v for v in B.
 
     To first order z_F = -e x F, and z_M = -J (e x domega) at low rates (-e x M if J were a multiple of one). Right to
-    second order in e: 0.06 % at 2 deg. Source: rotation of axes by a small angle; size from
-    reference effects.md, "IMU misalignment" (0.5 to 2 deg).
+    second order in e: 0.06 % at 2 deg. Source: rotation of axes by a small angle. Size: our
+    estimate, 0.5 to 2 deg.
     """
 
     name = "imu_misalignment"

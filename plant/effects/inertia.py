@@ -17,7 +17,7 @@ class Inertia(BodyEffect):
     """The inertia about the centre of mass differs by a symmetric dJ.
 
     In terms of the nominal processing the torque residual is, to first order, -dJ domega - omega x dJ omega.
-    Source: Euler's equation; reference effects.md, "inertia error".
+    Source: Euler's equation, docs/effects/inertia.md.
     """
 
     name = "inertia"

@@ -12,8 +12,8 @@ from wrenchgap.plant.vehicle import Vehicle
 class MotorLag(CommandEffect):
     """Every rotor speed follows its command as a first-order lag: dOmega/dt = (Omega_cmd - Omega) / tau.
 
-    One time constant for both directions. Source: reference vehicle.md (12.5 ms up, 25 ms down); effects.md, "motor
-    lag".
+    One time constant for both directions. Source: the first-order rotor of RotorS, whose omav.xacro
+    (ethz-asl/rotors_simulator) has 12.5 ms up and 25 ms down.
     """
 
     name = "motor_lag"

@@ -13,7 +13,7 @@ class Payload(BodyEffect):
 
         m' = m + dm,   c' = (m c + dm p) / m',   J' about c' = J + (m dm / m') (|d|^2 I - d d^T),   d = p - c
 
-    Source: parallel axis theorem; reference effects.md, "payload".
+    Source: parallel axis theorem.
     """
 
     name = "payload"

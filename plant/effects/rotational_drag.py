@@ -11,7 +11,7 @@ class RotationalDrag(WrenchEffect):
     """Torque against the body rates: M = -d_1 omega - d_2 omega |omega|, axis by axis.
 
     Source: drag at the local velocity omega x r, the linear part mostly of the rotors (see `rotor_drag`), the quadratic
-    of the booms (Hoerner, "Fluid-Dynamic Drag", 1965); size from reference effects.md, "rotational drag".
+    of the booms (Hoerner, "Fluid-Dynamic Drag", 1965). Size: our estimate.
     """
 
     name = "rotational_drag"

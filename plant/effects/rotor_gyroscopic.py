@@ -13,7 +13,7 @@ class RotorGyroscopic(WrenchEffect):
         h_r = spin_r J_r Omega_r n_r,   M = -sum_r [(omega + dalpha a) x h_r + spin_r J_r dOmega_r n_r]
 
     What of a rotor's inertia turns with the body counts as the body's. Source: angular momentum of a gyrostat, Hughes,
-    "Spacecraft Attitude Dynamics", 1986, ch. 3; reference effects.md, "rotor gyroscopics" (J_r 3-6e-5 kg m^2).
+    "Spacecraft Attitude Dynamics", 1986, ch. 3. Size: our estimate for such rotors, 3-6e-5 kg m^2.
     """
 
     name = "rotor_gyroscopic"

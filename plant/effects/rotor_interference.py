@@ -20,7 +20,8 @@ class RotorInterference(ThrustEffect):
 
     T_j is the summed thrust of arm j and T_h its share of the hover thrust; rho_ij is the distance of hub i from the
     axis of j's wake, which leaves arm j along -n_j. R_w is given in rotor radii.
-    Source: reference effects.md, "wake of neighbouring arms" (sqrt(T) is the induced velocity of momentum theory).
+    Source: sqrt(T) is the induced velocity of momentum theory (Leishman, "Principles of Helicopter Aerodynamics", 2006,
+    ch. 2); the Gaussian profile is our assumption.
     """
 
     name = "rotor_interference"

@@ -11,7 +11,7 @@ from wrenchgap.plant.vehicle import Vehicle
 class RotorThrust(ThrustEffect):
     """Rotor r makes (1 + e_r) times its nominal thrust: T_r = (1 + e_r) c_f Omega_r^2.
 
-    Damage, wear, a wrong pitch. Source: reference effects.md, "per-arm / per-rotor thrust".
+    Damage, wear, a wrong pitch. Source: T = c_f Omega^2 for every rotor on its own.
     """
 
     name = "rotor_thrust"

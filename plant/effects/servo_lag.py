@@ -13,7 +13,7 @@ from wrenchgap.plant.vehicle import Vehicle
 class ServoLag(CommandEffect):
     """Every tilt angle follows its command as a first-order lag: dalpha/dt = (alpha_cmd - alpha) / tau.
 
-    Source: reference vehicle.md (servo 15-90 ms); effects.md, "servo lag".
+    Source: first-order model of a position servo, docs/effects/servo_lag.md. Size: our estimate, 15-90 ms.
     """
 
     name = "servo_lag"

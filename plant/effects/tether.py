@@ -14,7 +14,7 @@ class Tether(WrenchEffect):
 
         F_B = R_EB^T F,   M_O = p x F_B
 
-    Source: statics; reference effects.md, "constant wrench, tether, contact" and "what was tried".
+    Source: statics, docs/effects/tether.md.
     """
 
     name = "tether"

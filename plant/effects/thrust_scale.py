@@ -12,7 +12,7 @@ class ThrustScale(WrenchEffect):
     """Every thrust, and with it every drag torque, is (1 + s) times what the model says: dW = s W.
 
     Air density, propeller wear, a wrong c_f. Linear in the wrench, so it needs no geometry.
-    Source: T = c_f Omega^2; reference effects.md, "global thrust scale".
+    Source: T = c_f Omega^2 with another c_f for all rotors.
     """
 
     name = "thrust_scale"

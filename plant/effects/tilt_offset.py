@@ -13,7 +13,7 @@ class TiltOffset(CommandEffect):
     """Arm i stands at alpha_i + d_i: servo zero, horn spline, bent arm.
 
     To first order dW = sum_i d_i T_i dn_i/dalpha with its lever arms, linear in W_cmd under the pseudo-inverse.
-    Source: reference effects.md, "tilt offset, per arm or common".
+    Source: the geometry of `plant.vehicle` at another angle, docs/effects/tilt_offset.md.
     """
 
     name = "tilt_offset"

@@ -14,7 +14,7 @@ class TranslationalLift(ThrustEffect):
 
     The mean over a turn of the blade's (Omega r + v_t sin psi)^2 is (Omega r)^2 + |v_t|^2 / 2; a rotor that turns
     backwards gains downwards. Source: blade element theory; the form is that of rotorpy's `k_h` (Folk, Paulos and
-    Kumar); size from reference effects.md, "translational lift" (3.4e-3 N s^2/m^2).
+    Kumar); 3.39e-3 kg/m for its Hummingbird.
     """
 
     name = "translational_lift"

@@ -1,4 +1,4 @@
-"""The allocation: closed form of vehicle.md, inverse of the actuation, saturation."""
+"""The allocation: closed form for six arms, inverse of the actuation, saturation."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_actuation_undoes_allocation(values):
 
 
 def test_agrees_with_the_closed_form(hexarotor):
-    """lat = (sin g Fx - cos g Fy)/3 - Mz/(6L), ver = Fz/6 + (sin g Mx - cos g My)/(3L) (vehicle.md)."""
+    """lat = (sin g Fx - cos g Fy)/3 - Mz/(6L), ver = Fz/6 + (sin g Mx - cos g My)/(3L)."""
     rng = np.random.default_rng(2)
     W = rng.normal(size=(50, 6)) * SIZE + WEIGHT
     commands, _ = Allocation(hexarotor).allocate(W)

@@ -50,7 +50,7 @@ def test_vehicles_with_rotors_hover_below_their_limits(name: str) -> None:
 
 
 def test_voliro_x_turns_its_rotors_as_fast_as_its_reference_says() -> None:
-    """vehicle.md: 676 rad/s in hover; at 60 deg pitch 907 on the +-90 deg arms, 676 elsewhere."""
+    """Statics: 676 rad/s in hover; at 60 deg pitch 907 on the +-90 deg arms, 676 elsewhere."""
     vehicle = model_file.load("voliro_x").vehicle
     np.testing.assert_allclose(hover(vehicle), 676.0, atol=2.0)
     tilted = hover(vehicle, np.radians(60.0)).reshape(6, 2)[:, 0]

@@ -1,0 +1,136 @@
+"""What every reference trajectory is made of: its samples, smooth profiles, attitudes with consistent rates."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.plant.state import Index
+
+Array = NDArray[np.float64]
+Profile = tuple[Array, Array, Array]
+"""A value and its first and second derivative with respect to time, all of one shape."""
+
+E_Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Reference:
+    """N samples of a reference: `time` (N,), `position_E`, `velocity_E`, `acceleration_E` (N, 3) of O; `quat_ED`
+    (N, 4), `omega_D` and `omega_dot_D` (N, 3).
+    """  # noqa: D205
+
+    time: Array
+    position_E: Array
+    velocity_E: Array
+    acceleration_E: Array
+    quat_ED: Array
+    omega_D: Array
+    omega_dot_D: Array
+
+    def take(self, index: Index) -> Reference:
+        """Some of the samples, in the order of `index`."""
+        return Reference(
+            self.time[index],
+            self.position_E[index],
+            self.velocity_E[index],
+            self.acceleration_E[index],
+            self.quat_ED[index],
+            self.omega_D[index],
+            self.omega_dot_D[index],
+        )
+
+    def sample(self, index: int) -> Reference:
+        """One sample, still with the sample axis (N = 1)."""
+        return self.take(slice(index, index + 1))
+
+
+class Trajectory(ABC):
+    """A reference as a function of time on [0, `duration`] [s]."""
+
+    duration: float
+
+    @abstractmethod
+    def at(self, time: Array) -> Reference:
+        """The reference at `time` (N,) [s]."""
+
+
+def quintic(time: Array, start: float, length: float) -> Profile:
+    """From 0 at `start` to 1 at `start + length` [s] with zero rate and acceleration at both ends."""
+    s = np.clip((time - start) / length, 0.0, 1.0)
+    value = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    rate = 30.0 * s**2 * (1.0 - s) ** 2 / length
+    acceleration = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / length**2
+    return value, rate, acceleration
+
+
+def ramped_phase(time: Array, rate: float, ramp: float, duration: float) -> Profile:
+    """A phase [rad] whose rate grows from 0 to `rate` within `ramp` [s], and dies the same way before `duration`.
+
+    The rate follows the quintic; its integral over a ramp of length T is T (5/2 s^4 - 3 s^5 + s^6).
+    """
+
+    def ramp_from(start: float) -> Profile:
+        s = np.clip((time - start) / ramp, 0.0, 1.0)
+        integral = ramp * s**4 * (2.5 - 3.0 * s + s**2) + np.maximum(time - start - ramp, 0.0)
+        value, slope, _ = quintic(time, start, ramp)
+        return integral, value, slope
+
+    up, down = ramp_from(0.0), ramp_from(duration - ramp)
+    phase, speed, change = (rate * (a - b) for a, b in zip(up, down, strict=True))
+    return phase, speed, change
+
+
+def sine(phase: Profile, multiple: float) -> Profile:
+    """sin(multiple * phase) with its derivatives by the chain rule."""
+    p, dp, ddp = phase
+    s, c = np.sin(multiple * p), np.cos(multiple * p)
+    return s, multiple * c * dp, multiple * c * ddp - multiple**2 * s * dp**2
+
+
+def cosine(phase: Profile, multiple: float) -> Profile:
+    """cos(multiple * phase) with its derivatives by the chain rule."""
+    p, dp, ddp = phase
+    s, c = np.sin(multiple * p), np.cos(multiple * p)
+    return c, -multiple * s * dp, -multiple * s * ddp - multiple**2 * c * dp**2
+
+
+def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
+    """quat_ED, omega_D, omega_dot_D of R_ED = Rz(yaw) Ry(pitch) Rx(roll) from (roll, pitch, yaw) profiles (N, 3).
+
+    omega_D = roll' e_x + Rx^T (pitch' e_y + Ry^T yaw' e_z), and its derivative term by term.
+    """
+    (sr, sp, _), (cr, cp, _) = np.sin(angles).T, np.cos(angles).T
+    dr, dp, dy = rates.T
+    ddr, ddp, ddy = accelerations.T
+    omega = np.stack((dr - dy * sp, dp * cr + dy * cp * sr, -dp * sr + dy * cp * cr), axis=-1)
+    omega_dot = np.stack(
+        (
+            ddr - ddy * sp - dy * dp * cp,
+            ddp * cr - dp * dr * sr + ddy * cp * sr - dy * dp * sp * sr + dy * dr * cp * cr,
+            -ddp * sr - dp * dr * cr + ddy * cp * cr - dy * dp * sp * cr - dy * dr * cp * sr,
+        ),
+        axis=-1,
+    )
+    axes = np.eye(3)
+    roll, pitch, yaw = (so3.exp(angles[:, [k]] * axes[k]) for k in range(3))
+    return so3.multiply(yaw, so3.multiply(pitch, roll)), omega, omega_dot
+
+
+def attitude_of_thrust(force_E: Array, yaw: Array) -> Array:
+    """quat_ED (N, 4) whose z axis points along `force_E` (N, 3): shortest tilt from upright after a turn by `yaw`.
+
+    quat = tilt(e_z -> f) yaw(psi); undefined only for a force straight down.
+    """
+    x, y, z = (force_E / np.linalg.norm(force_E, axis=-1, keepdims=True)).T
+    tilt = so3.normalise(np.stack((1.0 + z, -y, x, np.zeros_like(x)), axis=-1))
+    return so3.multiply(tilt, so3.exp(yaw[:, None] * E_Z))
+
+
+def yaw_of(quat_ED: Array) -> Array:
+    """The yaw psi (N,) [rad] of the decomposition in `attitude_of_thrust`."""
+    return np.asarray(2.0 * np.arctan2(quat_ED[:, 3], quat_ED[:, 0]))

@@ -1,0 +1,196 @@
+"""The trajectories that fly somewhere: at rest, tilting, a figure-8, a circle, a step; and the attitude of thrust."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.plant.trajectory.reference import (
+    E_Z,
+    Reference,
+    Trajectory,
+    attitude_of_thrust,
+    cosine,
+    euler_attitude,
+    quintic,
+    ramped_phase,
+    sine,
+    yaw_of,
+)
+
+Array = NDArray[np.float64]
+
+QUINTIC_PEAK = 10.0 / np.sqrt(3.0)
+"""Largest second derivative of the unit quintic 10 s^3 - 15 s^4 + 6 s^5."""
+
+
+def _at_rest(time: Array, position: tuple[float, float, float]) -> Reference:
+    zeros = np.zeros((len(time), 3))
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1))
+    return Reference(time, zeros + np.array(position), zeros, zeros, level, zeros, zeros)
+
+
+@dataclass(frozen=True)
+class Hover(Trajectory):
+    """Level at one place."""
+
+    duration: float
+    position: tuple[float, float, float] = (0.0, 0.0, 1.6)
+
+    def at(self, time: Array) -> Reference:
+        """The same at all times."""
+        return _at_rest(time, self.position)
+
+
+@dataclass(frozen=True)
+class Tilts(Trajectory):
+    """One tilt after another, each about its own fixed axis: up to `angle` [rad], hold, back, hold.
+
+    `axes` (K, 3) unit vectors, used in turn every `period` [s]. Quintic slopes whose peak angular acceleration is
+    `acceleration` [rad/s^2], so each takes sqrt(10 angle / (sqrt(3) acceleration)): 2.46 s for 60 deg at 1 rad/s^2.
+    """
+
+    duration: float
+    axes: Array
+    angle: float
+    acceleration: float = 1.0
+    period: float = 10.0
+    position: tuple[float, float, float] = (0.0, 0.0, 1.6)
+
+    def __post_init__(self) -> None:
+        if 2.0 * self.rise > self.period:
+            raise UsageError(
+                f"trajectory: a tilt of {np.degrees(self.angle):.0f} deg at {self.acceleration} rad/s^2 takes "
+                f"2 x {self.rise:.2f} s, longer than its period of {self.period} s; raise period or acceleration"
+            )
+
+    @property
+    def rise(self) -> float:
+        """Time of one slope [s]."""
+        return float(np.sqrt(QUINTIC_PEAK * self.angle / self.acceleration))
+
+    def at(self, time: Array) -> Reference:
+        """Rotation by s(t) about a fixed axis a: omega = s' a, omega_dot = s'' a."""
+        rest = _at_rest(time, self.position)
+        number = np.floor(time / self.period)
+        complete = (number + 1.0) * self.period <= self.duration + 1e-9  # an incomplete last tilt is not begun
+        phase = time - number * self.period
+        up = quintic(phase, 0.0, self.rise)
+        down = quintic(phase, self.period / 2.0, self.rise)
+        s, ds, dds = ((self.angle * complete * (a - b))[:, None] for a, b in zip(up, down, strict=True))
+        axis = self.axes[number.astype(int) % len(self.axes)]
+        return Reference(
+            time, rest.position_E, rest.velocity_E, rest.acceleration_E, so3.exp(s * axis), ds * axis, dds * axis
+        )
+
+
+@dataclass(frozen=True)
+class FigureEight(Trajectory):
+    """p = (A sin f, A/2 sin 2f, 0), roll = c sin 2f, pitch = c sin f, with c such that the largest tilt is `tilt`.
+
+    `size` A [m], `period` [s] of one round at full speed, `tilt` [rad] (0: level). The phase f is ramped in and out
+    within `ramp` [s], so that the flight starts and ends at rest.
+    """
+
+    duration: float
+    size: float = 1.0
+    period: float = 10.0
+    tilt: float = float(np.radians(63.0))
+    ramp: float = 3.0
+    position: tuple[float, float, float] = (0.0, 0.0, 1.6)
+
+    @cached_property
+    def amplitude(self) -> float:
+        """The angle c [rad]: cos(tilt) = min over f of cos(roll) cos(pitch), solved by bisection."""
+        f = np.linspace(0.0, 2.0 * np.pi, 3601)
+        low, high = 0.0, min(self.tilt, np.radians(89.0))
+        for _ in range(60):
+            c = 0.5 * (low + high)
+            largest = np.arccos(np.min(np.cos(c * np.sin(2.0 * f)) * np.cos(c * np.sin(f))))
+            low, high = (c, high) if largest < self.tilt else (low, c)
+        return float(0.5 * (low + high))
+
+    def at(self, time: Array) -> Reference:
+        """Sinusoids of the ramped phase."""
+        phase = ramped_phase(time, 2.0 * np.pi / self.period, self.ramp, self.duration)
+        zeros = np.zeros_like(time)
+        pairs = list(zip(sine(phase, 1.0), sine(phase, 2.0), strict=True))
+        p, v, a = (self.size * np.stack((one, 0.5 * two, zeros), axis=-1) for one, two in pairs)
+        angles = (self.amplitude * np.stack((two, one, zeros), axis=-1) for one, two in pairs)
+        return Reference(time, p + np.array(self.position), v, a, *euler_attitude(*angles))
+
+
+@dataclass(frozen=True)
+class Circle(Trajectory):
+    """p = (r sin f, r (1 - cos f), 0), level. `radius` r [m], `period` [s] of one round, ramped in and out."""
+
+    duration: float
+    radius: float = 1.0
+    period: float = 6.0
+    ramp: float = 3.0
+    position: tuple[float, float, float] = (0.0, 0.0, 1.6)
+
+    def at(self, time: Array) -> Reference:
+        """Sinusoids of the ramped phase."""
+        phase = ramped_phase(time, 2.0 * np.pi / self.period, self.ramp, self.duration)
+        rest = _at_rest(time, self.position)
+        x, y = sine(phase, 1.0), cosine(phase, 1.0)
+        p, v, a = (self.radius * np.stack((s, -c, np.zeros_like(s)), axis=-1) for s, c in zip(x, y, strict=True))
+        centre = np.array(self.position) + np.array([0.0, self.radius, 0.0])
+        return Reference(time, p + centre, v, a, rest.quat_ED, rest.omega_D, rest.omega_dot_D)
+
+
+@dataclass(frozen=True)
+class Step(Trajectory):
+    """Level, and from `moment` [s] on tilted by `angle` [rad] about `axis`, without a feedforward."""
+
+    duration: float
+    angle: float = np.radians(40.0)
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    moment: float = 1.0
+    position: tuple[float, float, float] = (0.0, 0.0, 1.6)
+
+    def at(self, time: Array) -> Reference:
+        """A jump of the attitude; its rate stays zero."""
+        rest = _at_rest(time, self.position)
+        quat = so3.exp(np.where(time >= self.moment, self.angle, 0.0)[:, None] * np.array(self.axis))
+        return Reference(
+            time, rest.position_E, rest.velocity_E, rest.acceleration_E, quat, rest.omega_D, rest.omega_dot_D
+        )
+
+
+@dataclass(frozen=True)
+class Flat(Trajectory):
+    """`base` with the attitude that a vehicle pushing along its z axis needs: z_D along a + g e_z, yaw kept.
+
+    The rates are fourth-order central differences of that attitude with the step `h` [s], good to about 1e-8.
+    """
+
+    base: Trajectory
+    h: float = 2e-3
+
+    @property
+    def duration(self) -> float:  # type: ignore[override]
+        """That of the base [s]."""
+        return self.base.duration
+
+    def _attitude(self, time: Array) -> Array:
+        base = self.base.at(time)
+        return attitude_of_thrust(base.acceleration_E + GRAVITY * E_Z, yaw_of(base.quat_ED))
+
+    def at(self, time: Array) -> Reference:
+        """Base position, flat attitude."""
+        base, quat = self.base.at(time), self._attitude(time)
+        # Rotation vectors r(s) from now to now + s obey r(0) = 0, r'(0) = omega, r''(0) = omega_dot.
+        before2, before1, after1, after2 = (
+            so3.log(so3.multiply(so3.conjugate(quat), self._attitude(time + s * self.h))) for s in (-2, -1, 1, 2)
+        )
+        omega = (8.0 * (after1 - before1) - (after2 - before2)) / (12.0 * self.h)
+        omega_dot = (16.0 * (after1 + before1) - (after2 + before2)) / (12.0 * self.h**2)
+        return Reference(time, base.position_E, base.velocity_E, base.acceleration_E, quat, omega, omega_dot)

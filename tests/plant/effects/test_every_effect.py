@@ -1,0 +1,79 @@
+"""What holds for every effect: zero is nothing, one step at a time is all at once, order is nothing."""
+
+import numpy as np
+import pytest
+
+from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.wrench_model import WrenchModel
+
+MOVING = {"velocity": (1, -2, 0.5), "omega": (0.3, -0.2, 0.5)}
+every = pytest.mark.parametrize("name", list(catalogue()))
+
+
+def typical(bench, name):
+    """Values of about a typical size, inside the plausible range."""
+    parameters = find(name).parameters(bench.vehicle)
+    factors = np.random.default_rng(1).uniform(0.5, 1.0, len(parameters))
+    return np.array([np.clip(p.scale * f, p.low, p.high) for p, f in zip(parameters, factors, strict=True)])
+
+
+@every
+def test_zero_is_no_effect(bench, name):
+    u, x = bench.wandering(60), bench.state(60, **MOVING)
+    zero = bench.model(name, np.zeros(len(find(name).parameters(bench.vehicle))))
+    np.testing.assert_allclose(zero.predict(u, x, bench.dt), bench.model().predict(u, x, bench.dt), atol=1e-9)
+
+
+@every
+def test_typical_values_do_something(bench, name):
+    u, x = bench.wandering(60), bench.state(60, **MOVING)
+    changed = bench.model(name, typical(bench, name)).predict(u, x, bench.dt) - bench.model().predict(u, x, bench.dt)
+    assert np.abs(changed).max() > (0.0 if name == "rotor_interference" else 1e-3)
+
+
+@every
+def test_step_by_step_is_all_at_once(bench, name):
+    """Simulation (N = 1, memory carried) and identification (N samples) are one function."""
+    u, x = bench.wandering(80), bench.state(80, **MOVING)
+    m = bench.model(name, typical(bench, name))
+    together, _ = m.actuate(u, x, bench.dt)
+    memory, rows = None, []
+    for k in range(80):
+        one = Commands(u.wrench_B[k : k + 1], u.tilt[k : k + 1], u.rotor_speed[k : k + 1])
+        here = State(*(v[k : k + 1] for v in (x.time, x.position_E, x.quat_EB, x.velocity_E, x.omega_B, x.voltage)))
+        wrench, memory = m.actuate(one, here, bench.dt, memory)
+        rows.append(wrench[0])
+    np.testing.assert_allclose(np.array(rows), together, atol=1e-9)
+
+
+@every
+def test_is_described(bench, name):
+    effect = find(name)
+    for p in effect.parameters(bench.vehicle):
+        assert p.low <= 0.0 <= p.high or p.low <= p.start <= p.high
+        assert p.low < p.high
+        assert p.scale > 0
+        assert p.unit
+    assert effect.excited_by
+    assert "Source:" in (type(effect).__doc__ or "")
+
+
+def test_order_of_adding_does_not_matter(bench):
+    names = ["tilt_offset", "servo_lag", "command_delay", "com_offset", "rotor_thrust", "coaxial_loss", "body_drag"]
+    u, x = bench.wandering(60), bench.state(60, **MOVING)
+    made = [make_effect(bench.vehicle, n, typical(bench, n)) for n in names]
+    forward, backward = (WrenchModel(bench.vehicle, tuple(e)).predict(u, x, bench.dt) for e in (made, made[::-1]))
+    np.testing.assert_array_equal(forward, backward)
+
+
+def test_without_effects_the_command_is_what_is_measured(bench):
+    """Whatever the body rate."""
+    u, x = bench.wandering(30), bench.state(30, omega=(0.5, -1.0, 0.7))
+    np.testing.assert_allclose(bench.model().predict(u, x, bench.dt), bench.model().wrench(u, x), atol=1e-9)
+
+
+def test_without_sensor_effects_the_imu_reads_the_motion(bench):
+    motion = Motion(np.ones((2, 3)), np.ones((2, 3)), np.ones((2, 3)))
+    assert bench.model().read_imu(motion, bench.state(2)) is motion
