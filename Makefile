@@ -25,7 +25,7 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 
 test: setup ## the everyday test suite
 	@bash scripts/install_browser.sh
-	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile $(TEST)
+	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
 
 check: setup ## format, lint, types, layers
 	$(VENV) -m ruff format --check .

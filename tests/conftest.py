@@ -1,4 +1,7 @@
-"""Flights that several test files fly are flown once for all workers; the last line of a run says what was not run."""
+"""Flights that several test files fly are flown once for all workers, long files start first, browsers share a worker.
+
+The last line of a run says what was not run.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,45 @@ from typing import Any
 
 import pytest
 
+try:
+    from xdist.scheduler import LoadFileScheduling
+except ImportError:  # one process
+    LoadFileScheduling = None
+
 REMEDY = "no Chromium or no Playwright; run: sudo apt-get install chromium && make setup"
+
+LONG_FIRST = (
+    "in_browser",
+    "test_hidden_effects",
+    "test_readme",
+    "test_learn_and_compensate",
+    "test_explain",
+    "test_where",
+)
+"""Files that take longest: begun last, one worker would be left alone with one of them."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with LONG_FIRST; pass --no-loadscope-reorder to xdist, or it begins with the files of most tests."""
+    rank = {name: place for place, name in enumerate(LONG_FIRST)}
+    items.sort(key=lambda item: min((rank[name] for name in rank if name in item.nodeid), default=len(rank)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With `--dist loadfile`: a file's tests on one worker, and those of all files that drive a browser on one.
+
+    A browser without a GPU takes half a minute to compile what it draws with, and two of them at once twice that.
+    """
+    if config.getvalue("dist") != "loadfile" or LoadFileScheduling is None:
+        return None
+
+    class BrowsersTogether(LoadFileScheduling):  # type: ignore[misc, valid-type]
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "in_browser" if "in_browser" in file else str(file)
+
+    return BrowsersTogether(config, log)
 
 
 @pytest.fixture(scope="session")
