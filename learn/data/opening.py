@@ -243,19 +243,26 @@ def distinct(flights: Sequence[OpenFlight]) -> list[OpenFlight]:
 
 
 def open_flights(
-    paths: Sequence[str | Path],
+    logs: Sequence[str | Path | Flight],
     model: Model,
     *,
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
+    rate_hz: float | None = None,
     between: tuple[float, float] | None = None,
     shifts: Mapping[str, float] | None = None,
+    incomplete: bool = False,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
-    """`open_flight` for several logs, in order, with names that differ; the same log twice is an error."""
+    """`open_flight` for several logs (or flights in memory), in order, with names that differ.
+
+    Raises LogError for the same log twice.
+    """
     found: list[OpenFlight] = []
-    for path in paths:
-        one = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts, load=load)
+    for path in logs:
+        raw = path if isinstance(path, Flight) else load(path, topics, preferred=model.topics)
+        moved = flight.shifted(raw, shifts or {})
+        one = opened(moved, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
         for other in found:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")

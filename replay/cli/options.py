@@ -130,6 +130,12 @@ JsonFile = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Log = Annotated[
+    Path, typer.Argument(metavar="LOG", help="Log: .mcap, .bag, or a ROS 2 bag folder.", show_default=False)
+]
+LogOut = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).", show_default=False)
+]
 GpOption = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="A Gaussian process of `wrenchgap learn`, on MODEL.")
 ]

@@ -32,13 +32,12 @@ class Reading:
         """From the texts of the command line; raises UsageError for one that is not understood."""
         return cls(parse_topics(topic), parse_shifts(shift), parse_cutoff(cutoff), parse_between(between))
 
-    def open(self, logs: Sequence[Path], model: Model) -> list[OpenFlight]:
-        """The flights of these logs, opened for a model."""
+    def open(self, logs: Sequence[Path], model: Model, **how: Any) -> list[OpenFlight]:
+        """The flights of these logs, opened for a model; `how` as in `learn.data.opening.open_flights`."""
         from wrenchgap.learn.data.opening import open_flights
 
-        return open_flights(
-            logs, model, topics=self.topics, cutoff_hz=self.cutoff_hz, between=self.between, shifts=self.shifts
-        )
+        asked = {"topics": self.topics, "cutoff_hz": self.cutoff_hz, "between": self.between, "shifts": self.shifts}
+        return open_flights(logs, model, **asked, **how)  # type: ignore[arg-type]
 
 
 def load_gp(path: Path | None) -> GaussianProcess | None:
@@ -68,12 +67,24 @@ def write_result(
     """
     if path is None:
         return
-    from wrenchgap.replay.present.documents import document, file_input, log_input, model_input, write_json
+    from wrenchgap.replay.present.documents import document, write_json
 
-    read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in validation), *inputs]
-    read += [model_input(model, role) for model, role in models]
-    read += [file_input(file, role) for file, role in files if file is not None]
+    read = [*inputs_of(flights, models, files, validation), *inputs]
     write_json(path, document(command, body, read), force=force)
+
+
+def inputs_of(
+    flights: Iterable[OpenFlight],
+    models: Iterable[tuple[Model, str]],
+    files: Iterable[tuple[Path | None, str]] = (),
+    validation: Iterable[OpenFlight] = (),
+) -> list[dict[str, Any]]:
+    """What went into a result, each with role, file and hash."""
+    from wrenchgap.replay.present.documents import file_input, log_input, model_input
+
+    read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in validation)]
+    read += [model_input(model, role) for model, role in models]
+    return read + [file_input(file, role) for file, role in files if file is not None]
 
 
 def show_result(printer: Printer, result: Any) -> None:

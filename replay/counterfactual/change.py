@@ -87,4 +87,5 @@ def change(
         compensator=compensator,
         beside=compensating.baselines(None if gp is None else gp[1], model, period) if baselines else (),
         words=tuple(words),
+        process=None if gp is None else gp[1],
     )

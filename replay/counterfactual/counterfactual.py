@@ -26,6 +26,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
+from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.closed_loop import Lost
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating
@@ -58,6 +59,7 @@ class Change:
     compensator  in the loop
     beside       others to compare it with, by name, each flown in its place
     words        the same for tables and provenance
+    process      what the compensator was made of
     """
 
     plant: Model | None = None
@@ -66,6 +68,7 @@ class Change:
     compensator: Compensating | None = None
     beside: tuple[tuple[str, Compensating], ...] = ()
     words: tuple[str, ...] = ()
+    process: GaussianProcess | None = None
 
 
 @dataclass(frozen=True)

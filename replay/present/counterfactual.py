@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
-from rich.table import Table
 
 from wrenchgap import flight
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.disturbance import FAST_HZ
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.tracking import Tracking
 from wrenchgap.replay.compensation import compensators as compensating
@@ -35,16 +33,16 @@ from wrenchgap.replay.counterfactual.counterfactual import (
 )
 from wrenchgap.replay.present import compensation as of_process
 from wrenchgap.replay.present.numbers import UNIT_HEADS, row
-from wrenchgap.replay.present.tables import reductions, table
+from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 
 Array = NDArray[np.float64]
 
 
-def notes(result: Counterfactual, process: GaussianProcess | None = None) -> tuple[str, ...]:
+def notes(result: Counterfactual) -> tuple[str, ...]:
     """What a reader must know before relying on the numbers, of the flight, the GP, and the result."""
     log, model = result.inference.recording.flight, result.inference.model
     found = [*result.inference.recording.notes, *(_sentence(one, log.name, model.name) for one in result.caveats)]
-    if process is not None:
+    if (process := result.change.process) is not None:
         found += of_process.sentences(compensating.caveats(process, model, log))
     return tuple(dict.fromkeys(found))
 
@@ -77,7 +75,7 @@ def _sentence(caveat: Caveat, flight: str, model: str) -> str:
 _WHERE = {NULL_RUN: ": in the null run", CHANGED: ":"}
 
 
-def show(result: Counterfactual) -> list[Table]:
+def parts(result: Counterfactual) -> list[Part]:
     """The null run, the disturbance, and the tracking errors."""
     null, size = result.null_run, result.inference.size
     first = table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
@@ -108,7 +106,7 @@ def show(result: Counterfactual) -> list[Table]:
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
-    return [first, second, third]
+    return [first, second, third, *note_lines(notes(result))]
 
 
 def _errors(one: Tracking) -> Array:
@@ -117,7 +115,9 @@ def _errors(one: Tracking) -> Array:
     return np.array([*np.degrees(np.arcsin(np.minimum(sines, 1.0))), 1e3 * one.position_mean, 1e3 * one.position_max])
 
 
-def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]], *, force: bool) -> None:
+def write_log(
+    result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, str]] = (), *, force: bool = False
+) -> None:
     """The re-flight as MCAP, with the disturbance, the compensator's decisions and where it all comes from."""
     null = result.null_run
     metadata: dict[str, str] = {
@@ -130,7 +130,7 @@ def write_log(result: Counterfactual, path: Path, inputs: Sequence[Mapping[str, 
     flight.write(result.log, path, extra=result.series, metadata=metadata, force=force)
 
 
-def to_json(result: Counterfactual, process: GaussianProcess | None = None) -> dict[str, Any]:
+def to_json(result: Counterfactual) -> dict[str, Any]:
     """The body of the JSON (docs/json.md, wrenchgap.counterfactual/1)."""
     inference, lost = result.inference, result.changed.flown.lost
     r, size = inference.recording, inference.size
@@ -152,7 +152,7 @@ def to_json(result: Counterfactual, process: GaussianProcess | None = None) -> d
         },
         "controller_explained": inference.explained.tolist(),
         "lost": None if lost is None else f"{lost}; the re-simulation ends there",
-        "notes": list(notes(result, process)),
+        "notes": list(notes(result)),
     }
 
 
@@ -175,7 +175,7 @@ def _tracking_json(one: Tracking) -> dict[str, Any]:
 
 __all__ = [
     "notes",
-    "show",
+    "parts",
     "to_json",
     "write_log",
 ]

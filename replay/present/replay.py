@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from rich.table import Table
 
 from wrenchgap.flight import Named, write
 from wrenchgap.flight.flight import AXES
@@ -18,121 +17,20 @@ from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
+from wrenchgap.replay.compensation.summary import Summary, summarise
 from wrenchgap.replay.present.compensation import sentences
-from wrenchgap.replay.present.documents import atomic
+from wrenchgap.replay.present.documents import atomic, write_csv
+from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences as sentences_of
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row
-from wrenchgap.replay.present.tables import table
+from wrenchgap.replay.present.tables import Part, note_lines, table
 
 Array = NDArray[np.float64]
 
-HELD_BACK = 0.5
-"""beta above which the uncertainty filter counts as holding the correction back."""
-PERCENTILES = (5, 50, 95, 100)
 
-
-@dataclass(frozen=True)
-class Summary:
-    """A replay in numbers. Arrays are (6,) over `AXES` or (L,) over the outputs of the GP, in N and Nm.
-
-    `sigma` and `beta` are the `PERCENTILES`; `held_back`, `accepted` and `near_singular` are shares of the steps.
-    `measured_minus_logged` and `measured_minus_predicted` are mean absolute errors, nan where nothing was measured.
-    """
-
-    source: str
-    steps: int
-    duration: float
-    restarts: int
-    correction_mean_abs: Array
-    correction_max_abs: Array
-    accepted: float
-    iterations_mean: float
-    sigma: Array
-    sigma_threshold: float
-    beta: Array
-    held_back: float
-    outputs: tuple[str, ...]
-    error_before_mean_abs: Array
-    error_after_mean_abs: Array
-    error_before_max_abs: Array
-    error_after_max_abs: Array
-    measured_minus_logged: Array
-    measured_minus_predicted: Array
-    eigenvalue_min: float
-    near_singular: float
-    saturation: dict[str, int] | None
-    saturation_logged: dict[str, int] | None
-    solve_mean_ms: float
-    solve_p99_ms: float
-    solve_max_ms: float
-    trouble: dict[str, int]
-
-    def warnings(self) -> tuple[str, ...]:
-        """What a user should not overlook, one sentence each."""
-        out = []
-        if self.near_singular > 0:
-            out.append(
-                f"I + dmu/dW is nearly singular in {100 * self.near_singular:.1f} % of the commands (smallest real "
-                f"eigenvalue {self.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP claims that more "
-                "command gives no more wrench; excite the command on its own in the training flight."
-            )
-        if self.accepted < 0.99:
-            out.append(f"in {100 * (1 - self.accepted):.1f} % of the steps no correction solves the problem.")
-        for message, count in self.trouble.items():
-            out.append(f"{count} step(s): {message}")
-        if self.saturation is not None and self.saturation_logged is not None:
-            for name, count in self.saturation.items():
-                more = count - self.saturation_logged[name]
-                if name != "held" and more > 0:
-                    out.append(f"{name.replace('_', ' ')} would be limited in {more} more of {self.steps} commands.")
-        return tuple(out)
-
-
-def summarise(replay: Replay) -> Summary:
-    """The numbers of a replay."""
-    steps = replay.steps
-    size = np.abs(steps.correction)
-    before, after = np.abs(steps.mismatch_before), np.abs(steps.mismatch_after)
-    solve = 1e3 * steps.solve_time
-    return Summary(
-        source=replay.source,
-        steps=len(replay),
-        duration=float(replay.time[-1] - replay.time[0]),
-        restarts=replay.restarts,
-        correction_mean_abs=size.mean(axis=0),
-        correction_max_abs=size.max(axis=0),
-        accepted=float(steps.accepted.mean()),
-        iterations_mean=float(steps.iterations.mean()),
-        sigma=np.percentile(steps.sigma, PERCENTILES),
-        sigma_threshold=replay.sigma_threshold,
-        beta=np.percentile(steps.beta, PERCENTILES),
-        held_back=float((steps.beta > HELD_BACK).mean()),
-        outputs=replay.outputs,
-        error_before_mean_abs=before.mean(axis=0),
-        error_after_mean_abs=after.mean(axis=0),
-        error_before_max_abs=before.max(axis=0),
-        error_after_max_abs=after.max(axis=0),
-        measured_minus_logged=_mean_abs(replay.measured - replay.logged),
-        measured_minus_predicted=_mean_abs(replay.measured - replay.predicted),
-        eigenvalue_min=float(replay.conditioning.real_min.min()),
-        near_singular=float((replay.conditioning.real_min < NEARLY_SINGULAR).mean()),
-        saturation=None if replay.saturation is None else asdict(replay.saturation),
-        saturation_logged=None if replay.saturation_logged is None else asdict(replay.saturation_logged),
-        solve_mean_ms=float(solve.mean()),
-        solve_p99_ms=float(np.percentile(solve, 99)),
-        solve_max_ms=float(solve.max()),
-        trouble=steps.trouble,
-    )
-
-
-def _mean_abs(residual: Array) -> Array:
-    """Mean absolute value (6,) of what is known; nan where nothing is."""
-    known = np.isfinite(residual).all(axis=1)
-    return np.abs(residual[known]).mean(axis=0) if known.any() else np.full(residual.shape[1], np.nan)
-
-
-def tables(replay: Replay, summary: Summary) -> list[Table]:
-    """For the terminal."""
+def parts(replay: Replay) -> list[Part]:
+    """Wrenches, steps, notes, warnings."""
+    summary = summarise(replay)
     wrenches = table(f"{replay.flight.name}: compensation of the {summary.source} wrench", "mean |.|", *UNIT_HEADS)
     wrenches.add_row("correction", *row(summary.correction_mean_abs))
     wrenches.add_row("  its maximum", *row(summary.correction_max_abs))
@@ -149,7 +47,29 @@ def tables(replay: Replay, summary: Summary) -> list[Table]:
     steps = table("Steps", "what", "value", left=2)
     for what, value in _lines(summary):
         steps.add_row(what, value)
-    return [wrenches, steps]
+    lines = [*note_lines(notes(replay)), *note_lines(warnings(summary), "warning")]
+    return [wrenches, steps, *lines]
+
+
+def warnings(summary: Summary) -> tuple[str, ...]:
+    """What a user should not overlook, one sentence each."""
+    out = []
+    if summary.near_singular > 0:
+        out.append(
+            f"I + dmu/dW is nearly singular in {100 * summary.near_singular:.1f} % of the commands (smallest real "
+            f"eigenvalue {summary.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP claims that more "
+            "command gives no more wrench; excite the command on its own in the training flight."
+        )
+    if summary.accepted < 0.99:
+        out.append(f"in {100 * (1 - summary.accepted):.1f} % of the steps no correction solves the problem.")
+    for message, count in summary.trouble.items():
+        out.append(f"{count} step(s): {message}")
+    if summary.saturation is not None and summary.saturation_logged is not None:
+        for name, count in summary.saturation.items():
+            more = count - summary.saturation_logged[name]
+            if name != "held" and more > 0:
+                out.append(f"{name.replace('_', ' ')} would be limited in {more} more of {summary.steps} commands.")
+    return tuple(out)
 
 
 def _lines(summary: Summary) -> list[tuple[str, str]]:
@@ -186,7 +106,7 @@ def to_json(replay: Replay, summary: Summary) -> dict[str, Any]:
         "flight": replay.flight.name,
         "settings": asdict(replay.settings),
         **numbers,
-        "warnings": list(summary.warnings()),
+        "warnings": list(warnings(summary)),
         "notes": list(notes(replay)),
     }
 
@@ -202,7 +122,7 @@ def notes(replay: Replay) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*found, *sentences(replay.caveats))))
 
 
-def frame(replay: Replay) -> pd.DataFrame:
+def to_frame(replay: Replay) -> pd.DataFrame:
     """One row for each step: time, wrenches as `desired.force_x` etc., then sigma, beta, cost, iterations, accepted.
 
     `desired` is the wrench that went in, `commanded` the one that would have come out, `logged` the command of the
@@ -214,16 +134,25 @@ def frame(replay: Replay) -> pd.DataFrame:
     return pd.DataFrame(columns | _scalars(replay))
 
 
-def write_csv(replay: Replay, path: Path) -> None:
-    """`frame` as CSV, with all digits."""
-    with atomic(path) as partial:
-        frame(replay).to_csv(partial, index=False)
-
-
-def write_parquet(replay: Replay, path: Path) -> None:
-    """`frame` as Parquet."""
-    with atomic(path) as partial:
-        frame(replay).to_parquet(partial, index=False)
+def write_files(
+    replay: Replay,
+    log: Path | None,
+    csv: Path | None,
+    parquet: Path | None,
+    figure: Path | None,
+    *,
+    force: bool = False,
+) -> None:
+    """Log, tables and figure, where they are asked for."""
+    if log is not None:
+        write_log(replay, log, force=force)
+    if csv is not None:
+        write_csv(to_frame(replay), csv, digits=None)
+    if parquet is not None:
+        with atomic(parquet) as partial:
+            to_frame(replay).to_parquet(partial, index=False)
+    if figure is not None:
+        save(replay, figure, force=force)
 
 
 def write_log(replay: Replay, path: Path, *, force: bool) -> Path:
@@ -261,64 +190,3 @@ def _wrenches(replay: Replay) -> dict[str, Array]:
 def _scalars(replay: Replay) -> dict[str, Any]:
     steps = replay.steps
     return {name: getattr(steps, name) for name in ("sigma", "beta", "cost", "iterations", "accepted")}
-
-
-def write_figure(replay: Replay, path: Path) -> None:
-    """Left: the torques desired, commanded, measured, predicted. Right: correction (dotted: raw), sigma, beta."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14, 8), layout="constrained")
-    axes = figure.subplots(3, 2, sharex=True)
-    shown = [k for k in output_indices(replay.outputs) if k >= 3] or list(output_indices(replay.outputs))
-    for panel, k in zip(axes[:, 0], shown, strict=False):
-        _wrench_panel(panel, replay, int(k))
-    for k in output_indices(replay.outputs):
-        (line,) = axes[0, 1].plot(replay.time, replay.steps.correction[:, k], lw=0.9, label=AXES[k])
-        axes[0, 1].plot(replay.time, replay.steps.optimum[:, k], lw=0.6, ls=":", color=line.get_color())
-    axes[0, 1].set_ylabel("correction [N, Nm]")
-    axes[1, 1].plot(replay.time, replay.steps.sigma, lw=0.9, color="black", label="sigma")
-    if np.isfinite(replay.sigma_threshold):
-        axes[1, 1].axhline(replay.sigma_threshold, color="tab:red", lw=0.8, ls="--", label="threshold")
-    axes[1, 1].set_ylabel("sigma")
-    axes[2, 1].plot(replay.time, replay.steps.beta, lw=0.9, color="black")
-    axes[2, 1].set_ylim(-0.03, 1.03)
-    axes[2, 1].set_ylabel("beta, 1: distrusted")
-    for panel in axes.flat:
-        panel.grid(alpha=0.3)
-        panel.margins(x=0.01)
-    for panel in (axes[0, 0], axes[0, 1], axes[1, 1]):
-        panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, ncols=5, frameon=False)
-    for panel in axes[2]:
-        panel.set_xlabel("time [s]")
-    figure.suptitle(
-        f"{replay.flight.name}: compensation of the {replay.source} wrench, model {replay.model.name}",
-        x=0.01,
-        ha="left",
-        fontsize=11,
-    )
-    with atomic(path) as partial:
-        figure.savefig(partial, dpi=110, format="png")
-
-
-def _wrench_panel(panel: Any, replay: Replay, k: int) -> None:
-    panel.plot(replay.time, replay.wrench[:, k], color="0.6", lw=1.0, label=replay.source)
-    panel.plot(replay.time, replay.steps.commanded[:, k], color="tab:orange", lw=0.9, label="commanded by replay")
-    panel.plot(replay.time, replay.measured[:, k], color="black", lw=0.9, label="measured")
-    panel.plot(replay.time, replay.predicted[:, k], color="tab:blue", lw=0.9, label="predicted (as flown)")
-    panel.plot(replay.time, replay.predicted_new[:, k], color="tab:green", lw=0.9, ls="--", label="predicted (replay)")
-    name, axis = AXES[k].split("_")
-    panel.set_ylabel(f"{name} {axis} [{'N' if k < 3 else 'Nm'}]")
-
-
-__all__ = [
-    "Summary",
-    "frame",
-    "notes",
-    "summarise",
-    "tables",
-    "to_json",
-    "write_csv",
-    "write_figure",
-    "write_log",
-    "write_parquet",
-]

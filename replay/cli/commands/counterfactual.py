@@ -7,84 +7,74 @@ from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Between,
-    Force,
-    JsonFile,
-    Lead,
-    ModelOption,
-    OwnEffects,
-    Quiet,
-    Shift,
-    Topics,
-    complete_effects,
-    complete_models,
-    many,
-    parse_between,
-    parse_shifts,
-    parse_topics,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, inputs_of, load_gp, show_result, write_result
+
+Compensate = Annotated[
+    Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
+]
+Baselines = Annotated[
+    bool, typer.Option("--baselines", help="Fly what a GP must be better than: observer, effects, straight line.")
+]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        metavar="EFFECT",
+        help="What if the vehicle did not have this effect of MODEL?",
+        autocompletion=o.complete_effects,
+    ),
+]
+With = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with", metavar="EFFECT=P:V,...", help="What if it had this one?", autocompletion=o.complete_effects
+    ),
+]
+Gains = Annotated[
+    list[str] | None,
+    typer.Option("--gains", metavar="NAME=VALUE", help="Other gains, e.g. integral=0 or omega_attitude=5,5,4."),
+]
+Believe = Annotated[
+    str | None,
+    typer.Option(
+        "--believe",
+        metavar="MODEL2",
+        help="Controller and allocation know mass, inertia and centre of mass of MODEL2.",
+        autocompletion=o.complete_models,
+    ),
+]
+Start = Annotated[float, typer.Option("--start", metavar="S", help="Where to begin, in seconds.")]
+Duration = Annotated[
+    float | None, typer.Option("--duration", metavar="S", help="How long, in seconds; default: to the end.")
+]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("counterfactual", cls=many("--without", "--with", "--gains"))(counterfactual)
+    app.command("counterfactual", cls=o.many("--without", "--with", "--gains"))(counterfactual)
 
 
 def counterfactual(
-    log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="Log: .mcap, .bag, or a ROS 2 bag folder.", show_default=False)
-    ],
-    model: ModelOption,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).", show_default=False)
-    ] = None,
-    gp: Annotated[
-        Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
-    ] = None,
-    lead: Lead = None,
-    baselines: Annotated[
-        bool, typer.Option("--baselines", help="Fly what a GP must be better than: observer, effects, straight line.")
-    ] = False,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--without",
-            metavar="EFFECT",
-            help="What if the vehicle did not have this effect of MODEL?",
-            autocompletion=complete_effects,
-        ),
-    ] = None,
-    with_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--with", metavar="EFFECT=P:V,...", help="What if it had this one?", autocompletion=complete_effects
-        ),
-    ] = None,
-    gains: Annotated[
-        list[str] | None,
-        typer.Option("--gains", metavar="NAME=VALUE", help="Other gains, e.g. integral=0 or omega_attitude=5,5,4."),
-    ] = None,
-    believe: Annotated[
-        str | None,
-        typer.Option(
-            "--believe",
-            metavar="MODEL2",
-            help="Controller and allocation know mass, inertia and centre of mass of MODEL2.",
-            autocompletion=complete_models,
-        ),
-    ] = None,
-    start: Annotated[float, typer.Option("--start", metavar="S", help="Where to begin, in seconds.")] = 0.0,
-    duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", help="How long, in seconds; default: to the end.")
-    ] = None,
-    topic: Topics = None,
-    shift: Shift = None,
-    between: Between = None,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    log: o.Log,
+    model: o.ModelOption,
+    output: o.LogOut = None,
+    gp: Compensate = None,
+    lead: o.Lead = None,
+    baselines: Baselines = False,
+    without: Without = None,
+    with_: With = None,
+    gains: Gains = None,
+    believe: Believe = None,
+    start: Start = 0.0,
+    duration: Duration = None,
+    topic: o.Topics = None,
+    shift: o.Shift = None,
+    between: o.Between = None,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
     """Re-simulate a recorded flight with something changed.
 
@@ -94,43 +84,38 @@ def counterfactual(
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
-    from wrenchgap.learn.data.opening import open_flight
-    from wrenchgap.learn.process import store
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.counterfactual import counterfactual as engine
-    from wrenchgap.replay.present import counterfactual as reports
-    from wrenchgap.replay.present.documents import claim, document, file_input, log_input, model_input, write_json
+    from wrenchgap.replay.present.counterfactual import write_log
+    from wrenchgap.replay.present.documents import claim
 
     claim({"--output": output, "--json": json}, force=force, inputs=[log, *([] if gp is None else [gp])])
-    base = model_file.load(model)
-    other = None if believe is None else model_file.load(believe)
-    process = None if gp is None else store.load(gp)
+    base, process = api.load_model(model), load_gp(gp)
+    other = None if believe is None else api.load_model(believe)
+    reading = Reading.of(topic, shift, between=between)
     with progress("counterfactual", quiet) as report:
         report(0.0, "reading the log")
-        topics, shifts = parse_topics(topic), parse_shifts(shift)
-        found = open_flight(log, base, topics=topics, shifts=shifts, between=parse_between(between))
-        recording = engine.read_recording(found, base.vehicle, start=start, duration=duration)
-        change = reports.change(
+        (flight,) = reading.open([log], base)
+        result = api.counterfactual(
+            flight,
             base,
-            period=recording.dt,
-            gp=None if gp is None or process is None else (gp.name, process),
+            gp=process,
+            gp_name="" if gp is None else gp.name,
             lead=lead,
-            baselines=baselines,
             without=without or (),
-            with_=with_ or (),
+            having=with_ or (),
             gains=gains or (),
             believe=other,
+            baselines=baselines,
+            start=start,
+            duration=duration,
+            progress=report,
         )
-        result = engine.counterfactual(recording, base, change, progress=report)
-    inputs = [log_input(found.flight), model_input(base)]
-    inputs += [] if gp is None else [file_input(gp, "gp")]
-    inputs += [] if other is None else [model_input(other, "believed")]
+    models = [(base, "model"), *([] if other is None else [(other, "believed")])]
+    inputs = inputs_of([flight], models, [(gp, "gp")])
     if output is not None:
-        reports.write_log(result, output, inputs, force=force)
-    if json is not None:
-        write_json(json, document("counterfactual", reports.to_json(result, process), inputs), force=force)
+        write_log(result, output, inputs, force=force)
+    write_result(json, "counterfactual", result.to_json(), force=force, inputs=inputs)
     printer = Printer(quiet)
-    printer.show(*reports.show(result))
-    printer.notes(reports.notes(result, process))
+    show_result(printer, result)
     printer.wrote(log=output, result=json)

@@ -128,7 +128,7 @@ def learn(
         report(0.0, "reading logs")
         every = reading.open([*logs, *unseen], base)
         flights, tests = every[: len(logs)], every[len(logs) :]
-        learnt = api.learn(
+        learnt = api.learn_gp(
             flights,
             base,
             outputs=wanted,

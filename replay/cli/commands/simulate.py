@@ -7,20 +7,8 @@ from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Force,
-    JsonFile,
-    OwnEffects,
-    Quiet,
-    complete_models,
-    complete_trajectories,
-    many,
-)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("simulate", cls=many("--hide"))(simulate)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import write_result
 
 
 def _list(asked: bool) -> None:
@@ -28,49 +16,58 @@ def _list(asked: bool) -> None:
         return
     from wrenchgap.plant.trajectory import TRAJECTORIES
     from wrenchgap.replay.cli.console import Printer
-    from wrenchgap.replay.present import tables
+    from wrenchgap.replay.present.tables import plain
 
     rows = [(name, f"{seconds:g} s", words) for name, (_, seconds, words) in TRAJECTORIES.items()]
-    Printer().show(tables.plain("trajectories", ("name", "length", "what it is"), rows, left=3))
+    Printer().show(plain("trajectories", ("name", "length", "what it is"), rows, left=3))
     raise typer.Exit()
 
 
+TrajectoryName = Annotated[
+    str,
+    typer.Option(
+        "--trajectory",
+        "-t",
+        metavar="NAME",
+        help="See --list; or a file of `wrenchgap design`.",
+        autocompletion=o.complete_trajectories,
+    ),
+]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")]
+Duration = Annotated[float | None, typer.Option("--duration", metavar="S", help="Length in seconds.")]
+Excitation = Annotated[
+    float, typer.Option("--excitation", metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of sensor noise and excitation.")]
+Integral = Annotated[bool | None, typer.Option("--integral/--no-integral", help="Controller's integral.")]
+Hide = Annotated[
+    list[str] | None,
+    typer.Option("--hide", metavar="EFFECT=P:V,...", help="Fly with an effect that MODEL does not have."),
+]
+Truth = Annotated[Path | None, typer.Option("--truth", metavar="FILE", help="Write the model that really flew.")]
+List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and leave.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("simulate", cls=o.many("--hide"))(simulate)
+
+
 def simulate(
-    model: Annotated[
-        str,
-        typer.Option("--model", "-m", metavar="MODEL", help="Believed model.", autocompletion=complete_models),
-    ],
-    trajectory: Annotated[
-        str,
-        typer.Option(
-            "--trajectory",
-            "-t",
-            metavar="NAME",
-            help="See --list; or a file of `wrenchgap design`.",
-            autocompletion=complete_trajectories,
-        ),
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="LOG", help="Log to write (.mcap).")],
-    duration: Annotated[float | None, typer.Option("--duration", metavar="S", help="Length in seconds.")] = None,
-    excitation: Annotated[
-        float, typer.Option("--excitation", metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of sensor noise and excitation.")] = 0,
-    integral: Annotated[bool | None, typer.Option("--integral/--no-integral", help="Controller's integral.")] = None,
-    hide: Annotated[
-        list[str] | None,
-        typer.Option("--hide", metavar="EFFECT=P:V,...", help="Fly with an effect that MODEL does not have."),
-    ] = None,
-    truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="FILE", help="Write the model that really flew.")
-    ] = None,
-    list_: Annotated[
-        bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and leave.")
-    ] = False,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    model: o.ModelOption,
+    trajectory: TrajectoryName,
+    output: Output,
+    duration: Duration = None,
+    excitation: Excitation = 0.0,
+    seed: Seed = 0,
+    integral: Integral = None,
+    hide: Hide = None,
+    truth: Truth = None,
+    list_: List = False,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
     """Fly a simulated vehicle along a trajectory and write its log.
 
@@ -79,30 +76,30 @@ def simulate(
 
     Example: `wrenchgap simulate -m voliro_x -t multi_axis --excitation 1 --hide com_offset=x:-0.004,y:0.007 -o a.mcap`
     """
-    from wrenchgap import flight
     from wrenchgap.flight.errors import UsageError
+    from wrenchgap.flight.write import write
     from wrenchgap.plant import model_file
     from wrenchgap.plant.flight_plan import Plan, fly, prepare, provenance, summary
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present import simulation
-    from wrenchgap.replay.present.documents import claim, document, model_input, write_json
+    from wrenchgap.replay.present.documents import claim
 
     claim({"--output": output, "--truth": truth, "--json": json}, force=force, inputs=[trajectory])
     if output.suffix != ".mcap":
         raise UsageError(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
-    believed = model_file.load(model)
+    believed = api.load_model(model)
     plan = Plan(believed, trajectory, duration, excitation, seed, integral, tuple(hide or ()))
-    flown_model = prepare(plan).truth
+    ready = prepare(plan)
     with progress("flying", quiet) as report:
         flown = fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
-    flight.write(flown, output, metadata=provenance(plan), force=force)
+    write(flown, output, metadata=provenance(plan), force=force)
     if truth is not None:
-        model_file.save(flown_model, truth, force=force)
+        model_file.save(ready.truth, truth, force=force)
     went = summary(flown)
     printer = Printer(quiet)
     printer.line(simulation.line(output, plan, went))
     printer.notes(flown.notes, "warning")
-    if json is not None:
-        body = simulation.to_json(output, plan, flown, went)
-        write_json(json, document("simulate", body, [model_input(believed)]), force=force)
+    body = simulation.to_json(output, plan, flown, went)
+    write_result(json, "simulate", body, force=force, models=[(believed, "model")])
     printer.wrote(log=output, true_model=truth, result=json)

@@ -7,52 +7,37 @@ from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Between,
-    Logs,
-    ModelOption,
-    OwnEffects,
-    Quiet,
-    Shift,
-    Topics,
-    complete_models,
-    many,
-    parse_between,
-    parse_shifts,
-    parse_topics,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, load_gp
+
+SavedView = Annotated[
+    Path | None,
+    typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
+]
+Host = Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")]
+Browser = Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("view", cls=many("--against"))(view)
+    app.command("view", cls=o.many("--against"))(view)
 
 
 def view(
-    logs: Logs,
-    model: ModelOption,
-    gp: Annotated[Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`, on MODEL.")] = None,
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--against",
-            metavar="MODEL2...",
-            help="Other models, to show what they predict.",
-            autocompletion=complete_models,
-        ),
-    ] = None,
-    saved: Annotated[
-        Path | None,
-        typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
-    ] = None,
-    host: Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")] = 8080,
-    browser: Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")] = False,
-    topic: Topics = None,
-    shift: Shift = None,
-    between: Between = None,
-    own: OwnEffects = None,
-    quiet: Quiet = False,
+    logs: o.Logs,
+    model: o.ModelOption,
+    gp: o.GpOption = None,
+    against: o.Against = None,
+    saved: SavedView = None,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    browser: Browser = False,
+    topic: o.Topics = None,
+    shift: o.Shift = None,
+    between: o.Between = None,
+    own: o.OwnEffects = None,
+    quiet: o.Quiet = False,
 ) -> None:
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
 
@@ -65,27 +50,28 @@ def view(
     import webbrowser
 
     from wrenchgap.flight import cache
-    from wrenchgap.learn.process import store
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.session.log_session import LogSession
     from wrenchgap.viewer.page import Page, exposed
     from wrenchgap.viewer.saved_view import read
 
-    printer = Printer(quiet)
-    opening = read(saved) if saved is not None else None
-    base = model_file.load(model)
-    others = [model_file.load(other) for other in against or ()]
-    process = store.load(gp) if gp is not None else None
+    printer, opening = Printer(quiet), None if saved is None else read(saved)
+    base, others, reading = (
+        api.load_model(model),
+        list(map(api.load_model, against or ())),
+        Reading.of(topic, shift, between=between),
+    )
+    process = load_gp(gp)
     with progress("opening", quiet) as report:
         report(0.0, "reading logs")
         session = LogSession(
             logs,
             base,
             process,
-            topics=parse_topics(topic),
-            between=parse_between(between),
-            shifts=parse_shifts(shift),
+            topics=reading.topics,
+            between=reading.between,
+            shifts=reading.shifts,
             load=cache.load,
             against=others,
             gp_name="GP" if gp is None else gp.name,
