@@ -27,7 +27,7 @@ from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import so3, write
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.identify.learning import TORQUE, learn
+from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model_file import load
@@ -81,7 +81,7 @@ def learnt(
     with tempfile.TemporaryDirectory() as folder:
         model = load(MODEL)
         opened = open_flight(write(recorded, Path(folder) / "train.mcap"), model)
-    return learn([opened], model, TORQUE, FitSettings(points=points)).gp, truth.parameters[effect]
+    return learn_process([opened], model, TORQUE, FitSettings(points=points)).gp, truth.parameters[effect]
 
 
 def outcome(

@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap import flight
-from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.explain import explain
 from wrenchgap.learn.parallel import cores
@@ -87,18 +86,18 @@ def main():
         clock = Clock()
         opened = open_flight(path, model)
         reading = clock.read()
-    data = dataset(opened.records, model)
     jobs = 1 if options.profile else options.jobs
     profiler = cProfile.Profile()
     clock = Clock()
     with progress("explaining") as report:
         if options.profile:
             profiler.enable()
-        found = explain(data, model, jobs=jobs, progress=lambda words, k, n: report(k / max(n, 1), words))
+        found = explain([opened], model, jobs=jobs, progress=report)
         profiler.disable()
     explaining = clock.read()
     ratio = explaining["cpu_s"] / reading["cpu_s"]
-    print(f"log: {options.minutes} min, {size / 1e6:.0f} MB, {len(data.measured)} compared samples, {jobs} at work")
+    samples = sum(map(len, opened.records))
+    print(f"log: {options.minutes} min, {size / 1e6:.0f} MB, {samples} compared samples, {jobs} at work")
     for words, seconds in (("reading", reading), ("explaining", explaining)):
         print(f"{words:10s} {seconds['wall_s']:7.1f} s wall {seconds['cpu_s']:7.1f} s CPU")
     print(f"explaining takes {ratio:.1f} times the CPU of reading; verdict {found.verdict}: {', '.join(found.effects)}")

@@ -26,15 +26,13 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchgap import flight
+from wrenchgap import explain, flight, load_model, open_flights
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import smooth
-from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.diagnose.timing import barred, sentences, timing_of
-from wrenchgap.learn.identify.explain import explain
-from wrenchgap.plant import model_file
-from wrenchgap.replay.present.explanation import validate
+from wrenchgap.learn.diagnose.timing import timing_of
+from wrenchgap.replay.present.documents import plain
+from wrenchgap.replay.present.timing import sentences, warnings
 
 DEFAULT = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
 PAYLOAD = 0.005  # kg
@@ -178,7 +176,7 @@ def one(path, model):
         "torque": torque(record, pull),
         "thrust_scale": thrust(record, pull, mass),
         "timing": sentences(timing_of(opened, model)),
-        "warnings": timing_of(opened, model).warnings,
+        "warnings": warnings(timing_of(opened, model)),
     }
 
 
@@ -230,21 +228,17 @@ def masses(flights):
 
 def pair(train, test, model):
     """Explain one flight, test on another."""
-    fitted, unseen = open_flight(train, model), open_flight(test, model)
+    fitted, unseen = open_flights([train, test], model)
     start = time.process_time()
-    found = explain(dataset(fitted.records, model), model, barred=barred([timing_of(fitted, model)]))
+    found = explain(fitted, model, validate=unseen, jobs=1)
     seconds = time.process_time() - start
-    checked = validate([unseen], [fitted], model, found.model)
     return {
         "verdict": found.verdict,
         "effects": list(found.effects),
         "groups": [list(g) for g in found.groups],
-        "parameters": [
-            {"effect": n, "name": p.name, "value": float(v), "std": float(s), "unit": p.unit}
-            for (n, p), v, s in zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
-        ],
-        "held_out_fall": (1.0 - found.rms_after / found.rms_before).tolist(),
-        "unseen_fall": np.asarray(checked.falls).tolist(),
+        "parameters": [{"effect": s.effect, **v.__dict__} for s in found.fit.snapshot for v in s.values],
+        "held_out_fall": found.reduction.tolist(),
+        "unseen_fall": found.validation.reduction.tolist(),
         "cpu_seconds": seconds,
     }
 
@@ -256,15 +250,6 @@ def print_pair(train, test, r):
     print(f"  fall of rms [%], held-out {falls['held_out_fall']}   unseen {falls['unseen_fall']}")
     clear = [p for p in r["parameters"] if abs(p["value"]) > 3 * p["std"]]
     print("  " + ", ".join(f"{p['effect']}.{p['name']} {p['value']:.3g} +- {p['std']:.1g} {p['unit']}" for p in clear))
-
-
-def plain(value):
-    """Plain numbers for JSON."""
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def main():
@@ -280,7 +265,7 @@ def main():
     if not logs:
         print(f"{options.folder}: no crazyflie-payload-*.mcap there; say where they are")
         return
-    model = model_file.load("crazyflie")
+    model = load_model("crazyflie")
     flights = {name: one(path, model) for name, path in logs.items()}
     for name, r in flights.items():
         print_one(name, r)

@@ -86,8 +86,8 @@ def default_gains(vehicle: Vehicle, given: Mapping[str, Any] | None = None) -> C
 
     since the rotors lie at about that distance and carry about that weight. Angular accelerations then go with
     1 / length: Froude scaling, Mahony, Kumar, Corke, "Multirotor aerial vehicles", IEEE Robotics & Automation Magazine
-    19 (3), 2012, "Size, weight, and power constraints and scaling laws". Yaw of a vehicle that pushes along z comes from
-    drag torque: no more than kappa m g is asked for. Nothing is faster than `SAMPLED` over the control period.
+    19 (3), 2012, "Size, weight, and power constraints and scaling laws". Yaw of a vehicle that pushes along z comes
+    from drag torque: no more than kappa m g is asked for. Nothing is faster than `SAMPLED` over the control period.
 
     Position: w_p = w_a / n, the slower of roll and pitch. A vehicle that turns in order to move has, for small errors,
     s^4 + 2 z_a w_a s^3 + w_a^2 s^2 + 2 z_p w_p w_a^2 s + w_p^2 w_a^2, stable for n > z_a / z_p + z_p / z_a

@@ -1,4 +1,4 @@
-"""The application: the loop as functions (`api`), compensation, counterfactuals, reports, sessions, the command line."""
+"""The application: the loop as functions (`api`), compensation, counterfactuals, reports, command line."""
 
 from wrenchgap._lazy import callable_as
 

@@ -83,9 +83,9 @@ def open_flights(
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
 ) -> list[OpenFlight]:
-    """Read logs (or flights of `simulate`) for a model: roles found, one clock, ground time left out, measured wrenches behind one filter.
+    """Read logs, or flights of `simulate`, for a model.
 
-    `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part of each flight. Raises
+    Roles are found, series put on one clock, ground time left out, measured wrenches filtered. `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part of each flight. Raises
     LogError for what cannot be read or never flew.
     """
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
@@ -148,7 +148,7 @@ def add(
     *,
     progress: Progress | None = None,
 ) -> Addition:
-    """The model with effects fitted to flights, all of them together; of an `Explanation`, what it named, to its own."""
+    """The model with effects fitted to flights, all together; of an `Explanation`, what it named to its own flights."""
     if isinstance(effects, Explanation):
         names, opened = effects.effects, effects.flights if flights is None else listed(flights)
     else:

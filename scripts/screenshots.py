@@ -17,7 +17,7 @@ from PIL import Image
 
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.process import learning
+from wrenchgap.learn.identify import learning
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
@@ -68,7 +68,7 @@ def session(folder: Path) -> LogSession:
         plan = Plan(model, trajectory, seconds, excitation, 1, None, HIDDEN)
         paths.append(folder / f"{name}.mcap")
         flight.write(fly(plan, name=name), paths[-1])
-    learnt = learning.learn(open_flights(paths[:1], model), model, TORQUES, FitSettings(points=120))
+    learnt = learning.learn_process(open_flights(paths[:1], model), model, TORQUES, FitSettings(points=120))
     return LogSession(paths, model, learnt.gp, gp_name="torque.gp")
 
 

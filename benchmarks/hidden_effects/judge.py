@@ -11,21 +11,14 @@ from numpy.typing import NDArray
 from benchmarks.hidden_effects.cases import UNSEEN, Case
 from benchmarks.hidden_effects.engine import Truth, fly
 from benchmarks.hidden_effects.truths import true_values
-from wrenchgap import flight
-from wrenchgap.flight.flight import Flight
-from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.identify.explain import Explanation, explain
+from wrenchgap import compare, explain, open_flights
+from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present import explanation
+from wrenchgap.replay.present.documents import plain
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
-
-
-def data_of(recorded: Flight, model: Model) -> Dataset:
-    """A flight as `explain` sees it."""
-    return dataset([prepare(s, model.vehicle) for s in flight.uniform(recorded)], model)
 
 
 def run(case: Case, model: Model) -> Row:
@@ -39,9 +32,8 @@ def run(case: Case, model: Model) -> Row:
         pair_split=case.split,
         crisp=case.crisp,
     )
-    data = data_of(recorded, model)
     start = time.process_time()
-    found = explain(data, model)
+    found = explain(open_flights(recorded, model), model, jobs=1)
     seconds = time.process_time() - start
     return {
         "case": case.name,
@@ -63,7 +55,7 @@ def run(case: Case, model: Model) -> Row:
             }
             for m in found.members
         ],
-        "swing": None if found.swing is None else found.swing.words,
+        "swing": None if found.oscillation is None else explanation.oscillation_in_words(found.oscillation),
         "depends": None if found.depends is None else [g.name for g in found.depends.chosen],
         "concentrated": found.concentrated,
         "left": found.left,
@@ -76,7 +68,7 @@ def run(case: Case, model: Model) -> Row:
 
 
 def _named(found: Explanation) -> Row:
-    body = explanation.to_json(found, None)
+    body = plain(explanation.to_json(found))
     return {key: body[key] for key in ("verdict", "effects", "groups", "fitted")}
 
 
@@ -120,14 +112,9 @@ def _found(answers: tuple[str, ...], main: list[str], groups: dict[str, list[str
 def _parameters(found: Explanation, truth: Truth) -> list[Row]:
     """Fitted against true values, where the same quantity exists."""
     rows: list[Row] = []
-    fitted = explanation.parameters(found)
     for effect, values in true_values(truth).items():
-        for name, value, std, unit in fitted.get(effect, []):
-            if name in values:
-                true = values[name]
-                rows.append(
-                    {"effect": effect, "name": name, "value": value, "std": std, "true": float(true), "unit": unit}
-                )
+        fitted = explanation.values_json(found.fit.values(effect))
+        rows += [{"effect": effect, **v, "true": float(values[v["name"]])} for v in fitted if v["name"] in values]
     return rows
 
 
@@ -138,12 +125,10 @@ def _unseen(case: Case, found: Explanation, model: Model) -> Row | None:
     trajectory = UNSEEN[case.trajectory]
     seed = case.seed
     recorded, _ = fly(case.flown, case.sizes, trajectory, 25.0, seed, pair_split=case.split)
-    data = data_of(recorded, model)
-    before, after = (
-        np.sqrt(np.mean((data.measured - data.predict(m.wrench_model)) ** 2, axis=0)) for m in (model, found.model)
-    )
+    compared = compare(open_flights(recorded, model), model, found.model)
+    before, after = (compared.evaluations[k].pooled.rms for k in (0, -1))
     out: Row = {"trajectory": trajectory, "before": before.tolist(), "after": after.tolist()}
     for what, axes in (("force", slice(0, 3)), ("torque", slice(3, 6))):
-        b, a, n = (float(np.linalg.norm(v[axes])) for v in (before, after, data.noise))
+        b, a, n = (float(np.linalg.norm(v[axes])) for v in (before, after, compared.noise))
         out[what] = (b - a) / (b - n) if b > 1.5 * n else None
     return out

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.explain import Explanation, explain
-from wrenchgap.learn.identify.learning import TORQUE, learn, samples
+from wrenchgap.learn.identify.learning import TORQUE, learn_process, samples
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.effects.lag import first_order
@@ -54,7 +53,7 @@ class Knowledge:
     @cached_property
     def explanation(self) -> Explanation:
         """What `wrenchgap explain` names, with the command's own settings."""
-        return explain(dataset([r for f in self.flights for r in f.records], self.model), self.model)
+        return explain(self.flights, self.model)
 
     @property
     def physics(self) -> Model:
@@ -67,7 +66,7 @@ class Knowledge:
         if key not in self._held:
             mean = "physics" if physics else "zero"
             chosen = FitSettings(**{"points": self.points, "mean": mean, **settings})
-            self._held[key] = learn(self.flights, self.physics if physics else self.model, TORQUE, chosen).gp
+            self._held[key] = learn_process(self.flights, self.physics if physics else self.model, TORQUE, chosen).gp
         return self._held[key]
 
     def linear(self, slope: bool) -> LinearMismatch:

@@ -1,8 +1,8 @@
 """How an error is averaged: the one place where residuals become numbers that a user reads.
 
-A residual (K, 6) is measured minus predicted wrench over K samples. Per axis it is averaged to mean, standard deviation,
-rms and maximum of its size; over all axes, newtons and newton metres come on one scale with the weights w (6,) of
-`learn.data.dataset.Dataset`:
+A residual (K, 6) is measured minus predicted wrench over K samples. Per axis it is averaged to mean, standard
+deviation, rms and maximum of its size; over all axes, newtons and newton metres come on one scale with the weights w
+(6,) of `learn.data.dataset.Dataset`:
 
     energy = sum_kl (w_l r_kl)^2,        whole = sqrt(sum_l (w_l rms_l)^2)
 """

@@ -1,4 +1,4 @@
-"""What predicts the measured wrench of a record: a model, and a process or a straight line on top where there is one."""
+"""What predicts the measured wrench of a record: a model, with a process on top where there is one."""
 
 from __future__ import annotations
 

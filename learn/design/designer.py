@@ -1,12 +1,12 @@
 """The flight that tells effects apart: searched among manoeuvres, checked on the plant.
 
 A flight of length T is cut into segments of about `SEGMENT` seconds, each filled by one manoeuvre
-(`learn.design.manoeuvres`). Screening flies them open loop: reference -> feedforward of the controller -> allocation, with
-sensor noise, which is what perfect tracking commands. The segments are chosen one after the other, each time the one
-with which the flight so far separates the group best (`Separability.merit`, linearised: `learn.design.screening`); then each
-is exchanged for others as long as that helps. The winner is flown in closed loop with each effect hidden in turn; that
-flight must keep the limits (else the manoeuvres are softened), and both explanations are fitted to it, which gives the
-separation that a user may expect.
+(`learn.design.manoeuvres`). Screening flies them open loop: reference -> feedforward of the controller -> allocation,
+with sensor noise, which is what perfect tracking commands. The segments are chosen one after the other, each time the one
+with which the flight so far separates the group best (`Separability.merit`, linearised: `learn.design.screening`);
+then each is exchanged for others as long as that helps. The winner is flown in closed loop with each effect hidden in
+turn; that flight must keep the limits (else the manoeuvres are softened), and both explanations are fitted to it,
+which gives the separation that a user may expect.
 """
 
 from __future__ import annotations
@@ -152,9 +152,9 @@ def design(
 ) -> Design:
     """The flight of `duration` [s] that tells the effects `names` apart best, within `limits`.
 
-    `also` are effects fitted along with each (see `learn.design.separability.nuisances`). Sizes of the effects: the model's,
-    else fitted on `flights` (or on `records`), else typical. Raises FitError for an effect that no flight of this model can show,
-    UsageError for a length or room in which nothing can be flown.
+    `also` are effects fitted along with each (see `learn.design.separability.nuisances`). Sizes of the effects: the
+    model's, else fitted on `flights` (or on `records`), else typical. Raises FitError for an effect that no flight of
+    this model can show, UsageError for a length or room in which nothing can be flown.
     """
     if len(set(names)) < 2:
         raise UsageError("design: expected at least two different effects to tell apart")
@@ -232,7 +232,6 @@ class _Search:
         """Search, check on the plant, and put together what a user should know."""
         file, segments, flown = self._fly(self._compose())
         still = Moves(self.duration, self.room.home, (), not self.room.tilts)
-        names = [e.name for e in self.effects]
         return Design(
             self.effects,
             file,

@@ -1,4 +1,4 @@
-"""A reference flown before it is flown: open loop, as a vehicle that tracks perfectly, and on the plant, against limits."""
+"""A reference tried before it is flown: open loop, by a vehicle that tracks perfectly, and on the plant."""
 
 from __future__ import annotations
 

@@ -6,10 +6,10 @@ how that changes with its parameters:
     p_B = W(model + B(theta_B)) - W(model),    J_B = dW(model + B(theta)) / dtheta at theta_B
 
 The imitation of A by B on any sequence of pieces is then the bounded linear least-squares problem p_A ~ J_B x with the
-same terms as in `learn.identify.fit`: the plausible range of B, an accelerometer's bias, nuisance (at zero), axes weighted by
-what is left on them. Exact for effects that are linear in their parameters; for the others (a lag, a force times its
-lever, a width) it says what B can do in the neighbourhood of its own size, which is good enough to choose by.
-`learn.design.separability` then says what the choice is worth.
+same terms as in `learn.identify.fit`: the plausible range of B, an accelerometer's bias, nuisance (at zero), axes
+weighted by what is left on them. Exact for effects that are linear in their parameters; for the others (a lag, a force
+times its lever, a width) it says what B can do in the neighbourhood of its own size, which is good enough to choose
+by. `learn.design.separability` then says what the choice is worth.
 """
 
 from __future__ import annotations

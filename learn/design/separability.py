@@ -7,8 +7,10 @@ instead of A can do, with everything else that is fitted along (the model's own 
     left = W_A - min over theta_B, nuisance of W(model + B)                        through the filter, without noise
 
     cosine        between what A adds and its imitation: 1 means that B can do exactly what A does
-    share         |left| / |what A adds|, newtons and newton metres on one scale (weights of `learn.data.dataset.Dataset`)
-    evidence      sum over the axes of log rms ratios, as in `learn.data.blocks`: whether the difference shows beyond noise
+    share         |left| / |what A adds|, newtons and newton metres on one scale (weights of
+                  `learn.data.dataset.Dataset`)
+    evidence      sum over the axes of log rms ratios, as in `learn.data.blocks`: whether the difference shows beyond
+                  noise
     separation    that of `learn.data.blocks` between the two explanations, in paired-t units, expected
 
 The expected separation follows from its definition. With residuals n (A, of variance s_l^2: noise, and on such flights
@@ -19,8 +21,8 @@ independent samples. So
     difference = mean_b e_b,    spread^2 = (var_b e_b + mean_b noise variance) / blocks,
     separation = difference / hypot(spread, DISCREPANCY sum_l (s_l^2 - sensor noise_l^2) / v_l).
 
-A direction "truth A, imitated by B" does not count where B has so many parameters more than A that `learn.identify.search`
-would not take it for a rival: both explain the flight, and the simpler one is named.
+A direction "truth A, imitated by B" does not count where B has so many parameters more than A that
+`learn.identify.search` would not take it for a rival: both explain the flight, and the simpler one is named.
 """
 
 from __future__ import annotations

@@ -103,8 +103,8 @@ def relevance(
 ) -> Relevance:
     """Rank groups of inputs by what they explain of a residual (K, 6) of `data`; deterministic.
 
-    `groups` are those of `learn.diagnose.quantities.input_groups` unless given. `progress` is told (fits done, about of how
-    many).
+    `groups` are those of `learn.diagnose.quantities.input_groups` unless given. `progress` is told (fits done, about
+    of how many).
     """
     found, lacking = input_groups(data)
     listed = [g for g in (found if groups is None else groups) if np.ptp(g.values, axis=0).any()]

@@ -150,7 +150,7 @@ def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | 
 
 
 def noise_autocorrelation(dt: float, cutoff_hz: float, dt_kept: float, differentiated: bool) -> Array:
-    """Autocorrelation of white noise behind the filter of `learn.data.measurement`, at multiples of `dt_kept`, to 4 s."""
+    """Autocorrelation of white noise behind the filter of `learn.data.measurement`, at multiples of `dt_kept`."""
     frequency, response = sosfreqz(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"), worN=8192, fs=1.0 / dt)
     power = np.abs(response) ** 4 * ((2 * np.pi * frequency) ** 2 if differentiated else 1.0)
     lags = dt_kept * np.arange(round(MEMORY / dt_kept) + 1)

@@ -18,7 +18,7 @@ from wrenchgap.flight.offsets import Problem
 from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.diagnose.timing import FlightTiming
-from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.model import Model
 
 LAGS = ("servo_lag", "motor_lag", "command_delay", "backlash")
@@ -42,13 +42,10 @@ def candidates(
     present = {e.name for e in model.effects}
     wanted = [n for n in (names or catalogue()) if n not in present]
     barred = {} if names else {u.effect: u for u in feedback_dominated(timing)}
-    reasons = {
-        n: barred.get(n) or inapplicable(n, model, records) or unexcited(n, model, records)
-        for n in wanted
-        if find(n) is not None
-    }
-    left_out = sorted((u for u in reasons.values() if u is not None), key=lambda u: u.effect not in barred)
-    return Candidates(tuple(n for n in wanted if reasons[n] is None), tuple(left_out))
+    reasons = {n: barred.get(n) or inapplicable(n, model, records) or unexcited(n, model, records) for n in wanted}
+    order = [*(n for n in barred if n in reasons), *(n for n in wanted if n not in barred)]
+    untried = tuple(u for n in order if (u := reasons[n]) is not None)
+    return Candidates(tuple(n for n in wanted if reasons[n] is None), untried)
 
 
 def feedback_dominated(timing: Sequence[FlightTiming]) -> tuple[Untried, ...]:

@@ -59,7 +59,8 @@ def fit(
     A first pass uses the weights of `data`, a second weights each axis by what the first left there. `start` is a
     fit to begin from. `base` is a fit of the leading names: its values are the start and its derivatives are kept, so
     that trying one more effect costs no more than that effect (a chord iteration; converges to the same optimum a
-    little more slowly). `tick` is called after each derivative. Raises FitError where an effect cannot be fitted on this data.
+    little more slowly). `tick` is called after each derivative. Raises FitError where an effect cannot be fitted on
+    this data.
     """
     for name in names:
         reason = inapplicable(name, model, data.records)

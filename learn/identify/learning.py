@@ -1,8 +1,8 @@
 """A Gaussian process learnt from flights, how well it predicts, and what to know before it is used.
 
 Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench. Samples are thinned to
-1 / (2 f_c) or more, because the filter has made closer ones dependent (Nyquist: a signal below f_c has 2 f_c independent
-values per second).
+1 / (2 f_c) or more, because the filter has made closer ones dependent (Nyquist: a signal below f_c has 2 f_c
+independent values per second).
 """
 
 from __future__ import annotations

@@ -53,8 +53,9 @@ def beyond_chance(t: float, gained: float) -> bool:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that are gone
-    relative to the model that it was tried on; `score` is the share of the given model's energy that is gone in all.
+    """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that
+    are gone relative to the model that it was tried on; `score` is the share of the given model's energy that is gone
+    in all.
     """  # noqa: D205
 
     name: str

@@ -1,7 +1,7 @@
 """What a process should look at, and how: alternatives compared on blocks of time that were left out.
 
-Every alternative is fitted to the same samples, and predicts every block from the others (`learn.process.calibration`). Errors
-of two are compared block by block:
+Every alternative is fitted to the same samples, and predicts every block from the others
+(`learn.process.calibration`). Errors of two are compared block by block:
 
     gain = 1 - rms(b) / rms(a)                      over outputs, each in units of its own mismatch's rms
     t    = mean(d) / (std(d) / sqrt(B))             d (B,): difference of the blocks' mean squares

@@ -10,8 +10,8 @@ X (N, D) the training inputs, and for each output
     var       = k(x, x) + s_n^2 - |C^-1 k(X, x)|^2                  C C^T = K + s_n^2 I
     dmean/dx_d = b_d + sum_n alpha_n k(x, X_n) (X_nd - x_d) / l_d^2
 
-A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weights` in place of alpha and its own `whitener` in
-place of C^-1; its X are the inducing inputs.
+A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weights` in place of alpha and its own
+`whitener` in place of C^-1; its X are the inducing inputs.
 
 Inputs are the six components of the command, and where `settings.inputs` says so the groups of
 `plant.mismatch_inputs` behind them. GPy estimates the hyperparameters (`learn.process.train`); nothing here needs it.

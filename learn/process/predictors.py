@@ -1,4 +1,4 @@
-"""What to compare on some flights: the nominal vehicle, a model, others, a Gaussian process on what it was learnt on."""
+"""What to compare on some flights: the nominal vehicle, models, a Gaussian process on what it was learnt on."""
 
 from __future__ import annotations
 

@@ -26,7 +26,9 @@ MODULES = {
     "Replay": "replay",
     "Where": "where",
 }
-"""Which module presents which result, by the name of its class; its figures are in the module of that name in figures/."""
+"""Which module presents which result, by the name of its class; its figures are in the module of that name in
+figures/.
+"""
 WIDTH = 132
 """Columns of printed text."""
 

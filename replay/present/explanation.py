@@ -153,7 +153,8 @@ def _with_values(found: Explanation, name: str) -> str:
 def _largest_residual(found: Explanation) -> str:
     after, noise = found.rms_after, found.noise
     axis = int(np.argmax(after / np.maximum(noise, 1e-30)))
-    return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit_of(axis)} rms (sensor noise {noise[axis]:.2g})."
+    return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit_of(axis)} rms (sensor noise
+    {noise[axis]:.2g})."
 
 
 def what_next(found: Explanation, model: str, logs: str) -> list[Line]:
@@ -192,16 +193,16 @@ def reason(one: Untried) -> str:
 
 MEMBERS_LEGEND = (
     "confidence: how often a name with this much evidence was right on hidden effects (docs/hidden-effects.md)   "
-    "share: of the error energy that returns without it   group: indistinguishable from it here   nearest other: and by "
-    "how many standard errors it does worse"
+    "share: of the error energy that returns without it   group: indistinguishable from it here   nearest other: and "
+    "by how many standard errors it does worse"
 )
 RANKING_LEGEND = (
     "* chosen   = indistinguishable from it   score: share of the error energy that is gone   F, M: change of rms on "
     "held-out time   t: paired over blocks of time, significant above 3"
 )
 INTERVAL_LEGEND = (
-    "+-: one standard deviation. It never falls below 3 % of the value, because the forms of effects are right to a few "
-    "per cent only (docs/decisions/0009-honest-intervals.md)"
+    "+-: one standard deviation. It never falls below 3 % of the value, because the forms of effects are right to a "
+    "few per cent only (docs/decisions/0009-honest-intervals.md)"
 )
 
 
@@ -334,7 +335,8 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
 
 
 def to_frame(found: Explanation) -> pd.DataFrame:
-    """One row for each candidate of the first step: effect, score, t, evidence, reduction of rms by axis, parameters."""
+    """One row for each candidate of the first step: effect, score, t, evidence, reduction of rms by axis, parameters.
+    """
     rows = [
         {
             "effect": c.name,

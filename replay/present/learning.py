@@ -110,8 +110,8 @@ def caution(found: Caution) -> str:
             return f"on unseen flights the GP makes it worse: {listed}; leave these out with --outputs."
         case CautionKind.NOT_WORTH_IT:
             return (
-                f"on unseen flights the GP is not worth it for {', '.join(found.axes)}: the model without it, a constant "
-                "or a straight line does as well."
+                f"on unseen flights the GP is not worth it for {', '.join(found.axes)}: the model without it, a "
+                "constant or a straight line does as well."
             )
         case CautionKind.SAID:
             return found.text

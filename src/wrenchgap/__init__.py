@@ -8,8 +8,8 @@
     print(found)
     compare(test, model, add(model, found)).plot()
 
-Every name here is described in docs/api.md. The packages `flight`, `plant`, `learn`, `compensate` and `viewer` offer the
-parts; what they do not list is not public.
+Every name here is described in docs/api.md. The packages `flight`, `plant`, `learn`, `compensate` and `viewer` offer
+the parts; what they do not list is not public.
 """
 
 from __future__ import annotations

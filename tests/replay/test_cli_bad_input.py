@@ -278,12 +278,12 @@ CASES: dict[Callable[[Path, Any], tuple[Any, ...]], tuple[str, ...]] = {
 def with_gp(logs: Any) -> Any:
     """The logs, and a GP beside them."""
     from wrenchgap.learn.data.opening import open_flights
-    from wrenchgap.learn.identify.learning import TORQUE, learn
+    from wrenchgap.learn.identify.learning import TORQUE, learn_process
     from wrenchgap.learn.process import store
     from wrenchgap.learn.process.gp import FitSettings
 
     model = model_file.load(MODEL)
-    learnt = learn(open_flights([logs.ideal], model), model, TORQUE, FitSettings(points=20, restarts=0))
+    learnt = learn_process(open_flights([logs.ideal], model), model, TORQUE, FitSettings(points=20, restarts=0))
     store.save(learnt.gp, logs.folder / "some.gp")
     return logs
 

@@ -13,9 +13,9 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.identify.learning import TORQUE, Learnt, learn_process
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.learning import TORQUE, Learnt, learn
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
@@ -56,7 +56,7 @@ def on_physics(logs: Any, files: Path) -> Learnt:
     """A process on what the known centre of mass leaves: nothing but noise."""
     model = model_file.load(str(files / "good.toml"))
     flights = [opened(flight.load(path), model) for path in (logs.train, logs.test)]
-    learnt = learn(flights[:1], model, TORQUE, replace(QUICK, mean="physics"), validation=flights[1:])
+    learnt = learn_process(flights[:1], model, TORQUE, replace(QUICK, mean="physics"), validation=flights[1:])
     store.save(learnt.gp, files / "rest.gp")
     return learnt
 
@@ -132,7 +132,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
         return 25.0 - 1.0 * time
 
     log = flown(sag, "hover", 2.5, "battery", excitation=1.0, voltage=voltage)
-    gp = learn([opened(log, sag)], sag, ("force_z",), replace(QUICK, mean="physics")).gp
+    gp = learn_process([opened(log, sag)], sag, ("force_z",), replace(QUICK, mean="physics")).gp
     steps = replay(opened(log, sag), sag, gp).steps
     assert log.desired is not None
     share = 2.0 - 0.08 * np.array([voltage(t) for t in log.desired.time])
@@ -142,7 +142,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
     blind = replace(log, battery=None)
     for attempt in (
         lambda: replay(opened(blind, sag), sag, gp),
-        lambda: learn([opened(blind, sag)], sag, ("force_z",), replace(QUICK, mean="physics")),
+        lambda: learn_process([opened(blind, sag)], sag, ("force_z",), replace(QUICK, mean="physics")),
     ):
         with pytest.raises(FitError, match="battery_sag needs the battery voltage; map it with --topic battery="):
             attempt()
@@ -198,7 +198,7 @@ def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path,
 
 def test_log_without_pose_has_no_velocity_to_offer(slow: Path) -> None:
     log = flight.load(slow / "train.mcap")
-    gp = learn([opened(log, MODEL)], MODEL, TORQUE, replace(QUICK, inputs=("velocity",))).gp
+    gp = learn_process([opened(log, MODEL)], MODEL, TORQUE, replace(QUICK, inputs=("velocity",))).gp
     with pytest.raises(FitError, match="input velocity needs odometry"):
         replay(opened(replace(log, odometry=None), MODEL), MODEL, gp)
     with pytest.raises(LogError, match="depends on the motion, and the log has neither IMU nor odometry"):

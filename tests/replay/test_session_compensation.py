@@ -8,7 +8,7 @@ import pytest
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.identify.learning import TORQUE, learn
+from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file
 from wrenchgap.replay.compensation.replay import replay
@@ -24,7 +24,7 @@ def silent(share, words):
 @pytest.fixture(scope="module")
 def gp(logs):
     settings = FitSettings(points=80, restarts=0, seed=0, pre_thin=300)
-    return learn(open_flights([logs.train], MODEL), MODEL, TORQUE, settings).gp
+    return learn_process(open_flights([logs.train], MODEL), MODEL, TORQUE, settings).gp
 
 
 @pytest.fixture

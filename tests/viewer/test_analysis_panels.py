@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.identify.learning import TORQUE, learn
+from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session.log_session import LogSession
@@ -344,7 +344,9 @@ def test_slider_steps_are_round_numbers():
 def compensated(flown):
     """A page with a process."""
     train, test = flown
-    gp = learn(open_flights([train], MODEL), MODEL, TORQUE, FitSettings(points=60, restarts=0, seed=0, pre_thin=300)).gp
+    gp = learn_process(
+        open_flights([train], MODEL), MODEL, TORQUE, FitSettings(points=60, restarts=0, seed=0, pre_thin=300)
+    ).gp
     made = Page(LogSession([test], MODEL, gp, gp_name="torque.gp"), port=0)
     made.told = []
     made.fail = made.told.append

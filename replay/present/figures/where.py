@@ -1,4 +1,4 @@
-"""Figures of `learn.diagnose.where`: failure maps, the map over two quantities, correlations with their bands, the budget.
+"""Figures of `learn.diagnose.where`: failure maps, correlations with their bands, the error budget.
 
 Every function returns a matplotlib figure that belongs to nobody (no pyplot state); `save` writes one.
 """
