@@ -85,8 +85,9 @@ def open_flights(
 ) -> list[OpenFlight]:
     """Read logs, or flights of `simulate`, for a model.
 
-    Roles are found, series put on one clock, ground time left out, measured wrenches filtered. `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part of each flight. Raises
-    LogError for what cannot be read or never flew.
+    Roles are found, series put on one clock, ground time left out, measured wrenches filtered. `topics` say which topic
+    plays a role, `shifts` [s] move stamps, `between` [s] keeps a part of each flight. Raises LogError for what cannot
+    be read or never flew.
     """
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
     return open_every(every, model_of(model), topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts)

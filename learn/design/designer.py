@@ -2,7 +2,7 @@
 
 A flight of length T is cut into segments of about `SEGMENT` seconds, each filled by one manoeuvre
 (`learn.design.manoeuvres`). Screening flies them open loop: reference -> feedforward of the controller -> allocation,
-with sensor noise, which is what perfect tracking commands. The segments are chosen one after the other, each time the one
+with sensor noise, which is what perfect tracking commands. The segments are chosen one after the other, each time that
 with which the flight so far separates the group best (`Separability.merit`, linearised: `learn.design.screening`);
 then each is exchanged for others as long as that helps. The winner is flown in closed loop with each effect hidden in
 turn; that flight must keep the limits (else the manoeuvres are softened), and both explanations are fitted to it,

@@ -153,8 +153,8 @@ def _with_values(found: Explanation, name: str) -> str:
 def _largest_residual(found: Explanation) -> str:
     after, noise = found.rms_after, found.noise
     axis = int(np.argmax(after / np.maximum(noise, 1e-30)))
-    return f"Largest remaining error: {AXES[axis]}, {after[axis]:.2g} {unit_of(axis)} rms (sensor noise
-    {noise[axis]:.2g})."
+    size = f"{after[axis]:.2g} {unit_of(axis)} rms"
+    return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
 
 
 def what_next(found: Explanation, model: str, logs: str) -> list[Line]:
