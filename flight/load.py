@@ -1,5 +1,7 @@
 """From a log file to a `Flight`: roles, one clock, clean series in SI and in the frames of `flight.flight`."""
 
+# Long because one builder turns the parts of all roles into series, and every role has a method of its own.
+
 from __future__ import annotations
 
 from collections import Counter
@@ -25,8 +27,9 @@ from wrenchgap.flight.flight import (
     WrenchSeries,
 )
 from wrenchgap.flight.formats import Log, Table, read_log
-from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, says_command, selection
+from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
 from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, nearest
+from wrenchgap.flight.topic_names import says_command
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""

@@ -21,9 +21,11 @@ Econometrica 1987), which holds for coloured noise; intervals use Student's t wi
 there are blocks. A slope of the delay over the flight is estimated along with it.
 """
 
+# Long because the estimate of one offset, from blocks to interval, is one argument that is read in one go.
+
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -32,9 +34,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm as normal
 from scipy.stats import t as student
 
-from wrenchgap.flight import so3
-from wrenchgap.flight.flight import AXES, Array, Flight, Gap, OdometrySeries, ReferenceSeries
-from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.flight import Array, Gap
 from wrenchgap.flight.stamps import nominal_period
 
 Complex = NDArray[np.complex128]
@@ -456,104 +456,3 @@ def _without_trend(x: Array, values: Array, weight: Array) -> Array:
     mean = share @ values
     slope = (share * lever) @ values / float((share * lever) @ lever)
     return np.asarray(values - mean - np.outer(lever, slope))
-
-
-GRAVITY_E = np.array([0.0, 0.0, GRAVITY])
-"""What an accelerometer at rest reads, in E [m/s^2]."""
-
-
-def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:
-    """Offsets between the sensor topics: IMU to odometry, and odometry's pose to its own twist.
-
-    Rates and accelerations are differences of neighbouring samples, stamped half-way: exactly the mean over the
-    interval, so without any phase. What the accelerometer should read is made from the odometry alone, attitude and
-    velocity, so that its clock is in one of the two signals only.
-    """
-    return tuple(offset(first, second, within=within, gains=ALIKE) for first, second in _sensor_pairs(flight))
-
-
-def tracking_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:
-    """By how much the odometry follows the reference late: the controller's doing, for information."""
-    odometry, reference = flight.odometry, flight.reference
-    if odometry is None or reference is None:
-        return ()
-    pairs = (
-        (_velocity("reference position", reference), _velocity("odometry position", odometry)),
-        (
-            _rate("reference attitude", reference, reference.quat_ED),
-            _rate("odometry attitude", odometry, odometry.quat_EB),
-        ),
-    )
-    return tuple(offset(first, second, within=within) for first, second in pairs)
-
-
-def controller_offset(flight: Flight, within: Intervals = EVERYWHERE) -> Offset | None:
-    """By how much the commanded wrench lags the desired one; None where the log lacks one of them."""
-    desired, commanded = flight.desired, flight.commanded
-    if desired is None or commanded is None:
-        return None
-    first, second = (
-        Signal(name, series.time, series.wrench_B, AXES, series.gaps)
-        for name, series in (("desired wrench", desired), ("commanded wrench", commanded))
-    )
-    return offset(first, second, within=within)
-
-
-def _sensor_pairs(flight: Flight) -> Iterator[tuple[Signal, Signal]]:
-    imu, odometry = flight.imu, flight.odometry
-    if odometry is None:
-        return
-    attitude = _rate("odometry attitude", odometry, odometry.quat_EB)
-    if imu is not None:
-        gyroscope = Signal("gyroscope", imu.time, imu.omega_B, gaps=imu.gaps)
-        yield gyroscope, attitude
-        if odometry.omega_B is not None:
-            yield gyroscope, Signal("odometry rate", odometry.time, odometry.omega_B, gaps=odometry.gaps)
-        if odometry.velocity_E is not None:
-            accelerometer = Signal("accelerometer", imu.time, imu.specific_force_B, gaps=imu.gaps)
-            yield accelerometer, _felt(odometry, odometry.time, odometry.velocity_E)
-    if odometry.omega_B is not None:
-        yield Signal("odometry rate", odometry.time, odometry.omega_B, gaps=odometry.gaps), attitude
-    if odometry.velocity_E is not None:
-        velocity = Signal("odometry velocity", odometry.time, odometry.velocity_E, gaps=odometry.gaps)
-        yield velocity, _velocity("odometry position", odometry)
-
-
-def odometry_motion(odometry: OdometrySeries) -> tuple[Signal, Signal]:
-    """Body rates and specific force that an odometry alone amounts to."""
-    rate = _rate("rate", odometry, odometry.quat_EB)
-    if odometry.omega_B is not None:
-        rate = Signal("rate", odometry.time, odometry.omega_B, gaps=odometry.gaps)
-    if odometry.velocity_E is not None:
-        return rate, _felt(odometry, odometry.time, odometry.velocity_E)
-    mean = _velocity("velocity", odometry)
-    return rate, _felt(odometry, mean.time, mean.values)
-
-
-def _rate(name: str, series: OdometrySeries | ReferenceSeries, quat: Array) -> Signal:
-    """Mean body rates between neighbouring attitudes, log(q_k^-1 q_k+1) / dt."""
-    q = so3.continuous(quat)
-    turned = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
-    return differences(name, series.time, turned, series.gaps)
-
-
-def _velocity(name: str, series: OdometrySeries | ReferenceSeries) -> Signal:
-    """Mean velocities between neighbouring positions."""
-    return differences(name, series.time, np.diff(series.position_E, axis=0), series.gaps)
-
-
-def _felt(odometry: OdometrySeries, time: Array, velocity_E: Array) -> Signal:
-    """R_EB^T (dv_E/dt + g e_z): what an accelerometer at the odometry's origin would read."""
-    mean = differences("odometry velocity", time, np.diff(velocity_E, axis=0), odometry.gaps)
-    quat_EB = so3.interpolate(mean.time, odometry.time, so3.continuous(odometry.quat_EB))
-    return replace(mean, values=so3.rotate_inverse(quat_EB, mean.values + GRAVITY_E))
-
-
-def differences(name: str, time: Array, steps: Array, gaps: tuple[Gap, ...]) -> Signal:
-    """Steps (N-1, C) between samples at `time` (N,) as rates at the middles of the intervals, none over a gap."""
-    interval = np.diff(time)
-    middle = 0.5 * (time[1:] + time[:-1])
-    keep = np.ones(len(middle), dtype=bool)
-    for gap in gaps:
-        keep &= (middle < gap.start) | (middle > gap.stop)
-    return Signal(name, middle[keep], steps[keep] / interval[keep, None], gaps=gaps)

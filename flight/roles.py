@@ -26,6 +26,7 @@ from dataclasses import dataclass, field
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Table
+from wrenchgap.flight.topic_names import TYPES, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
@@ -52,58 +53,8 @@ PART_QUANTITY: dict[str, str] = {
     "battery": "voltage",
 }
 
-TYPES: dict[str, dict[str, str]] = {
-    "geometry_msgs/msg/Wrench": {"wrench": ""},
-    "geometry_msgs/msg/WrenchStamped": {"wrench": "wrench"},
-    "sensor_msgs/msg/Imu": {"imu": ""},
-    "nav_msgs/msg/Odometry": {"pose": "pose.pose", "twist": "twist.twist"},
-    "geometry_msgs/msg/Pose": {"pose": ""},
-    "geometry_msgs/msg/PoseStamped": {"pose": "pose"},
-    "geometry_msgs/msg/PoseWithCovarianceStamped": {"pose": "pose.pose"},
-    "geometry_msgs/msg/TransformStamped": {"pose": "transform"},
-    "geometry_msgs/msg/Twist": {"twist": ""},
-    "geometry_msgs/msg/TwistStamped": {"twist": "twist"},
-    "geometry_msgs/msg/TwistWithCovarianceStamped": {"twist": "twist.twist"},
-    "geometry_msgs/msg/AccelStamped": {"acceleration": "accel"},
-    "geometry_msgs/msg/AccelWithCovarianceStamped": {"acceleration": "accel.accel"},
-    "trajectory_msgs/msg/MultiDOFJointTrajectory": {
-        "pose": "points.0.transforms.0",
-        "twist": "points.0.velocities.0",
-        "acceleration": "points.0.accelerations.0",
-    },
-    "actuator_msgs/msg/Actuators": {"tilt": "position", "rotor_speed": "velocity"},
-    "mav_msgs/msg/Actuators": {"tilt": "angles", "rotor_speed": "angular_velocities"},
-    "sensor_msgs/msg/JointState": {"tilt": "position", "rotor_speed": "velocity"},
-    "sensor_msgs/msg/BatteryState": {"voltage": "voltage"},
-    "std_msgs/msg/Float64MultiArray": {"tilt": "data", "rotor_speed": "data"},
-    "std_msgs/msg/Float32MultiArray": {"tilt": "data", "rotor_speed": "data"},
-    "std_msgs/msg/Float64": {"voltage": "data"},
-    "std_msgs/msg/Float32": {"voltage": "data"},
-}
-"""Quantities that a message type offers, and the field in which each lies."""
-
 SPEED_FIELDS = ("motor_speed", "motor_speeds", "rotor_speed", "rotor_speeds", "angular_velocities")
 """Array fields by which a custom type is recognised as rotor speeds, e.g. RotorS' mav_msgs/MotorSpeed."""
-
-_COMMAND = frozenset({"command", "commands", "commanded", "cmd", "control", "controller", "ctrl", "actuation", "out"})
-_DESIRED = frozenset(
-    {"desired", "des", "setpoint", "sp", "ref", "reference", "target", "goal", "trajectory", "planned"}
-)
-_FOREIGN = frozenset(
-    {"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias", "replay"}
-)
-_NOT_COMMAND = frozenset(
-    {"collision", "collisions", "contact", "contacts", "external", "ext", "sensor", "ft", "measured", "meas"}
-    | {"estimated", "estimate", "disturbance", "wind", "residual", "predicted", "correction", "interaction", "error"}
-)
-_TRUTH = frozenset(
-    {"odometry", "odom", "state", "truth", "gt", "mocap", "vicon", "optitrack", "vrpn", "estimate", "vehicle"}
-)
-_TILT = frozenset({"tilt", "tilts", "alpha", "servo", "servos", "angle", "angles", "arm", "arms"})
-_ROTOR = frozenset(
-    {"motor", "motors", "rotor", "rotors", "speed", "speeds", "rpm", "omega", "esc", "propeller", "velocities"}
-)
-_BATTERY = frozenset({"battery", "voltage", "vbat", "power"})
 
 
 @dataclass(frozen=True)
@@ -227,8 +178,8 @@ class _Proposer:
         for topic, table in self.tables.items():
             place = _offered(table, part)
             if place is not None:
-                score = _score(part, topic, table.type)
-                scored.append((score + self._kinship(part, topic), len(table), topic, place))
+                own = score(part, topic, table.type)
+                scored.append((own + self._kinship(part, topic), len(table), topic, place))
         scored.sort(key=lambda entry: (-entry[0], -entry[1], entry[2]))
         good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
         if good:
@@ -254,7 +205,7 @@ class _Proposer:
         if chosen is not None and chosen.topic == topic:
             return 3.0
         leader = chosen or next(iter(self.sources.values()), None)
-        return 0.5 if leader and _namespace(topic) and _namespace(topic) == _namespace(leader.topic) else 0.0
+        return 0.5 if leader and namespace(topic) and namespace(topic) == namespace(leader.topic) else 0.0
 
     def one_wrench(self, closed: set[str]) -> None:
         """A desired wrench stands in for a commanded one that was not logged."""
@@ -278,98 +229,6 @@ def _offered(table: Table, part: str) -> str | None:
     below = f"{place}." if place else ""
     present = place in table.columns or any(name.startswith(below) for name in table.columns)
     return place if present else None
-
-
-def _score(part: str, topic: str, kind: str) -> float:
-    """How well a topic's name and type suit a part; not above zero means: not without being asked."""
-    if name_words(topic) & _FOREIGN:
-        return -10.0
-    return _SCORES[part](name_words("/".join(topic.split("/")[-2:])), kind)
-
-
-def _score_commanded(words: frozenset[str], kind: str) -> float:
-    if words & _NOT_COMMAND or words & _DESIRED:
-        return -5.0
-    return (3.0 if words & _COMMAND else 1.0) + 0.2 * ("Stamped" in kind)
-
-
-def _score_desired(words: frozenset[str], kind: str) -> float:
-    if words & _NOT_COMMAND or not words & _DESIRED:
-        return -5.0
-    return 3.0 + 0.2 * ("Stamped" in kind)
-
-
-def _score_tilt(words: frozenset[str], kind: str) -> float:
-    if "Actuators" in kind:
-        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
-    score = 2.0 * bool(words & _TILT) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _ROTOR - {"speed"})
-    return score - (2.0 if "JointState" in kind else 0.5)
-
-
-def _score_rotor(words: frozenset[str], kind: str) -> float:
-    if "Actuators" in kind:
-        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
-    if kind not in TYPES:
-        return 2.0 + bool(words & (_COMMAND | _DESIRED))  # a custom type with a field of that name
-    score = 2.0 * bool(words & _ROTOR) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _TILT)
-    return score - (2.0 if "JointState" in kind else 0.5)
-
-
-def _score_imu(words: frozenset[str], kind: str) -> float:
-    return (
-        2.0 + ("raw" not in words) * 0.2 - 0.5 * bool(words & {"truth", "gt", "ground"}) - bool(words & {"mag", "temp"})
-    )
-
-
-def _score_motion(words: frozenset[str], kind: str) -> float:
-    if words & _DESIRED or words & (_COMMAND | {"vel"}) or "Trajectory" in kind:
-        return -5.0
-    score = 2.0 * ("Odometry" in kind) + bool(words & _TRUTH) + 0.5 * bool(words & {"truth", "gt", "mocap", "vicon"})
-    return score + (0.5 if "Stamped" in kind else 0.1 if "Pose" in kind else 0.0)
-
-
-def _score_reference(words: frozenset[str], kind: str) -> float:
-    if "Trajectory" in kind:
-        return 3.0
-    if not words & (_DESIRED | _COMMAND) or words & {"vel"}:
-        return -5.0
-    return 2.0 + bool(words & _DESIRED) + ("Odometry" in kind) + 0.2 * ("Stamped" in kind)
-
-
-def _score_voltage(words: frozenset[str], kind: str) -> float:
-    return 3.0 if "Battery" in kind else 1.0 if words & _BATTERY and "Float" in kind else -5.0
-
-
-_SCORES = {
-    "commanded": _score_commanded,
-    "desired": _score_desired,
-    "tilt": _score_tilt,
-    "rotor_speed": _score_rotor,
-    "imu": _score_imu,
-    "pose": _score_motion,
-    "twist": _score_motion,
-    "reference_pose": _score_reference,
-    "reference_twist": _score_reference,
-    "reference_acceleration": _score_reference,
-    "battery": _score_voltage,
-}
-
-
-def says_command(topic: str, kind: str) -> bool:
-    """Whether a topic tells that its values are commands and not measurements."""
-    return "Actuators" in kind or bool(name_words(topic) & (_COMMAND | _DESIRED))
-
-
-def name_words(topic: str) -> frozenset[str]:
-    """Lower-case words of a topic's name, split at punctuation, digits and capitals."""
-    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", topic)
-    return frozenset(word.lower() for word in re.split(r"[^A-Za-z]+", spaced) if word)
-
-
-def _namespace(topic: str) -> str:
-    """The first component of a topic's name, where there is more than one."""
-    parts = topic.strip("/").split("/")
-    return parts[0] if len(parts) > 1 else ""
 
 
 def _topic_of(value: str) -> str:

@@ -12,8 +12,7 @@ which gives the separation that a user may expect.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +22,12 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.resample import uniform
-from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import inapplicable
-from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.design.manoeuvres import SEEDED, Limits, available, space, usual
+from wrenchgap.learn.design.designed import Design, Flown, Segment, rounded
+from wrenchgap.learn.design.manoeuvres import Limits, available, space, usual
 from wrenchgap.learn.design.rehearsal import broken, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.screening import Piece, Screen
 from wrenchgap.learn.design.separability import (
@@ -45,7 +43,7 @@ from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.moves import Move, Moves
 from wrenchgap.plant.simulate import physics_rate, simulate
-from wrenchgap.plant.trajectory_file import ANGLES, TrajectoryFile, dumps, loads
+from wrenchgap.plant.trajectory_file import TrajectoryFile, dumps, loads
 from wrenchgap.plant.wrench_model import ModelEffect
 
 Array = NDArray[np.float64]
@@ -72,69 +70,6 @@ HOPELESS = 2
 """After so many segments that leave next to nothing unimitated the search ends: no flight will."""
 SWEEPS = 3
 """How often each segment is exchanged for any other, as long as that helps."""
-
-
-@dataclass(frozen=True)
-class Segment:
-    """One manoeuvre of a flight."""
-
-    name: str
-    vigour: float
-    azimuth: float = 0.0
-
-    def __str__(self) -> str:
-        turned = self.azimuth and self.name not in SEEDED
-        return f"{self.name} towards {np.degrees(self.azimuth):.0f} deg" if turned else self.name
-
-
-@dataclass(frozen=True)
-class Flown:
-    """A flight on the plant with `truth` hidden: what it measured, and how it went.
-
-    `separation` by imitator: that of the two fits on this flight. `tilt_max` [rad], `speed_max`
-    [m/s], `rotor_max` (share of the largest rotor speed; 0 without rotors), errors [m], [rad] are the largest of the
-    flight.
-    """
-
-    truth: str
-    separation: dict[str, float]
-    tilt_max: float
-    speed_max: float
-    rotor_max: float
-    position_error: float
-    attitude_error: float
-
-
-@dataclass(frozen=True, repr=False)
-class Design(Result):
-    """A designed flight: `expected` on it, `before` on the given log (or a hover as long), `flown` on the plant."""
-
-    effects: tuple[ModelEffect, ...]
-    file: TrajectoryFile
-    segments: tuple[Segment, ...]
-    limits: Limits
-    before: Separability
-    baseline: str
-    expected: Separability
-    flown: tuple[Flown, ...]
-    tried: int
-    model: Model
-    flights: tuple[OpenFlight, ...] = ()
-
-    @property
-    def trajectory(self) -> Moves:
-        """The reference."""
-        return self.file.trajectory
-
-    def simulated(self, truth: str, imitator: str) -> float:
-        """The separation of a direction on the plant."""
-        return next((f.separation[imitator] for f in self.flown if f.truth == truth), float("nan"))
-
-    @cached_property
-    def separable(self) -> bool:
-        """Whether every direction that counts is told apart, as expected and on the plant."""
-        confirmed = all(self.simulated(d.truth, d.imitator) >= INDISTINCT for d in self.expected.counting)
-        return self.expected.separable and confirmed
 
 
 def design(
@@ -368,21 +303,6 @@ class _Search:
             rotor_use(flight, self.model),
             *tracking(flight, trajectory),
         )
-
-
-def rounded(move: Move) -> Move:
-    """A move with numbers that a person would write: milliseconds, millimetres, hundredths of a degree."""
-    values: dict[str, object] = {}
-    for item in fields(move):
-        value = getattr(move, item.name)
-        if item.name in ANGLES:
-            degrees = round(float(np.degrees(value)), 2)
-            values[item.name] = float(np.radians(degrees % 360.0 if item.name == "azimuth" else degrees))
-        elif isinstance(value, float):
-            values[item.name] = round(value, 4)
-        elif item.name == "by":
-            values[item.name] = tuple(round(float(v), 4) for v in value)
-    return replace(move, **values)  # type: ignore[arg-type]
 
 
 def residual_floor(data: Dataset, base: Model, names: Sequence[str], also: Sequence[str] | None = None) -> Array:

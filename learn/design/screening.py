@@ -24,15 +24,8 @@ from scipy.optimize import lsq_linear
 from wrenchgap.learn.data.applicable import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict
-from wrenchgap.learn.design.separability import (
-    Direction,
-    Separability,
-    absent,
-    direction,
-    nothing,
-    visibility,
-    visible,
-)
+from wrenchgap.learn.design.separability import Direction, Separability, direction, nothing, visibility, visible
+from wrenchgap.learn.design.sizes import absent
 from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel

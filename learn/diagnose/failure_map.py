@@ -38,6 +38,7 @@ from scipy.sparse import csr_matrix
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import LEVEL
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.diagnose.error_grid import Grid, error_grid
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 
 Array = NDArray[np.float64]
@@ -45,8 +46,6 @@ Indices = NDArray[np.intp]
 
 BINS = 8
 """Most bins of a quantity; sectors of 45 deg of an angle that wraps."""
-GRID_BINS = 6
-"""Bins along the first side of the map over two quantities."""
 INDEPENDENT = 8.0
 """Fewest independent samples in a bin; sectors with fewer are put aside."""
 PERMUTATIONS = 400
@@ -110,26 +109,6 @@ class Dependence:
 
 
 @dataclass(frozen=True)
-class Grid:
-    """Root mean square of the error over two quantities; (X, Y) cells, not a number where hardly flown.
-
-    `x_edges` (X + 1,), `y_edges` (Y + 1,) in their units; `samples` (X, Y); `force`, `torque` (X, Y) the rms of the
-    vectors [N, Nm]; `mean` (X, Y, 6).
-    """
-
-    x: str
-    y: str
-    x_label: str
-    y_label: str
-    x_edges: Array
-    y_edges: Array
-    samples: NDArray[np.intp]
-    force: Array
-    torque: Array
-    mean: Array
-
-
-@dataclass(frozen=True)
 class FailureMap:
     """Quantities, those first with which most of the error goes; a map over two; what the logs lack, with reasons."""
 
@@ -177,7 +156,7 @@ def failure_map(
         for i, (q, bins) in enumerate(sorted_in)
     ]
     dependences.sort(key=lambda d: (not d.significant, -d.score))
-    return FailureMap(tuple(dependences), _grid(data, residual, found), lacking)
+    return FailureMap(tuple(dependences), error_grid(data, residual, found), lacking)
 
 
 @dataclass(frozen=True)
@@ -315,51 +294,3 @@ class _Test:
 def _fisher(ratio: Array) -> Array:
     """The artanh of eta, from eta^2."""
     return np.asarray(np.arctanh(np.sqrt(np.clip(ratio, 0.0, 1.0 - 1e-12))))
-
-
-def _grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Grid | None:
-    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate."""
-    by_name = {q.name: q for q in found}
-    pair = [by_name.get("tilt"), by_name.get("direction")]
-    if any(q is None or np.isfinite(q.values).mean() < 0.2 for q in pair):
-        pair = [by_name.get("thrust"), by_name.get("rate")]
-    first, second = pair
-    if first is None or second is None:
-        return None
-    inside = np.isfinite(first.values) & np.isfinite(second.values)
-    sides = [_sides(q, inside) for q in (first, second)]
-    (x, x_edges), (y, y_edges) = sides
-    shape = (len(x_edges) - 1, len(y_edges) - 1)
-    cell = (x * shape[1] + y)[inside]
-    size = shape[0] * shape[1]
-    samples = np.bincount(cell, minlength=size)
-    enough = samples >= 0.5 * INDEPENDENT / data.independence
-
-    def mean_of(values: Array) -> Array:
-        sums = np.bincount(cell, weights=values[inside], minlength=size)
-        return np.where(enough, sums / np.maximum(samples, 1), np.nan).reshape(shape)
-
-    return Grid(
-        first.name,
-        second.name,
-        f"{first.label} [{first.unit}]",
-        f"{second.label} [{second.unit}]",
-        x_edges,
-        y_edges,
-        samples.reshape(shape),
-        np.sqrt(mean_of(np.sum(residual[:, :3] ** 2, axis=1))),
-        np.sqrt(mean_of(np.sum(residual[:, 3:] ** 2, axis=1))),
-        np.stack([mean_of(column) for column in residual.T], axis=2),
-    )
-
-
-def _sides(quantity: Quantity, inside: NDArray[np.bool_]) -> tuple[Indices, Array]:
-    """Bins of equal width (an angle: sectors, the first centred on +-180 deg) along one side of the map."""
-    values = np.where(inside, quantity.values, 0.0)
-    if quantity.circular:
-        edges = np.linspace(-180.0 - 180.0 / BINS, 180.0 - 180.0 / BINS, BINS + 1)
-        values = (values - edges[0]) % 360.0 + edges[0]
-    else:
-        edges = np.linspace(values[inside].min(), values[inside].max(), GRID_BINS + 1)
-    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    return index, edges

@@ -33,17 +33,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from wrenchgap.flight.flight import AXES, Flight, Series
-from wrenchgap.flight.offsets import (
-    Correlated,
-    Intervals,
-    Offset,
-    Problem,
-    Signal,
-    differences,
-    odometry_motion,
-    offset,
-    scatter,
-)
+from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
+from wrenchgap.flight.topic_offsets import differences, odometry_motion
 from wrenchgap.learn.data.blocks import SIGNIFICANT
 from wrenchgap.learn.data.measurement import Record, from_actuators
 from wrenchgap.plant.state import Motion

@@ -13,15 +13,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.flight import Flight, OdometrySeries
-from wrenchgap.flight.offsets import (
-    EVERYWHERE,
-    Intervals,
-    Offset,
-    Problem,
-    controller_offset,
-    sensor_offsets,
-    tracking_offsets,
-)
+from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
+from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.response import Response, responses
 from wrenchgap.plant.model import Model

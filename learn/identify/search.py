@@ -8,6 +8,8 @@ the catalogue stands for together (`Effect.parts`: mass and centre of mass of a 
 The effects that do as well in a member's place form its group.
 """
 
+# Long because the forward search and the exchange change one set, step by step, and are read together.
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

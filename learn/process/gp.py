@@ -17,6 +17,8 @@ Inputs are the six components of the command, and where `settings.inputs` says s
 `plant.mismatch_inputs` behind them. GPy estimates the hyperparameters (`learn.process.train`); nothing here needs it.
 """
 
+# Long because the closed forms of mean, standard deviation and Jacobian share the factors that one class keeps.
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -335,8 +335,7 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
 
 
 def to_frame(found: Explanation) -> pd.DataFrame:
-    """One row for each candidate of the first step: effect, score, t, evidence, reduction of rms by axis, parameters.
-    """
+    """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
     rows = [
         {
             "effect": c.name,

@@ -22,7 +22,8 @@ from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.design.designer import Design, design
+from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.diagnose.budget import budget, held_out_process
 from wrenchgap.learn.diagnose.timing import Timing, barred, timing_of
 from wrenchgap.learn.diagnose.where import Where, examine

@@ -14,8 +14,8 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.budget import PARTS, budget, held_out_process
+from wrenchgap.learn.diagnose.error_grid import Grid as ErrorGrid
 from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
-from wrenchgap.learn.diagnose.failure_map import Grid as ErrorGrid
 from wrenchgap.learn.diagnose.quantities import Quantity as Values
 from wrenchgap.learn.diagnose.quantities import quantities
 from wrenchgap.learn.diagnose.where import dependence_words, goes_with

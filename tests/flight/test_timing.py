@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.flight import offsets as timing
+from wrenchgap.flight import offsets, topic_offsets
 from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
 from wrenchgap.flight.offsets import Signal, offset
 
@@ -170,7 +170,7 @@ def flown(late=0.0, seconds=24.0, imu=True):
 
 
 def test_every_part_of_the_odometry_is_held_against_the_imu():
-    found = {(o.first, o.second): o for o in timing.sensor_offsets(flown(0.0123))}
+    found = {(o.first, o.second): o for o in topic_offsets.sensor_offsets(flown(0.0123))}
     for names in (
         ("gyroscope", "odometry attitude"),
         ("gyroscope", "odometry rate"),
@@ -189,15 +189,15 @@ def test_noise_that_goes_through_the_controller_is_no_common_motion():
     moved = replace(first, values=first.values - 0.02 * shake(first.time))
     rate = (shake(second.time - 0.0073 + 1e-4) - shake(second.time - 0.0073 - 1e-4)) / 2e-4
     shaken = replace(second, values=second.values + 0.01 * rate)
-    fooled, found = offset(moved, shaken), offset(moved, shaken, gains=timing.ALIKE)
+    fooled, found = offset(moved, shaken), offset(moved, shaken, gains=offsets.ALIKE)
     assert abs(fooled.seconds - 0.0073) > 0.003
     assert abs(found.seconds - 0.0073) < 3e-4
 
 
 def test_without_imu_pose_and_twist_are_still_compared():
-    names = [(o.first, o.second) for o in timing.sensor_offsets(flown(imu=False))]
+    names = [(o.first, o.second) for o in topic_offsets.sensor_offsets(flown(imu=False))]
     assert names == [("odometry rate", "odometry attitude"), ("odometry velocity", "odometry position")]
-    assert timing.sensor_offsets(Flight("none", __file__, "", 0)) == ()
+    assert topic_offsets.sensor_offsets(Flight("none", __file__, "", 0)) == ()
 
 
 def test_tracking_and_controller_offsets():
@@ -209,10 +209,10 @@ def test_tracking_and_controller_offsets():
     wrench = np.cumsum(rng.normal(size=(len(time), 6)), axis=0)
     desired, commanded = WrenchSeries("/d", time, wrench), WrenchSeries("/c", time + 0.002, wrench)
     found = replace(made, reference=reference, desired=desired, commanded=commanded)
-    position, attitude = timing.tracking_offsets(found)
+    position, attitude = topic_offsets.tracking_offsets(found)
     assert position.seconds == pytest.approx(0.08, abs=3e-4)
     assert attitude.seconds == pytest.approx(0.08, abs=3e-4)
-    assert timing.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
+    assert topic_offsets.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
     copied = replace(found, commanded=replace(commanded, time=time))
-    assert timing.controller_offset(copied).same
-    assert timing.controller_offset(made) is None
+    assert topic_offsets.controller_offset(copied).same
+    assert topic_offsets.controller_offset(made) is None

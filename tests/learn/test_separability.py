@@ -10,7 +10,8 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.design.rehearsal import rehearse
 from wrenchgap.learn.design.screening import Screen
-from wrenchgap.learn.design.separability import expected_separation, separability, sized, typical
+from wrenchgap.learn.design.separability import expected_separation, separability, sized
+from wrenchgap.learn.design.sizes import typical
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.moves import Moves, Shake, Tilt, Turn
 

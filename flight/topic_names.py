@@ -1,0 +1,147 @@
+"""What a topic's type and name say about the role it plays: what it offers, words for a role and words against it."""
+
+from __future__ import annotations
+
+import re
+
+TYPES: dict[str, dict[str, str]] = {
+    "geometry_msgs/msg/Wrench": {"wrench": ""},
+    "geometry_msgs/msg/WrenchStamped": {"wrench": "wrench"},
+    "sensor_msgs/msg/Imu": {"imu": ""},
+    "nav_msgs/msg/Odometry": {"pose": "pose.pose", "twist": "twist.twist"},
+    "geometry_msgs/msg/Pose": {"pose": ""},
+    "geometry_msgs/msg/PoseStamped": {"pose": "pose"},
+    "geometry_msgs/msg/PoseWithCovarianceStamped": {"pose": "pose.pose"},
+    "geometry_msgs/msg/TransformStamped": {"pose": "transform"},
+    "geometry_msgs/msg/Twist": {"twist": ""},
+    "geometry_msgs/msg/TwistStamped": {"twist": "twist"},
+    "geometry_msgs/msg/TwistWithCovarianceStamped": {"twist": "twist.twist"},
+    "geometry_msgs/msg/AccelStamped": {"acceleration": "accel"},
+    "geometry_msgs/msg/AccelWithCovarianceStamped": {"acceleration": "accel.accel"},
+    "trajectory_msgs/msg/MultiDOFJointTrajectory": {
+        "pose": "points.0.transforms.0",
+        "twist": "points.0.velocities.0",
+        "acceleration": "points.0.accelerations.0",
+    },
+    "actuator_msgs/msg/Actuators": {"tilt": "position", "rotor_speed": "velocity"},
+    "mav_msgs/msg/Actuators": {"tilt": "angles", "rotor_speed": "angular_velocities"},
+    "sensor_msgs/msg/JointState": {"tilt": "position", "rotor_speed": "velocity"},
+    "sensor_msgs/msg/BatteryState": {"voltage": "voltage"},
+    "std_msgs/msg/Float64MultiArray": {"tilt": "data", "rotor_speed": "data"},
+    "std_msgs/msg/Float32MultiArray": {"tilt": "data", "rotor_speed": "data"},
+    "std_msgs/msg/Float64": {"voltage": "data"},
+    "std_msgs/msg/Float32": {"voltage": "data"},
+}
+"""Quantities that a message type offers, and the field in which each lies."""
+
+_COMMAND = frozenset({"command", "commands", "commanded", "cmd", "control", "controller", "ctrl", "actuation", "out"})
+_DESIRED = frozenset(
+    {"desired", "des", "setpoint", "sp", "ref", "reference", "target", "goal", "trajectory", "planned"}
+)
+_FOREIGN = frozenset(
+    {"payload", "load", "slung", "gripper", "camera", "gimbal", "obstacle", "ball", "map", "gps", "bias", "replay"}
+)
+_NOT_COMMAND = frozenset(
+    {"collision", "collisions", "contact", "contacts", "external", "ext", "sensor", "ft", "measured", "meas"}
+    | {"estimated", "estimate", "disturbance", "wind", "residual", "predicted", "correction", "interaction", "error"}
+)
+_TRUTH = frozenset(
+    {"odometry", "odom", "state", "truth", "gt", "mocap", "vicon", "optitrack", "vrpn", "estimate", "vehicle"}
+)
+_TILT = frozenset({"tilt", "tilts", "alpha", "servo", "servos", "angle", "angles", "arm", "arms"})
+_ROTOR = frozenset(
+    {"motor", "motors", "rotor", "rotors", "speed", "speeds", "rpm", "omega", "esc", "propeller", "velocities"}
+)
+_BATTERY = frozenset({"battery", "voltage", "vbat", "power"})
+
+
+def score(part: str, topic: str, kind: str) -> float:
+    """How well a topic's name and type suit a part; not above zero means: not without being asked."""
+    if name_words(topic) & _FOREIGN:
+        return -10.0
+    return _SCORES[part](name_words("/".join(topic.split("/")[-2:])), kind)
+
+
+def _score_commanded(words: frozenset[str], kind: str) -> float:
+    if words & _NOT_COMMAND or words & _DESIRED:
+        return -5.0
+    return (3.0 if words & _COMMAND else 1.0) + 0.2 * ("Stamped" in kind)
+
+
+def _score_desired(words: frozenset[str], kind: str) -> float:
+    if words & _NOT_COMMAND or not words & _DESIRED:
+        return -5.0
+    return 3.0 + 0.2 * ("Stamped" in kind)
+
+
+def _score_tilt(words: frozenset[str], kind: str) -> float:
+    if "Actuators" in kind:
+        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
+    score = 2.0 * bool(words & _TILT) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _ROTOR - {"speed"})
+    return score - (2.0 if "JointState" in kind else 0.5)
+
+
+def _score_rotor(words: frozenset[str], kind: str) -> float:
+    if "Actuators" in kind:
+        return 3.0 + bool(words & _COMMAND) - 2.0 * bool(words & _NOT_COMMAND)
+    if kind not in TYPES:
+        return 2.0 + bool(words & (_COMMAND | _DESIRED))  # a custom type with a field of that name
+    score = 2.0 * bool(words & _ROTOR) + bool(words & (_COMMAND | _DESIRED)) - 3.0 * bool(words & _TILT)
+    return score - (2.0 if "JointState" in kind else 0.5)
+
+
+def _score_imu(words: frozenset[str], kind: str) -> float:
+    return (
+        2.0 + ("raw" not in words) * 0.2 - 0.5 * bool(words & {"truth", "gt", "ground"}) - bool(words & {"mag", "temp"})
+    )
+
+
+def _score_motion(words: frozenset[str], kind: str) -> float:
+    if words & _DESIRED or words & (_COMMAND | {"vel"}) or "Trajectory" in kind:
+        return -5.0
+    score = 2.0 * ("Odometry" in kind) + bool(words & _TRUTH) + 0.5 * bool(words & {"truth", "gt", "mocap", "vicon"})
+    return score + (0.5 if "Stamped" in kind else 0.1 if "Pose" in kind else 0.0)
+
+
+def _score_reference(words: frozenset[str], kind: str) -> float:
+    if "Trajectory" in kind:
+        return 3.0
+    if not words & (_DESIRED | _COMMAND) or words & {"vel"}:
+        return -5.0
+    return 2.0 + bool(words & _DESIRED) + ("Odometry" in kind) + 0.2 * ("Stamped" in kind)
+
+
+def _score_voltage(words: frozenset[str], kind: str) -> float:
+    return 3.0 if "Battery" in kind else 1.0 if words & _BATTERY and "Float" in kind else -5.0
+
+
+_SCORES = {
+    "commanded": _score_commanded,
+    "desired": _score_desired,
+    "tilt": _score_tilt,
+    "rotor_speed": _score_rotor,
+    "imu": _score_imu,
+    "pose": _score_motion,
+    "twist": _score_motion,
+    "reference_pose": _score_reference,
+    "reference_twist": _score_reference,
+    "reference_acceleration": _score_reference,
+    "battery": _score_voltage,
+}
+
+
+def says_command(topic: str, kind: str) -> bool:
+    """Whether a topic tells that its values are commands and not measurements."""
+    return "Actuators" in kind or bool(name_words(topic) & (_COMMAND | _DESIRED))
+
+
+def name_words(topic: str) -> frozenset[str]:
+    """Lower-case words of a topic's name, split at punctuation, digits and capitals."""
+    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", topic)
+    return frozenset(word.lower() for word in re.split(r"[^A-Za-z]+", spaced) if word)
+
+
+def namespace(topic: str) -> str:
+    """The first component of a topic's name, where there is more than one."""
+    parts = topic.strip("/").split("/")
+    return parts[0] if len(parts) > 1 else ""

@@ -1,0 +1,92 @@
+"""The error over two quantities at once, as a map of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.diagnose.quantities import Quantity
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SECTORS = 8
+"""Of an angle that wraps, 45 deg each."""
+CELLS = 6
+"""Along a side that does not."""
+FEWEST = 4.0
+"""Independent samples in a cell below which it is left empty."""
+KNOWN = 0.2
+"""Share of the time for which tilt and its direction must be known to be mapped."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Root mean square of the error over two quantities; (X, Y) cells, not a number where hardly flown.
+
+    `x_edges` (X + 1,), `y_edges` (Y + 1,) in their units; `samples` (X, Y); `force`, `torque` (X, Y) the rms of the
+    vectors [N, Nm]; `mean` (X, Y, 6).
+    """
+
+    x: str
+    y: str
+    x_label: str
+    y_label: str
+    x_edges: Array
+    y_edges: Array
+    samples: NDArray[np.intp]
+    force: Array
+    torque: Array
+    mean: Array
+
+
+def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Grid | None:
+    """Tilt against its direction; where the vehicle hardly tilts (or that is not logged), thrust against rate."""
+    by_name = {q.name: q for q in found}
+    pair = [by_name.get("tilt"), by_name.get("direction")]
+    if any(q is None or np.isfinite(q.values).mean() < KNOWN for q in pair):
+        pair = [by_name.get("thrust"), by_name.get("rate")]
+    first, second = pair
+    if first is None or second is None:
+        return None
+    inside = np.isfinite(first.values) & np.isfinite(second.values)
+    sides = [_sides(q, inside) for q in (first, second)]
+    (x, x_edges), (y, y_edges) = sides
+    shape = (len(x_edges) - 1, len(y_edges) - 1)
+    cell = (x * shape[1] + y)[inside]
+    size = shape[0] * shape[1]
+    samples = np.bincount(cell, minlength=size)
+    enough = samples >= FEWEST / data.independence
+
+    def mean_of(values: Array) -> Array:
+        sums = np.bincount(cell, weights=values[inside], minlength=size)
+        return np.where(enough, sums / np.maximum(samples, 1), np.nan).reshape(shape)
+
+    return Grid(
+        first.name,
+        second.name,
+        f"{first.label} [{first.unit}]",
+        f"{second.label} [{second.unit}]",
+        x_edges,
+        y_edges,
+        samples.reshape(shape),
+        np.sqrt(mean_of(np.sum(residual[:, :3] ** 2, axis=1))),
+        np.sqrt(mean_of(np.sum(residual[:, 3:] ** 2, axis=1))),
+        np.stack([mean_of(column) for column in residual.T], axis=2),
+    )
+
+
+def _sides(quantity: Quantity, inside: NDArray[np.bool_]) -> tuple[Indices, Array]:
+    """Bins of equal width (an angle: sectors, the first centred on +-180 deg) along one side of the map."""
+    values = np.where(inside, quantity.values, 0.0)
+    if quantity.circular:
+        edges = np.linspace(-180.0 - 180.0 / SECTORS, 180.0 - 180.0 / SECTORS, SECTORS + 1)
+        values = (values - edges[0]) % 360.0 + edges[0]
+    else:
+        edges = np.linspace(values[inside].min(), values[inside].max(), CELLS + 1)
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    return index, edges
