@@ -12,7 +12,6 @@ from wrenchgap.learn.identify.fit import dataset, fit, with_fit
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import effects as session_effects
 from wrenchgap.replay.session.log_session import LogSession
-from wrenchgap.viewer.analysis import Analysis
 
 MODEL = model_file.load("tilt_hexarotor")
 TRUTH = (-0.004, 0.007, -0.005)
@@ -25,10 +24,6 @@ def session(logs, tmp_path):
 
 def rms(staircase):
     return np.array([s.rms for s in staircase.stairs])
-
-
-def test_session_can_do_all_that_the_panels_ask(session):
-    assert isinstance(session, Analysis)
 
 
 def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session):

@@ -406,6 +406,6 @@ def test_the_flight_is_flown_again_as_a_ghost(compensated, eventually):
     eventually(lambda: not panel.again.running, seconds=60.0)
     assert compensated.told == []
     assert "tracking error" in panel.flown.content
-    ghost = compensated.ghost("flown again")
+    ghost = compensated.scene_panel.ghost_of("flown again")
     assert ghost.time[-1] - ghost.time[0] == pytest.approx(3.0, abs=0.1)
-    assert "flown again" in compensated.ghost_names()
+    assert "flown again" in compensated.scene_panel.ghost_names()

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wrenchgap.replay.cli.main import app
-from wrenchgap.viewer.saved_view import SavedView
+from wrenchgap.viewer.view_state import ViewState
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_bad_input_is_one_line_and_exit_code_2(flown, tmp_path, monkeypatch, arg
 
 def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
     saved = tmp_path / "saved.view.json"
-    saved.write_text(SavedView(flight="another", time=5.0, zoom="10 s").to_text())
+    saved.write_text(ViewState(flight="another", time=5.0, zoom="10 s").to_text())
     command = [sys.executable, "-m", "wrenchgap", "view", *map(str, flown), "-m", "tilt_hexarotor", "--port", "0"]
     process = subprocess.Popen(
         [*command, "--view", str(saved)],

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.analysis import UNITS, VIEWS, Analysis, Budget, Cell, Failure
+from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Failures
 from wrenchgap.viewer.background import Job
-from wrenchgap.viewer.links import Links
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.html_links import Links
+from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.panel import Panel
-from wrenchgap.viewer.work import Work
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
-    from wrenchgap.viewer.session import Scene
+from wrenchgap.viewer.scene import Scene
 
 PARTS = (
     ("noise", "#b9b9b9", "sensor noise"),
@@ -46,34 +43,34 @@ class Scale:
 class FailurePanel(Panel):
     """The failure map of the flight shown; a click on a cell or a stretch moves the cursor there."""
 
-    def __init__(self, page: Page) -> None:
-        super().__init__(page)
-        assert isinstance(page.session, Analysis)
-        self.failures = page.session.failures
+    def __init__(self, host: Host, failures: Failures) -> None:
+        super().__init__(host)
+        self.failures = failures
         self.failure: Failure | None = None
         self.budget: tuple[Budget, ...] = ()
         self._looking: Job | None = None
         self._most: dict[tuple[str, int], float] = {}
-        with page.tab("Failure"):
-            gui = page.server.gui
+        with host.tab("Failure"):
+            gui = host.gui
             self.view = gui.add_dropdown("error of", VIEWS, initial_value=VIEWS[0])
-            self.view.on_update(page.guarded(lambda _: self._draw()))
+            self.view.on_update(host.guarded(lambda _: self._draw()))
             self.shown = gui.add_dropdown("shown is its", SHOWN, initial_value=SHOWN[0])
-            self.shown.on_update(page.guarded(lambda _: self._draw()))
+            self.shown.on_update(host.guarded(lambda _: self._draw()))
             self.map = gui.add_html("")
             self.parts = gui.add_html("")
-            self.work = Work(
-                page,
+            self.work = JobControls(
+                host,
                 "What would a Gaussian process explain?",
                 self._ask,
                 "Fits a small one on other blocks of time than those on which it is judged; takes some seconds.",
             )
-            self.links = Links(page)
+            self.links = Links(host)
 
     @classmethod
-    def suits(cls, session: Any) -> bool:
-        """Whether the session does the analysis."""
-        return isinstance(session, Analysis)
+    def of(cls, host: Host) -> Panel | None:
+        """The panel of a session that can do this."""
+        found = host.session.capabilities.failures
+        return None if found is None else cls(host, found)
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. A long flight is looked at beside the page, which stands at once."""
@@ -88,7 +85,7 @@ class FailurePanel(Panel):
         if self.failure is None or self.failure.flight != name:
             self.failure, self.parts.content = None, ""
             self.map.content = markup.box(markup.paragraph(f"looking at {markup.text(name)} ...", colour="#777"))
-        self._looking = self.page.background(
+        self._looking = self.host.background(
             lambda report: self.failures.of(name), lambda share, words: None, self._show
         )
 
@@ -101,7 +98,7 @@ class FailurePanel(Panel):
 
     def _ask(self) -> None:
         """Let a process say what it would explain."""
-        name = self.page.scene.name
+        name = self.host.scene.name
 
         def done(found: tuple[Budget, ...]) -> None:
             self.budget = found
@@ -178,7 +175,7 @@ class FailurePanel(Panel):
         )
         style = f"{CELL}background:{back};color:{front};"
         content = f"{round(scale.factor * value, scale.decimals) + 0.0:.{scale.decimals}f}"  # no -0
-        return self.links.to(partial(self.page.cursor.go, at), content, style, markup.text(title))
+        return self.links.to(partial(self.host.cursor.go, at), content, style, markup.text(title))
 
     def _scale(self, failure: Failure) -> Scale:
         """Colours as the flight was opened, so that they fade when an effect takes the error off; letters as it is."""
@@ -193,7 +190,7 @@ class FailurePanel(Panel):
         """The worst stretches, each a link to its middle."""
         lines = [
             self.links.to(
-                partial(self.page.cursor.go, 0.5 * (s.start + s.stop)),
+                partial(self.host.cursor.go, 0.5 * (s.start + s.stop)),
                 f"<b>{s.start:.1f} s</b> &nbsp;{markup.text(s.words)}",
                 "display:block;padding:3px 4px;border-bottom:1px solid rgba(128,128,128,0.25)",
                 "go there",

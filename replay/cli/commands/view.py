@@ -70,7 +70,7 @@ def view(
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.session.log_session import LogSession
     from wrenchgap.viewer.page import Page, exposed
-    from wrenchgap.viewer.saved_view import read
+    from wrenchgap.viewer.view_state import read
 
     printer = Printer(quiet)
     opening = read(saved) if saved is not None else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import AXES
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.analysis import Candidate, ModelState, NextFlight, Ranking, Value
+from wrenchgap.viewer.html_links import Links
 from wrenchgap.viewer.sliders import finer
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.links import Links
 
 Array = NDArray[np.float64]
 

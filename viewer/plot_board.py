@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
 from wrenchgap.viewer.decimate import envelope
-from wrenchgap.viewer.lines import Plot
-from wrenchgap.viewer.session import Stretch
+from wrenchgap.viewer.plots import Plot
+from wrenchgap.viewer.scene import Stretch
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,9 @@ page needs no script of its own.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.host import Host
 
 LAST = 1e6
 """Order of the buttons in their tab: behind everything that is seen."""
@@ -22,11 +21,11 @@ HIDDEN = "<style>div:has(> .wrenchgap-links) ~ * {display: none}</style><span cl
 class Links:
     """The links of one tab. Construct inside the tab; `start` before its HTML is written anew, then `to` for each."""
 
-    def __init__(self, page: Page) -> None:
-        self.page = page
-        self.tab = page.server.gui.add_folder(None, order=LAST)
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.tab = host.gui.add_folder(None, order=LAST)
         with self.tab:
-            page.server.gui.add_html(HIDDEN, order=LAST)
+            host.gui.add_html(HIDDEN, order=LAST)
         self._buttons: list[Any] = []
         self._actions: list[Callable[[], None]] = []
 
@@ -40,8 +39,8 @@ class Links:
         self._actions.append(action)
         if k == len(self._buttons):
             with self.tab:
-                button = self.page.server.gui.add_button(f"link {k}", order=LAST + 1 + k)
-            button.on_click(self.page.guarded(lambda _: self.follow(k)))
+                button = self.host.gui.add_button(f"link {k}", order=LAST + 1 + k)
+            button.on_click(self.host.guarded(lambda _: self.follow(k)))
             self._buttons.append(button)
         uuid = self._buttons[k]._impl.uuid  # viser has no public way to the id of an element
         return f'<label for="{uuid}" title="{title}" style="cursor:pointer;{style}">{content}</label>'

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.viewer.colours import Colour, colour_of, line_colours
-from wrenchgap.viewer.session import Scene, Series
+from wrenchgap.viewer.scene import Scene, Series
 
 Array = NDArray[np.float64]
 
