@@ -14,8 +14,8 @@ from wrenchgap.viewer.host import Host
 
 LAST = 1e6
 """Order of the buttons in their tab: behind everything that is seen."""
-HIDDEN = "<style>div:has(> .wrenchgap-links) ~ * {display: none}</style><span class='wrenchgap-links'></span>"
-"""Hides whatever follows in the same tab."""
+HIDDEN = "<span class='wrenchgap-links'></span>"
+"""Hides whatever follows in the same tab, by the style sheet."""
 
 
 class Links:
@@ -33,8 +33,8 @@ class Links:
         """Forget the links that were there; their buttons are used again."""
         self._actions = []
 
-    def to(self, action: Callable[[], None], content: str, style: str = "", title: str = "") -> str:
-        """HTML of a link with this content, style and title; a click calls `action` under the page's lock."""
+    def to(self, action: Callable[[], None]) -> str:
+        """The id for a label; a click on that calls `action` under the page's lock."""
         k = len(self._actions)
         self._actions.append(action)
         if k == len(self._buttons):
@@ -42,8 +42,7 @@ class Links:
                 button = self.host.gui.add_button(f"link {k}", order=LAST + 1 + k)
             button.on_click(self.host.guarded(lambda _: self.follow(k)))
             self._buttons.append(button)
-        uuid = self._buttons[k]._impl.uuid  # viser has no public way to the id of an element
-        return f'<label for="{uuid}" title="{title}" style="cursor:pointer;{style}">{content}</label>'
+        return str(self._buttons[k]._impl.uuid)  # viser has no public way to the id of an element
 
     def follow(self, k: int) -> None:
         """Do what the k-th link does."""

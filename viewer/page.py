@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from wrenchgap.viewer import background
+from wrenchgap.viewer import background, markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
@@ -206,6 +206,7 @@ class Page:
         gui, names = self.gui, self.session.flights
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 105, 220))
         gui.set_panel_label("wrenchgap")
+        gui.add_html(markup.style())
         self.choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
         self.choice.on_update(self.guarded(self._chosen))
         self.board = Board(gui)

@@ -1,5 +1,6 @@
 """`wrenchgap view` as a command: what it refuses, what it says, what it serves."""
 
+import os
 import re
 import signal
 import subprocess
@@ -50,7 +51,7 @@ def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
         text=True,
         cwd=Path(__file__).parents[2],
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a suite in the background ignores it
-        env={"XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1", "PATH": "/usr/bin:/bin"},
+        env={**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1"},
     )
     try:
         assert process.stdout is not None

@@ -1,7 +1,8 @@
-"""The compensation: on or off, its gate, what it would have done on this flight, and the flight flown again with it."""
+"""The compensation: its gate, what it would have done on this flight, and the flight re-simulated with it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from wrenchgap.viewer import markup
@@ -16,7 +17,7 @@ NO_PROCESS = (
     "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"
     "`wrenchgap learn LOG -m MODEL -o torque.gp`\n\n`wrenchgap view LOG -m MODEL --gp torque.gp`"
 )
-GHOST = "flown again"
+GHOST = "re-simulated"
 """Name of the ghost in the scene."""
 SECONDS = 20.0
 """Length of a re-flight unless the user says otherwise [s]."""
@@ -48,11 +49,11 @@ class CompensationPanel(Panel):
     def _settings(self, setting: Compensation) -> None:
         gui, gating = self.host.gui, setting.gating
         self.usual = gating
-        said = (markup.paragraph(markup.text(words), colour="#b07800") for words in setting.notes)
-        gui.add_html(markup.box(markup.heading(f"process: {markup.text(setting.name)}"), *said))
+        title = f"process: {setting.name}"
+        gui.add_html(markup.render("table", heading=title, head=(), rows=(), sentences=setting.notes, look="wg-warn"))
         self.on = gui.add_checkbox("compensate", gating.on)
         self.gated = gui.add_checkbox(
-            "withhold where unsure", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
+            "withhold where uncertain", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
         )
         step, first = tidy(setting.sigma_threshold_max / 300.0), tidy(setting.kappa_max / 300.0)
         self.threshold = gui.add_slider(
@@ -93,11 +94,11 @@ class CompensationPanel(Panel):
 
     def _refly(self) -> None:
         gui = self.host.gui
-        with gui.add_folder("Fly it again"):
+        with gui.add_folder("Re-simulate"):
             self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
             self.seconds = gui.add_number("for [s]", SECONDS, min=1.0, step=1.0)
             hint = "The recorded flight again, from its recorded start, with the compensation in the loop; the ghost."
-            self.again = JobControls(self.host, "Fly again", self.refly, hint)
+            self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
             self.flown = gui.add_html("")
 
     # ------------------------------------------------------------ what is shown
@@ -147,12 +148,8 @@ class CompensationPanel(Panel):
         flight = self.host.scene.name
 
         def done(found: Compensated) -> None:
-            rows = [tuple(markup.text(cell) for cell in row) for row in found.rows]
-            self.done.content = markup.box(
-                markup.heading("mean absolute error of the wrench, as the process sees it"),
-                markup.table(("", "before", "after"), rows),
-                *(markup.paragraph(markup.text(words), colour="#555") for words in found.sentences),
-            )
+            title = "mean absolute error of the wrench, as the process sees it"
+            self.done.content = _table(title, ("", "before", "after"), found.rows, found.sentences)
             self.host.refresh()
 
         self.work.start(lambda report: self.compensations.replay(flight, report), done)
@@ -162,12 +159,12 @@ class CompensationPanel(Panel):
         flight, start, seconds = self.host.scene.name, float(self.start.value), float(self.seconds.value)
 
         def done(found: Reflown) -> None:
-            rows = [tuple(markup.text(cell) for cell in row) for row in found.rows]
-            self.flown.content = markup.box(
-                markup.heading(f"tracking error: {markup.text(found.motion.words)}"),
-                markup.table(("", "recorded", "null run", "flown again"), rows),
-                *(markup.paragraph(markup.text(words), colour="#555") for words in found.sentences),
-            )
+            head = ("", "recorded", "null run", GHOST)
+            self.flown.content = _table(f"tracking error: {found.motion.words}", head, found.rows, found.sentences)
             self.host.show_ghost(GHOST, found.motion)
 
         self.again.start(lambda report: self.compensations.refly(flight, start, seconds, report), done)
+
+
+def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]], sentences: Sequence[str]) -> str:
+    return markup.render("table", heading=heading, head=head, rows=rows, sentences=sentences, look="wg-muted")

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.viewer import markup, search_results
-from wrenchgap.viewer.analysis import Effects, ModelState, NextFlight, Ranking, Staircase
+from wrenchgap.viewer import markup
+from wrenchgap.viewer.analysis import Effects, ModelState, NextFlight, Ranking
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.html_links import Links
 from wrenchgap.viewer.job_controls import JobControls
@@ -15,6 +15,14 @@ from wrenchgap.viewer.panel import Panel
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.sliders import EffectSliders
 
+VERDICTS = {
+    "effect": "this is missing",
+    "group": "one of these is missing; this flight cannot say which",
+    "unknown": "something is missing that no effect of the catalogue explains",
+    "nothing": "nothing is missing that this flight can show",
+}
+MOST = 12
+"""Candidates that are listed."""
 NEXT = "next flight"
 """Name of the designed trajectory in the scene."""
 PATH = (120, 60, 190)
@@ -107,50 +115,35 @@ class EffectsPanel(Panel):
         """Another flight, or another model."""
         self.state = state = self.effects.state(scene.name)
         self.links.start()
-        self.stairs.content = self._staircases(state)
+        self.stairs.content = markup.render("model", state=state)
         self.back.label, self.back.visible = f"Undo: {state.undo}", bool(state.undo)
         self.again.label, self.again.visible = f"Redo: {state.redo}", bool(state.redo)
         self.choice.options = state.available or ("-",)
-        self.lacking.content = search_results.lacking(state)
-        self.inside.content = search_results.inside(state)
+        lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in state.lacking]
+        self.lacking.content = markup.render("sentences", lines=lacking, look="wg-pale")
+        self.inside.content = markup.render("installed", state=state)
         self.sliders.show(state.installed)
         self.refit.visible = bool(state.installed)
         found = self.rankings.get(scene.name)
-        names = {i.name for i in state.installed}
-        self.found.content = "" if found is None else search_results.page(found, state.model, names, self.links, self)
+        self.found.content = "" if found is None else self._search_found(found, state)
 
-    def _staircases(self, state: ModelState) -> str:
-        """The number that matters, large, and the steps that led there."""
-        dot = "" if state.saved else ' <span style="color:#c77700" title="not in a file yet">not saved</span>'
-        parts = [markup.heading(f"model: {markup.text(state.model)}{dot}")]
-        for stairs in state.staircases:
-            parts.append(self._one(stairs))
-        if state.words:
-            parts.append(markup.paragraph(f"last fit, on time that was not fitted: {markup.text(state.words)}"))
-        return markup.box(*parts)
-
-    def _one(self, stairs: Staircase) -> str:
-        last, first, noise = stairs.stairs[-1], stairs.stairs[0], stairs.noise
-        most = max(s.in_all for s in stairs.stairs)
-        colour = "#2a7d2e" if last.in_all < 1.5 * noise.in_all else "inherit"
-        change = last.in_all / first.in_all - 1.0 if len(stairs.stairs) > 1 else 0.0
-        fall = f" ({100 * change:+.0f} %)" if len(stairs.stairs) > 1 else ""
-        top = (
-            f'<div style="margin-top:8px">{markup.text(stairs.title)}</div>'
-            f'<div style="font-size:20px;font-weight:600;color:{colour}">{markup.number(last.in_all)} N'
-            f'<span style="font-size:12px;font-weight:400;color:#666"> rms in all{fall}; noise '
-            f"{markup.number(noise.in_all, 2)} N</span></div>"
+    def _search_found(self, found: Ranking, state: ModelState) -> str:
+        """Verdict and candidates, with links that add effects and lead to the flight that tells a group apart."""
+        inside = {i.name for i in state.installed}
+        names = dict.fromkeys([*(n.name for n in found.named), *(c.name for c in found.candidates)])
+        rest = [n.name for n in found.named if n.name not in inside]
+        return markup.render(
+            "search",
+            found=found,
+            model=state.model,
+            inside=inside,
+            meaning=VERDICTS.get(found.verdict, ""),
+            most=MOST,
+            adding={name: self.links.to(partial(self.add, name)) for name in names if name not in inside},
+            rest=rest if len(rest) > 1 else [],
+            adding_rest=self.links.to(partial(self.add, *rest)),
+            groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.groups],
         )
-        rows = [
-            (
-                f'<span style="white-space:nowrap" title="{search_results.by_axis(s.rms)}">{markup.text(s.name)}</span>',
-                markup.bar([(s.in_all / most, "#b9b9b9" if s is noise else "#3b82c4", f"{s.in_all:.3g} N")]),
-                markup.number(s.in_all),
-                *(markup.number(v, 2) for v in search_results.norms(s.rms)),
-            )
-            for s in (*stairs.stairs, noise)
-        ]
-        return top + markup.table(("", markup.wide(60), "all [N]", "F [N]", "M [Nm]"), rows, left=2)
 
     # ------------------------------------------------------------ what is done
 
@@ -194,7 +187,7 @@ class EffectsPanel(Panel):
                 plan.time + start, plan.position_E, plan.quat_ED, None, f"to tell {' from '.join(plan.names)}"
             )
             self.host.show_ghost(NEXT, motion)
-        self.plan.content = "" if plan is None else search_results.plan(plan)
+        self.plan.content = "" if plan is None else markup.render("next_flight", found=plan)
         shown = plan is not None
         self.plan_path.visible = self.plan_save.visible = shown and plan is not None and plan.separable
         self.plan_clear.visible = shown

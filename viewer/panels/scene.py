@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.viewer.arrows import KINDS
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import DIRECTIONS, Cameras
 from wrenchgap.viewer.colours import BODY, GHOST, REFERENCE, THRUST, Colour, colour_of, css
 from wrenchgap.viewer.host import Host
@@ -170,16 +169,11 @@ class ScenePanel(Panel):
     def legend(self) -> str:
         """The same as HTML, with the lengths."""
         shown = self.host.view.shown
-        swatch = "display:inline-block;width:11px;height:11px;border-radius:3px;margin-right:7px;vertical-align:-1px"
-        lines = "".join(
-            f'<div><span style="{swatch};background:{css(colour)}"></span>{escape(name)}</div>'
-            for name, colour in self.legend_rows()
-        )
-        kinds = "thin: force, thick: torque<br>" if shown.force and shown.torque else ""
-        words = self._drawing.scale.words().replace(", ", "<br>&emsp;&emsp;&emsp;")
-        return (
-            f'<div style="font-size:12px;line-height:1.55;padding:4px 12px 10px">{lines}'
-            f'<div style="color:#868e96;margin-top:4px;font-size:11px;line-height:1.35">{kinds}{words}</div></div>'
+        return markup.render(
+            "legend",
+            rows=[(name, css(colour)) for name, colour in self.legend_rows()],
+            kinds=shown.force and shown.torque,
+            lengths=self._drawing.scale.words().split(", "),
         )
 
     def _camera(self, gui: Any) -> None:
