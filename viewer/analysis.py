@@ -1,24 +1,17 @@
 """What the panels ask of a session: where the model fails, which effects explain it, what a compensation would do.
 
-Plain data only. A session that has `failures`, `effects` and `compensations` (`Analysis`) gets these panels. Methods
-that take long take a `report` (share done, words) and are called on a thread beside the page; all others must be quick:
-the page waits for them.
+Plain data only. Methods that take long take a `report` (share done, words) and are called on a thread beside the page;
+all others must be quick: the page waits for them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Protocol
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.viewer.session import Motion, Stretch
-
-Array = NDArray[np.float64]
-Report = Callable[[float, str], None]
+from wrenchgap.viewer.background import Report as Report
+from wrenchgap.viewer.scene import Array, Motion, Stretch
 
 VIEWS = ("all axes", "force", "torque", *AXES)
 """What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""
@@ -331,20 +324,3 @@ class Compensations(Protocol):
 
     def refly(self, flight: str, start: float, duration: float, report: Report) -> Reflown:
         """Fly (a part of) a flight again with the compensation in the loop, or without where it is off; takes long."""
-
-
-@runtime_checkable
-class Analysis(Protocol):
-    """A session that can do all of it."""
-
-    @property
-    def failures(self) -> Failures:
-        """Where the model fails."""
-
-    @property
-    def effects(self) -> Effects:
-        """Effects put in and taken out, and the search for what is missing."""
-
-    @property
-    def compensations(self) -> Compensations:
-        """The compensation, replayed and flown again."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.viewer.colours import THRUST, Colour, colour_of
-from wrenchgap.viewer.session import Scene
+from wrenchgap.viewer.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
-from wrenchgap.viewer.lines import CHANNELS, Plot, channel_plot
-from wrenchgap.viewer.session import Array, HasChannels
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.plot_board import Board
+from wrenchgap.viewer.plots import CHANNELS, Plot, channel_plot
+from wrenchgap.viewer.scene import Array
+from wrenchgap.viewer.session import ReadChannels
+from wrenchgap.viewer.view_state import ViewState
 
 LISTED = 400
 """Names that the list offers at once, at most; the filter narrows it down."""
@@ -19,13 +21,13 @@ NONE = "(no channel of that name)"
 class ChannelPicker:
     """The names of the channels that are plotted, kept when the flight changes; read when first asked for."""
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
-        self.names: list[str] = []
+    def __init__(self, host: Host, board: Board, read: ReadChannels | None) -> None:
+        self.host, self._read_all = host, read
+        self.names: tuple[str, ...] = ()
         self._read: dict[str, Mapping[str, tuple[Array, Array]]] = {}
         self._reading: set[str] = set()
-        gui, guarded = page.server.gui, page.guarded
-        with page.board.tab(CHANNELS):
+        gui, guarded = host.gui, host.guarded
+        with board.tab(CHANNELS):
             self.list = gui.add_button("List the channels of the log")
             self.list.on_click(guarded(lambda _: self.read()))
             self.filter: Any = gui.add_text("filter", "", visible=False, hint="part of a name")
@@ -45,20 +47,21 @@ class ChannelPicker:
         known = self._known()
         return [channel_plot(name, known[name]) for name in self.names if name in known]
 
-    def plot(self, names: list[str]) -> None:
-        """Plot these channels."""
-        self.names = list(dict.fromkeys(names))
-        self.opened()
-        self._page.replot()
+    def viewed(self, view: ViewState) -> None:
+        """Plot the channels of the view."""
+        if view.channels != self.names:
+            self.names = view.channels
+            self.opened()
+            self.host.replot()
 
     def read(self) -> None:
         """Read all channels of the flight beside the page, unless that has been done."""
-        flight, session = self._page.scene.name, self._page.session
+        flight, read = self.host.scene.name, self._read_all
         if flight in self._read or flight in self._reading:
             self._offer()
             return
-        if not isinstance(session, HasChannels):
-            self._page.notify("This session has no log to look channels up in.", "warning")
+        if read is None:
+            self.host.notify("This session has no log to look channels up in.", "warning")
             return
         self._reading.add(flight)
         self.list.label, self.list.disabled = "reading the log ...", True
@@ -66,13 +69,13 @@ class ChannelPicker:
         def done(found: Mapping[str, tuple[Array, Array]]) -> None:
             self._read = {flight: found}  # of one flight only: a long log has a hundred megabytes of channels
             self._ready(flight)
-            self._page.replot()
+            self.host.replot()
 
         def failed(error: Exception) -> None:
             self._ready(flight)
-            self._page.fail(error)
+            self.host.fail(error)
 
-        self._page.background(lambda report: session.channels(flight), lambda share, words: None, done, failed)
+        self.host.background(lambda report: read(flight), lambda share, words: None, done, failed)
 
     def _ready(self, flight: str) -> None:
         self._reading.discard(flight)
@@ -80,7 +83,7 @@ class ChannelPicker:
         self._offer()
 
     def _known(self) -> Mapping[str, tuple[Array, Array]]:
-        return self._read.get(self._page.scene.name, {})
+        return self._read.get(self.host.scene.name, {})
 
     def _offer(self) -> None:
         """Offer the names that contain what the filter says."""
@@ -92,11 +95,11 @@ class ChannelPicker:
         self.list.visible = not known
 
     def _act(self, what: str) -> None:
-        name = self.choice.value
-        if what == "add" and name not in self.names and name != NONE:
-            self.names.append(name)
-        elif what == "remove" and name in self.names:
-            self.names.remove(name)
+        name, names = self.choice.value, self.names
+        if what == "add" and name not in names and name != NONE:
+            names = (*names, name)
+        elif what == "remove":
+            names = tuple(n for n in names if n != name)
         elif what == "remove all":
-            self.names = []
-        self._page.replot()
+            names = ()
+        self.host.show(replace(self.host.view, channels=names))

@@ -1,55 +1,48 @@
-"""HTML for the panels: tables, heat cells, bars. What comes from outside is escaped here; sizes fit a control panel."""
+"""HTML for the panels, from `templates/`: what comes from outside is escaped there; sizes fit a control panel."""
 
 from __future__ import annotations
 
-import html
-from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-BOX = "padding:0 10px 8px 10px;font-size:12px;line-height:1.35"
+from wrenchgap.flight.flight import AXES
+from wrenchgap.viewer.analysis import Candidate, Value
+from wrenchgap.viewer.scene import Array
+from wrenchgap.viewer.sliders import finer
+
+TEMPLATES = Path(__file__).parent / "templates"
 HEAT = ((255, 255, 255), (255, 233, 190), (250, 160, 90), (214, 60, 50), (110, 10, 40))
 """Colours from nothing to the most, evenly spaced."""
 COLD = ((255, 255, 255), (205, 226, 243), (120, 175, 220), (50, 110, 180), (15, 45, 110))
 """The same for what is negative."""
 
 
-def text(value: object) -> str:
-    """Plain text, safe inside HTML and its attributes."""
-    return html.escape(str(value), quote=True)
+def render(template: str, **values: Any) -> str:
+    """HTML of a template of `templates/`; a value that it lacks is an error."""
+    return _environment().get_template(f"{template}.html").render(**values)
 
 
-def box(*parts: str) -> str:
-    """Parts below each other with the panel's margins and letters."""
-    return f'<div style="{BOX}">{"".join(parts)}</div>'
+def style() -> str:
+    """The style sheet of all of them, as HTML."""
+    return f"<style>{(TEMPLATES / 'page.css').read_text(encoding='utf-8')}</style>"
 
 
-def paragraph(content: str, *, colour: str = "inherit", bold: bool = False) -> str:
-    """A paragraph; `content` is HTML."""
-    return f'<p style="margin:4px 0;color:{colour};font-weight:{600 if bold else 400}">{content}</p>'
-
-
-def heading(content: str) -> str:
-    """A small heading; `content` is HTML."""
-    return f'<div style="margin:10px 0 3px 0;font-weight:600">{content}</div>'
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1, lead: Sequence[str] = ()) -> str:
-    """A table; cells are HTML, the first `left` columns lean left and may wrap. `lead` are styles of the rows."""
-
-    def line(cells: Sequence[str], tag: str, style: str) -> str:
-        out = "".join(
-            f'<{tag} style="padding:2px 3px;font-weight:inherit;'
-            f"{'text-align:left' if k < left else 'text-align:right;white-space:nowrap'};"
-            f'border-bottom:1px solid rgba(128,128,128,0.25);vertical-align:top">{cell}</{tag}>'
-            for k, cell in enumerate(cells)
-        )
-        return f'<tr style="{style}">{out}</tr>'
-
-    styles = lead or [""] * len(rows)
-    body = "".join(line(row, "td", style) for row, style in zip(rows, styles, strict=True))
-    title = line(head, "th", "font-weight:600;color:#666") if any(head) else ""
-    return f'<table style="border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums">{title}{body}</table>'
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters = (number, percent, norms, by_axis, value_text, about)
+    made.filters.update({function.__name__: function for function in filters})
+    return made
 
 
 def heat(share: float) -> tuple[str, str]:
@@ -63,29 +56,6 @@ def heat(share: float) -> tuple[str, str]:
     return f"rgb({red},{green},{blue})", "#fff" if dark else "#222"
 
 
-def bar(parts: Sequence[tuple[float, str, str]], *, height: int = 12) -> str:
-    """Parts of a whole beside each other: (share of the full width, colour, what it is, as HTML)."""
-    pieces = "".join(
-        f'<span title="{words}" style="display:inline-block;height:{height}px;width:{100 * share:.2f}%;'
-        f'background:{colour}"></span>'
-        for share, colour, words in parts
-        if share > 0.0
-    )
-    back = "background:rgba(128,128,128,0.12)"
-    return f'<div style="width:100%;{back};white-space:nowrap;font-size:0;line-height:0">{pieces}</div>'
-
-
-def wide(pixels: int) -> str:
-    """An empty head that keeps a column at least so wide."""
-    return f'<span style="display:inline-block;width:{pixels}px"></span>'
-
-
-def swatch(colour: str, words: str) -> str:
-    """An entry of a legend."""
-    square = f'<span style="display:inline-block;width:9px;height:9px;background:{colour};margin-right:3px"></span>'
-    return f'<span style="margin-right:10px;white-space:nowrap">{square}{text(words)}</span>'
-
-
 def number(value: float, digits: int = 3) -> str:
     """So many significant digits, without an exponent where a reader expects none."""
     if not np.isfinite(value):
@@ -97,5 +67,28 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in per cent, as HTML; one decimal where it is small."""
-    return f"{100 * share:.0f}&nbsp;%" if abs(share) >= 0.095 or share == 0 else f"{100 * share:.1f}&nbsp;%"
+    """A share in per cent; one decimal where it is small."""
+    return f"{100 * share:.0f}\u00a0%" if abs(share) >= 0.095 or share == 0 else f"{100 * share:.1f}\u00a0%"
+
+
+def norms(rms: Array) -> tuple[float, float]:
+    """Of the force [N] and of the torque [Nm]."""
+    return float(np.linalg.norm(rms[:3])), float(np.linalg.norm(rms[3:]))
+
+
+def by_axis(rms: Array) -> str:
+    """The rms of every axis in words."""
+    return ", ".join(f"{axis} {value:.3g}" for axis, value in zip(AXES, rms, strict=True))
+
+
+def value_text(value: Value) -> str:
+    """A parameter with its standard deviation, in the unit of its slider."""
+    unit, factor = finer(value)
+    spread = "" if value.std is None else f" +- {number(factor * value.std, 2)}"
+    return f"{value.name} {number(factor * value.value)}{spread} {'' if unit == '1' else unit}".rstrip()
+
+
+def about(candidate: Candidate) -> str:
+    """Values of a candidate, and by how much it changes the rms of every axis."""
+    falls = ", ".join(f"{axis} {-100 * f:+.0f} %" for axis, f in zip(AXES, candidate.falls, strict=True))
+    return f"{candidate.values}; {candidate.mark + '; ' if candidate.mark else ''}rms: {falls}"

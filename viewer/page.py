@@ -12,55 +12,58 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.viewer import background
-from wrenchgap.viewer.board import Board
+from wrenchgap.viewer import background, markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.drawing import Drawing
-from wrenchgap.viewer.lines import GROUPS, plots_of
-from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.host import Callback, Kind
+from wrenchgap.viewer.panel import Panel, Part
 from wrenchgap.viewer.panels import PANELS
+from wrenchgap.viewer.panels.export import Caption, ExportPanel
 from wrenchgap.viewer.panels.notes import NotesPanel
-from wrenchgap.viewer.panels.out import OutPanel
 from wrenchgap.viewer.panels.scene import ScenePanel
-from wrenchgap.viewer.saved_view import SavedView
+from wrenchgap.viewer.plot_board import Board
+from wrenchgap.viewer.plots import GROUPS, plots_of
+from wrenchgap.viewer.scene import Array, Motion, Scene
+from wrenchgap.viewer.scene_drawing import Drawing
 from wrenchgap.viewer.serving import exposed, serve
-from wrenchgap.viewer.session import Motion, Scene, Session
-from wrenchgap.viewer.transport import Transport
+from wrenchgap.viewer.session import Session
+from wrenchgap.viewer.transport import ZOOMS, Transport
+from wrenchgap.viewer.view_state import ViewState
 
 __all__ = ["Page", "exposed"]
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
-Kind = Literal["info", "warning", "error"]
 
 KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
 CONTROLS, PLOTS = 350, 505
 """Widths of the panels on the right and on the left [px]."""
+ENDING = 2.0
+"""How long the page waits for cancelled work when it stops [s]."""
 
 
 class Page:
-    """The page of one session, served from construction to `stop`. Host and port are where it listens."""
+    """The page of one session, served from construction to `stop`; the `Host` of its parts."""
 
     def __init__(
         self, session: Session, host: str = "127.0.0.1", port: int = 8080, panels: Sequence[type[Panel]] = PANELS
     ) -> None:
-        self.session: Any = session  # at least a Session; panels ask for more
+        self.session = session
         self.server: Any = serve(host, port)
         self.lock = threading.RLock()
         self.cursor = Cursor(self.lock)
-        self.ghosts: dict[str, dict[str, Motion]] = {}
+        self.view = ViewState(zoom=ZOOMS[0], speed="1")
+        self.scene = session.scene(session.flights[0])
         self._jobs: list[background.Job] = []
-        with self.server.atomic():
+        with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)
-            self._build([panel for panel in panels if panel.suits(session)])
+            self.drawing.open(self.scene)
+            self._build(panels)
             self.cursor.listeners.append(lambda _: self._show())
             self.open(session.flights[0])
             self.scene_panel.look("oblique")
@@ -72,14 +75,21 @@ class Page:
         """Where to find it."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
-    def tab(self, label: str, icon: Any = None) -> Any:
+    @property
+    def gui(self) -> Any:
+        """Viser's controls."""
+        return self.server.gui
+
+    def tab(self, label: str) -> Any:
         """A new tab of the control panel, as a context to put controls into."""
-        return self._tabs.add_tab(label, icon)
+        return self._tabs.add_tab(label)
 
     def command(self, label: str, act: Callable[[], Any], hotkey: Any = None, modifier: Any = None) -> None:
         """A command of the palette (ctrl-K), with a key where one is given."""
         handle = self.server.gui.add_command(label, hotkey=hotkey, modifier=modifier)
         handle.on_trigger(self.guarded(lambda _: act()))
+
+    # ------------------------------------------------------------ what is shown
 
     def open(self, name: str) -> None:
         """Show another flight from its start; switches, plots, range and speed stay."""
@@ -87,46 +97,63 @@ class Page:
             scene = self.session.scene(name)
             self.transport.playing(False)
             self.cursor.open(scene.time)
-            if self.choice.value != name:
-                self.choice.value = name
+            self.view = replace(self.view, flight=name, marks={}, loop=False)
             self._fill(scene)
 
     def refresh(self) -> None:
         """Ask the session for the flight again after the model changed; the cursor stays where it is."""
         with self.lock, self.server.atomic():
-            self._fill(self.session.scene(self.scene.name), keep=True)
+            self._fill(self.session.scene(self.scene.name))
 
-    def redraw(self) -> None:
-        """Draw the scene anew after switches changed."""
+    def show(self, view: ViewState) -> None:
+        """Let this be seen of the flight, as far as the flight has it: every part follows."""
         with self.lock, self.server.atomic():
-            self._draw()
+            for part in self._parts:
+                view = part.possible(view)
+            if view != self.view:
+                self.view = view
+                self._follow_view()
+
+    def restore(self, view: ViewState, client: Any = None) -> None:
+        """Show a saved view; its flight may be one that is not open here, the layout then goes to the flight shown."""
+        with self.lock, self.server.atomic():
+            if view.flight in self.session.flights and view.flight != self.scene.name:
+                self.open(str(view.flight))
+            elif view.flight is not None and view.flight != self.scene.name:
+                self.notify(f"The view is of {view.flight}, which is not open here; its layout is used.", "warning")
+            if view.time is not None:
+                self.cursor.go(view.time)
+            self.show(replace(view, flight=self.scene.name, time=None, camera=None))
+            if view.camera is not None:
+                position, look_at = (np.array(point) for point in view.camera)
+                self.cameras.place(position, look_at, None if client is None else [client])
+
+    def view_of(self, client: Any = None) -> ViewState:
+        """What is seen at this moment, to be saved: with the time, and the camera of a client where one is given."""
+        camera = None
+        if client is not None:
+            (a, b, c), (d, e, f) = (map(float, p) for p in (client.camera.position, client.camera.look_at))
+            camera = ((a, b, c), (d, e, f))
+        return replace(self.view, flight=self.scene.name, time=self.cursor.time, camera=camera)
 
     def replot(self) -> None:
         """Make the plots anew after it changed which there are."""
         with self.lock, self.server.atomic():
-            self.board.fill([*plots_of(self.scene), *self.channels.plots()], self.transport.view)
+            self.board.fill([*plots_of(self.scene), *self.channels.plots()], self.transport.plotted)
             self.board.move(self.cursor.time)
-
-    def ghost_names(self) -> tuple[str, ...]:
-        """What can be shown as a second vehicle beside the flight: what panels made, and the other flights."""
-        others = [name for name in self.session.flights if name != self.scene.name]
-        return (*self.ghosts.get(self.scene.name, {}), *others)
-
-    def ghost(self, name: str) -> Motion | None:
-        """One of them; another flight begins when this one does."""
-        made = self.ghosts.get(self.scene.name, {}).get(name)
-        if made is not None or name not in self.session.flights:
-            return made
-        motion: Motion = self.session.scene(name).motion
-        return replace(motion, time=motion.time - motion.time[0] + self.scene.time[0])
 
     def show_ghost(self, name: str, motion: Motion) -> None:
         """Offer a second vehicle for the flight shown, under a name, and show it."""
-        with self.lock:
-            self.ghosts.setdefault(self.scene.name, {})[name] = motion
-            self.scene_panel.offer_ghosts()
-            self.scene_panel.choose_ghost(name)
-            self.redraw()
+        with self.lock, self.server.atomic():
+            self.scene_panel.offer_ghost(name, motion)
+            self.show(replace(self.view, ghost=name, ghost_shift=0.0))
+            self._draw()
+
+    def curve(self, name: str, points: Array | None, colour: tuple[int, int, int]) -> None:
+        """Draw a curve (N, 3) [m] in E under a name; None takes it away."""
+        self.drawing.curve(name, points, colour)
+
+    # ------------------------------------------------------------ words and work
 
     def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:
         """Tell all clients something, in a corner of the page."""
@@ -153,7 +180,7 @@ class Page:
         self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
         return job
 
-    def guarded(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+    def guarded(self, callback: Callback) -> Callback:
         """`callback` under the page's lock; what it raises is told to the user and does not end the page."""
 
         def run(event: Any) -> None:
@@ -165,70 +192,34 @@ class Page:
 
         return run
 
-    def saved_view(self, client: Any = None) -> SavedView:
-        """What is seen at this moment, with the camera of a client where one is given."""
-        camera = None
-        if client is not None:
-            position, look_at = (tuple(float(v) for v in p) for p in (client.camera.position, client.camera.look_at))
-            camera = (position, look_at)
-        return SavedView(
-            flight=self.scene.name,
-            time=self.cursor.time,
-            marks=dict(self.transport.marks),
-            loop=self.cursor.loop is not None,
-            zoom=self.transport.zoom.value,
-            speed=self.transport.speed.value,
-            shown=self.scene_panel.shown,
-            channels=tuple(self.channels.names),
-            ghost=self.scene_panel.ghost.value,
-            ghost_shift=float(self.scene_panel.shift.value),
-            camera=camera,  # type: ignore[arg-type]
-        )
-
-    def restore(self, view: SavedView, client: Any = None) -> None:
-        """Show a saved view; its flight may be one that is not open here, the layout then goes to the flight shown."""
-        with self.lock, self.server.atomic():
-            if view.flight in self.session.flights and view.flight != self.scene.name:
-                self.open(str(view.flight))
-            elif view.flight is not None and view.flight != self.scene.name:
-                self.notify(f"The view is of {view.flight}, which is not open here; its layout is used.", "warning")
-            self.transport.choose(view.zoom, view.speed)
-            if view.time is not None:
-                self.cursor.go(view.time)
-            self.transport.set_marks(dict(view.marks), view.loop)
-            self.channels.plot(list(view.channels))
-            self.scene_panel.shown = view.shown
-            self.scene_panel.choose_ghost(view.ghost, view.ghost_shift)
-            if view.camera is not None:
-                position, look_at = (np.array(point) for point in view.camera)
-                self.cameras.place(position, look_at, None if client is None else [client])
-            self._show()
-
     def stop(self) -> None:
         """Stop playing and serving."""
         for job in self._jobs:
             job.cancel()
+        for job in self._jobs:
+            job.join(ENDING)
         self.cursor.close()
-        for panel in self.panels:
-            panel.closed()
         self.server.stop()
 
     def _build(self, panels: Sequence[type[Panel]]) -> None:
         """Controls that do not depend on the flight: time above, tabs below, plots on the left, legend in the scene."""
-        gui, names = self.server.gui, self.session.flights
+        gui, names = self.gui, self.session.flights
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 105, 220))
         gui.set_panel_label("wrenchgap")
+        gui.add_html(markup.style())
         self.choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
         self.choice.on_update(self.guarded(self._chosen))
-        self.transport = Transport(self)
         self.board = Board(gui)
+        self.transport = Transport(self, self.board)
         for group in GROUPS:
             self.board.tab(group)
-        self.channels = ChannelPicker(self)
+        self.channels = ChannelPicker(self, self.board, self.session.capabilities.channels)
         self._tabs = gui.add_tab_group()
-        self.scene_panel = ScenePanel(self)
-        self.panels: list[Panel] = [self.scene_panel, *(panel(self) for panel in panels), OutPanel(self)]
-        self.panels.append(NotesPanel(self))
+        self.scene_panel = ScenePanel(self, self.drawing, self.cameras)
+        of_session = [found for panel in panels if (found := panel.of(self)) is not None]
+        last = (ExportPanel(self, self.board, self._caption), NotesPanel(self))
+        self.panels: list[Panel] = [self.scene_panel, *of_session, *last]
+        self._parts: tuple[Part, ...] = (self.transport, *self.panels)
         self.legend = gui.add_panel()
         with self.legend.add_tab("Legend"):
             self._legend = gui.add_html("")
@@ -242,27 +233,39 @@ class Page:
         if self.choice.value != self.scene.name:
             self.open(self.choice.value)
 
-    def _fill(self, scene: Scene, *, keep: bool = False) -> None:
-        """Show a flight at the cursor; with `keep`, it is the one that was shown before."""
+    def _fill(self, scene: Scene) -> None:
+        """Show a flight at the cursor: another one, or the same one after the model changed."""
         self.scene = scene
-        self.transport.open(scene, keep=keep)
         self.drawing.open(scene)
-        for panel in self.panels:
-            panel.opened(scene)
+        if self.choice.value != scene.name:
+            self.choice.value = scene.name
+        for part in self._parts:
+            part.opened(scene)
+        for part in self._parts:
+            self.view = part.possible(self.view)
         self.channels.opened()
+        self._follow_view()
         self.replot()
         self._show()
+
+    def _follow_view(self) -> None:
+        for part in self._parts:
+            part.viewed(self.view)
+        self.channels.viewed(self.view)
+        self._draw()
+
+    def _caption(self) -> Caption:
+        """What belongs below a picture of the scene."""
+        return self.scene_panel.legend_rows(), self.drawing.scale.words().split(", ")
 
     def _show(self) -> None:
         """Move everything to the cursor."""
         with self.lock, self.server.atomic():
             self._draw()
             self.board.move(self.cursor.time, quick=self.cursor.playing)
-            for panel in self.panels:
-                panel.moved(self.cursor.time)
 
     def _draw(self) -> None:
-        self.drawing.show(self.cursor.index, self.scene_panel.shown)
+        self.drawing.show(self.cursor.index, self.view.shown)
         legend = self.scene_panel.legend()
         if self._legend.content != legend:
             self._legend.content = legend

@@ -1,34 +1,47 @@
-"""What a panel of the page is: a tab with controls of its own that follows the flight and the cursor."""
+"""What a panel of the page is: a tab with controls of its own that follows flight, view and cursor."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
-    from wrenchgap.viewer.session import Scene
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.scene import Scene
+from wrenchgap.viewer.view_state import ViewState
+
+
+class Part(Protocol):
+    """Whatever follows flight and view: the panels, and the controls of time above them."""
+
+    def opened(self, scene: Scene) -> None:
+        """Another flight is shown, or the same one after the model changed."""
+
+    def possible(self, view: ViewState) -> ViewState:
+        """The view with what the flight shown does not have replaced; of the entries that this part controls."""
+
+    def viewed(self, view: ViewState) -> None:
+        """Another view is shown: controls take its values."""
 
 
 class Panel:
     """A tab of the page. The page constructs it once and calls it under its lock.
 
-    A subclass adds its controls in `__init__`, inside `with page.tab("Name"):`. Callbacks of controls go through
-    `page.guarded`, so that what a user typed wrong becomes a message and not a traceback.
+    A subclass adds its controls in `__init__`, inside `with host.tab("Name"):`.
     """
 
-    def __init__(self, page: Page) -> None:
-        self.page = page
+    def __init__(self, host: Host) -> None:
+        self.host = host
 
     @classmethod
-    def suits(cls, session: Any) -> bool:
-        """Whether a session can do what this panel asks for; where not, the page has no such tab."""
-        return True
+    def of(cls, host: Host) -> Panel | None:
+        """The panel, or None where the session lacks what it asks for: then the page has no such tab."""
+        return cls(host)
 
     def opened(self, scene: Scene) -> None:
-        """Another flight is shown, or the same one after the model changed."""
+        """See `Part`; most panels care for this only."""
 
-    def moved(self, time: float) -> None:
-        """The cursor stands at `time` [s]; called many times a second, must be cheap."""
+    def possible(self, view: ViewState) -> ViewState:
+        """See `Part`."""
+        return view
 
-    def closed(self) -> None:
-        """The page stops."""
+    def viewed(self, view: ViewState) -> None:
+        """See `Part`."""

@@ -1,4 +1,4 @@
-"""What the page shows, and whom it asks: a working session.
+"""Whom the page asks: a working session.
 
 The page knows no logs, fits or compensators. It asks a `Session` for flights that are ready to be drawn, on one clock,
 with every quantity in the frames of `flight.flight`. `replay` implements it; a test may do so in ten lines.
@@ -7,103 +7,33 @@ with every quantity in the frames of `flight.flight`. `replay` implements it; a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
+from typing import Protocol
 
 from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.viewer.analysis import Compensations, Effects, Failures
+from wrenchgap.viewer.background import Report
+from wrenchgap.viewer.scene import Array, Scene
 
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A stretch of flight that is worth a look: [start, stop] [s], and why, in a few words."""
-
-    start: float
-    stop: float
-    words: str
+ReadChannels = Callable[[str], Mapping[str, tuple[Array, Array]]]
+"""All channels of a flight by name: times (N,) [s] on its clock and values (N,). May take seconds."""
+WriteReport = Callable[[str, Report], str]
+"""A self-contained HTML page about a flight. May take minutes."""
 
 
 @dataclass(frozen=True)
-class Motion:
-    """How a second vehicle moves, to be drawn as a ghost: on the clock of the flight that it is compared with.
+class Capabilities:
+    """What only some sessions can do; what is None has no controls on the page."""
 
-    time (K,) [s]                       strictly increasing
-    position_E (K, 3), quat_EB (K, 4)   its body
-    tilt (K, A) [rad]                   angles of its arms, None where unknown
-    words                               what it is, in a few words, e.g. "without compensation"
-    """
-
-    time: Array
-    position_E: Array
-    quat_EB: Array
-    tilt: Array | None = None
-    words: str = ""
-
-
-@dataclass(frozen=True)
-class Series:
-    """Quantities over time that belong into one plot: `values` (K,) by name, on `time` (K,) [s]; nan where unknown.
-
-    `title` is what they are, `unit` what they are in, e.g. "attitude error" in "deg"; `group` the tab for the plot.
-    """
-
-    title: str
-    unit: str
-    time: Array
-    values: Mapping[str, Array]
-    group: str = "Tracking"
-
-
-@dataclass(frozen=True)
-class Scene:
-    """One flight, K instants at `time` (K,) [s], strictly increasing; gaps are jumps of it.
-
-    position_E (K, 3), quat_EB (K, 4)   the body; at rest at the origin where the log has no pose
-    reference_position_E, quat_ED       the same of the reference, None where it is not logged
-    tilt (K, A) [rad]                   angles of all arms, None where unknown
-    thrust (K, R) [N]                   of all rotors as commanded, None where unknown
-    wrenches                            by name, e.g. "commanded", "measured", "predicted": (K, 6) in B about the
-                                        centre of mass, nan where unknown
-    sigma                               of some of them, standard deviation (K, 6), nan where unknown
-    residual_of                         the wrench that predicts "measured"; what is left is the residual
-    series                              what else is worth a plot
-    gaps                                stretches that the log does not cover
-    worst                               stretches in which the model is farthest from the measurement
-    notes                               sentences that a user should read
-    """
-
-    name: str
-    time: Array
-    position_E: Array
-    quat_EB: Array
-    reference_position_E: Array | None = None
-    quat_ED: Array | None = None
-    tilt: Array | None = None
-    thrust: Array | None = None
-    wrenches: Mapping[str, Array] = field(default_factory=dict)
-    sigma: Mapping[str, Array] = field(default_factory=dict)
-    residual_of: str | None = None
-    series: tuple[Series, ...] = ()
-    gaps: tuple[Stretch, ...] = ()
-    worst: tuple[Stretch, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    def index(self, time: float) -> int:
-        """The last instant that is not after `time`, the first where there is none."""
-        return max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
-
-    @property
-    def motion(self) -> Motion:
-        """The same flight as a ghost for another."""
-        return Motion(self.time, self.position_E, self.quat_EB, self.tilt, self.name)
+    failures: Failures | None = None
+    effects: Effects | None = None
+    compensations: Compensations | None = None
+    channels: ReadChannels | None = None
+    report: WriteReport | None = None
 
 
 class Session(Protocol):
-    """What the page may ask. What only some sessions can do is in the protocols below; the page asks `isinstance`."""
+    """What the page may ask of every session."""
 
     @property
     def vehicle(self) -> Vehicle:
@@ -113,21 +43,9 @@ class Session(Protocol):
     def flights(self) -> tuple[str, ...]:
         """Names of the flights, all different, at least one."""
 
+    @property
+    def capabilities(self) -> Capabilities:
+        """What else it can do."""
+
     def scene(self, flight: str) -> Scene:
         """The flight of this name."""
-
-
-@runtime_checkable
-class HasChannels(Protocol):
-    """A session that can look up everything in a log by name."""
-
-    def channels(self, flight: str) -> Mapping[str, tuple[Array, Array]]:
-        """All channels of a flight by name: times (N,) [s] on its clock and values (N,). May take seconds."""
-
-
-@runtime_checkable
-class HasReport(Protocol):
-    """A session that can write its report."""
-
-    def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
-        """A self-contained HTML page about a flight. May take minutes."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wrenchgap.viewer.analysis import Installed, Value
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.host import Host
 
 FINER: dict[str, tuple[str, float]] = {
     "m": ("mm", 1e3),
@@ -38,9 +36,9 @@ class EffectSliders:
     dragged its values come faster than they can be evaluated: only the newest counts.
     """
 
-    def __init__(self, page: Page, on_set: Callable[[str, str, float], None], on_remove: Callable[[str], None]) -> None:
-        self.page, self.on_set, self.on_remove = page, on_set, on_remove
-        self.place = page.server.gui.add_folder(None)
+    def __init__(self, host: Host, on_set: Callable[[str, str, float], None], on_remove: Callable[[str], None]) -> None:
+        self.host, self.on_set, self.on_remove = host, on_set, on_remove
+        self.place = host.gui.add_folder(None)
         self._folders: dict[str, Any] = {}
         self.handles: dict[tuple[str, str], tuple[Any, float]] = {}
         """Sliders by effect and parameter, and the factor from SI to what they show."""
@@ -62,14 +60,14 @@ class EffectSliders:
                     handle.value = shown
 
     def _make(self, item: Installed) -> None:
-        gui = self.page.server.gui
+        gui = self.host.gui
         with self.place:
             folder = self._folders[item.name] = gui.add_folder(item.name, expand_by_default=len(item.values) <= FEW)
         with folder:
             for value in item.values:
                 self._slider(item.name, value)
             remove = gui.add_button(f"Remove {item.name}", color="gray")
-            remove.on_click(self.page.guarded(lambda _: self.on_remove(item.name)))
+            remove.on_click(self.host.guarded(lambda _: self.on_remove(item.name)))
 
     def _slider(self, effect: str, value: Value) -> None:
         unit, factor = finer(value)
@@ -79,7 +77,7 @@ class EffectSliders:
         low, high = step * np.ceil(low / step - 1e-9), step * np.floor(high / step + 1e-9)
         label = value.name if unit == "1" else f"{value.name} [{unit}]"
         shown = _on(step, factor * value.value, float(low), float(high))
-        handle = self.page.server.gui.add_slider(label, float(low), float(high), step, shown)
+        handle = self.host.gui.add_slider(label, float(low), float(high), step, shown)
         handle.on_update(partial(self._moved, effect, value.name))
         self.handles[effect, value.name] = handle, factor
 
@@ -89,7 +87,7 @@ class EffectSliders:
             return
         handle, factor = self.handles[effect, parameter]
         self._wanted[effect, parameter] = float(handle.value) / factor
-        self.page.guarded(lambda _: self._apply(effect, parameter))(event)
+        self.host.guarded(lambda _: self._apply(effect, parameter))(event)
 
     def _apply(self, effect: str, parameter: str) -> None:
         value = self._wanted.pop((effect, parameter), None)

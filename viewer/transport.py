@@ -6,15 +6,16 @@ the stretch that they bound.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from wrenchgap.viewer.board import View
-from wrenchgap.viewer.session import Scene, Stretch
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.plot_board import Board, View
+from wrenchgap.viewer.scene import Scene, Stretch
+from wrenchgap.viewer.view_state import ViewState
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
 ZOOMS = ("whole flight", "60 s", "30 s", "10 s", "5 s", "2 s", "A to B")
@@ -32,10 +33,9 @@ AHEAD = 0.05
 class Transport:
     """Reads and moves the page's cursor; says which range the plots show."""
 
-    def __init__(self, page: Page) -> None:
-        self._page, self._cursor = page, page.cursor
-        self.marks: dict[str, float] = {}
-        gui, guarded = page.server.gui, page.guarded
+    def __init__(self, host: Host, board: Board) -> None:
+        self.host, self._board, self._cursor = host, board, host.cursor
+        gui, guarded = host.gui, host.guarded
         self._slot = gui.add_folder(None)
         with self._slot:
             self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, 0.001, 0.0)
@@ -44,24 +44,25 @@ class Transport:
         self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
         self.step.on_click(guarded(lambda _: self._step(STEPS[self.step.value])))
         self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1", hint="seconds of flight per second")
-        self.speed.on_update(guarded(lambda _: setattr(self._cursor, "speed", float(self.speed.value))))
+        self.speed.on_update(guarded(lambda _: host.show(replace(host.view, speed=self.speed.value))))
         self.jump = gui.add_dropdown("go to", (NOWHERE,), initial_value=NOWHERE, hint="worst stretches, gaps; N and P")
         self.jump.on_update(guarded(lambda _: self._jump()))
         self.mark = gui.add_button_group("mark", ("A", "B", "loop", "clear"), hint="keys I, O, R, X")
         self.mark.on_click(guarded(lambda _: self._mark(self.mark.value)))
         self.zoom = gui.add_dropdown("plots show", ZOOMS, initial_value=ZOOMS[0])
-        self.zoom.on_update(guarded(lambda _: self.look()))
+        self.zoom.on_update(guarded(lambda _: host.show(replace(host.view, zoom=self.zoom.value))))
         self._stretches: dict[str, Stretch] = {}
         self._range = (0.0, 1.0)
+        self._asked: object = None
         self._keys()
         self._cursor.listeners.append(self._moved)
 
-    def open(self, scene: Scene, *, keep: bool = False) -> None:
-        """Take over a flight; with `keep`, it is the same one and marks stay."""
+    def opened(self, scene: Scene) -> None:
+        """Another flight, or the same one after the model changed."""
         start, stop = _rounded(float(scene.time[0])), _rounded(float(scene.time[-1]))
         self.slider.remove()
         with self._slot:
-            self.slider = self._page.server.gui.add_slider(
+            self.slider = self.host.gui.add_slider(
                 "time [s]",
                 start,
                 max(stop, start + RESOLUTION),
@@ -69,20 +70,18 @@ class Transport:
                 float(np.clip(_rounded(self._cursor.time), start, stop)),
                 marks=tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop),
             )
-        self.slider.on_update(self._page.guarded(self._dragged))
-        if not keep:
-            self.marks, self._cursor.loop = {}, None
+        self.slider.on_update(self.host.guarded(self._dragged))
         places = sorted((*scene.worst, *scene.gaps), key=lambda s: s.start)
         self._stretches = {f"{s.start:.2f} s: {s.words}": s for s in places}
         self.jump.options = (NOWHERE, *self._stretches)
         self.jump.value = NOWHERE
-        self._range = self._wanted()
+        self._asked = None
 
     @property
-    def view(self) -> View:
+    def plotted(self) -> View:
         """What the plots show."""
-        scene = self._page.scene
-        return View(*self._range, tuple(sorted(self.marks.items())), scene.gaps, self._cursor.loop)
+        marks = tuple(sorted(self.host.view.marks.items()))
+        return View(*self._range, marks, self.host.scene.gaps, self._cursor.loop)
 
     def toggle(self) -> None:
         """Play, or pause."""
@@ -93,25 +92,33 @@ class Transport:
         self._cursor.playing = on
         self.play.label = PAUSE if on else PLAY
 
-    def look(self) -> None:
-        """Show the range that is wanted, and the marks as they are."""
-        self._range = self._wanted()
-        self._page.board.look(self.view)
-
-    def choose(self, zoom: str | None, speed: str | None) -> None:
-        """Set range and speed; what is not among the choices changes nothing."""
-        if zoom in ZOOMS:
-            self.zoom.value = zoom
-        if speed in SPEEDS:
-            self.speed.value = speed
-
-    def set_marks(self, marks: dict[str, float], loop: bool) -> None:
-        """Put the marks A and B somewhere [s], within the flight; play between them if `loop`."""
+    def possible(self, view: ViewState) -> ViewState:
+        """Range and speed among the choices, marks within the flight, a loop only between two of them."""
         start, stop = self._cursor.start, self._cursor.stop
-        self.marks = {name: float(np.clip(marks[name], start, stop)) for name in ("A", "B") if name in marks}
-        both = sorted(self.marks.values())
-        self._cursor.loop = (both[0], both[1]) if loop and len(both) == 2 and both[1] > both[0] else None
-        self.look()
+        marks = {name: float(np.clip(view.marks[name], start, stop)) for name in ("A", "B") if name in view.marks}
+        return replace(
+            view,
+            zoom=view.zoom if view.zoom in ZOOMS else self.zoom.value,
+            speed=view.speed if view.speed in SPEEDS else self.speed.value,
+            marks=marks,
+            loop=view.loop and len(set(marks.values())) == 2,
+        )
+
+    def viewed(self, view: ViewState) -> None:
+        """Range, speed, marks and loop of the view."""
+        if view.speed is not None:
+            self.speed.value, self._cursor.speed = view.speed, float(view.speed)
+        self.zoom.value = view.zoom
+        self._cursor.loop = (min(view.marks.values()), max(view.marks.values())) if view.loop else None
+        asked = (view.zoom, view.marks, view.loop)
+        if asked != self._asked:
+            self._asked = asked
+            self._range = self._wanted()
+            self._board.look(self.plotted)
+
+    def set_marks(self, marks: Mapping[str, float], loop: bool) -> None:
+        """Put the marks A and B somewhere [s], within the flight; play between them if `loop`."""
+        self.host.show(replace(self.host.view, marks=dict(marks), loop=loop))
 
     def next_stretch(self, way: int) -> None:
         """Go to the next of the worst stretches and gaps (+1), or to the one before (-1)."""
@@ -125,7 +132,7 @@ class Transport:
         """The range for the chosen zoom, with the cursor in its middle where that is possible."""
         start, stop = self._cursor.start, self._cursor.stop
         zoom = self.zoom.value
-        both = sorted(self.marks.values())
+        both = sorted(self.host.view.marks.values())
         if zoom == "A to B" and len(both) == 2 and both[1] > both[0]:
             return both[0], both[1]
         if not zoom.endswith(" s") or float(zoom[:-2]) >= stop - start:
@@ -145,7 +152,7 @@ class Transport:
                 np.clip(time - behind, self._cursor.start, max(self._cursor.stop - width, self._cursor.start))
             )
             self._range = (first, first + width)
-            self._page.board.look(self.view)
+            self._board.look(self.plotted)
 
     def _dragged(self, event: Any) -> None:
         """A client moved the slider; when the page did, everything has moved already."""
@@ -166,17 +173,17 @@ class Transport:
     def _mark(self, what: str) -> None:
         """A and B mark the cursor; loop plays between them, or no longer does; clear takes them away."""
         if what in ("A", "B"):
-            self.set_marks({**self.marks, what: self._cursor.time}, self._cursor.loop is not None)
+            self.set_marks({**self.host.view.marks, what: self._cursor.time}, self.host.view.loop)
         elif what == "clear":
             self.set_marks({}, False)
-        elif len(self.marks) < 2:
-            self._page.notify("Set the marks A and B first; playing can then be kept between them.", "warning")
+        elif len(self.host.view.marks) < 2:
+            self.host.notify("Set the marks A and B first; playing can then be kept between them.", "warning")
         else:
-            self.set_marks(self.marks, self._cursor.loop is None)
+            self.set_marks(self.host.view.marks, not self.host.view.loop)
 
     def _keys(self) -> None:
         """Commands of the palette (ctrl-K) with their keys."""
-        command = self._page.command
+        command = self.host.command
         command("Play or pause", self.toggle, "space")
         command("Step back", lambda: self._step(-1), "J")
         command("Step forward", lambda: self._step(1), "L")

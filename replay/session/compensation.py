@@ -22,7 +22,7 @@ from wrenchgap.replay.present.replay import notes as replay_notes
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import Bench
 from wrenchgap.viewer.analysis import Compensated, Compensation, Gating, Reflown, Report
-from wrenchgap.viewer.session import Motion, Series
+from wrenchgap.viewer.scene import Motion, Series
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from wrenchgap.learn.diagnose.where import dependence_words, goes_with
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import Bench
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
-from wrenchgap.viewer.session import Stretch
+from wrenchgap.viewer.scene import Stretch
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]

@@ -25,14 +25,15 @@ from wrenchgap.replay.session.failure import FailureDesk
 from wrenchgap.replay.session.report_page import report_page
 from wrenchgap.replay.session.scene import Prediction, predicted, recorded
 from wrenchgap.replay.session.working_model import Bench
-from wrenchgap.viewer.session import Scene, Stretch
+from wrenchgap.viewer.scene import Scene, Stretch
+from wrenchgap.viewer.session import Capabilities
 
 PREDICTED = "predicted"
 """The wrench of the model as it stands, in a scene."""
 
 
 class LogSession:
-    """Implements `viewer.session.Session` and `viewer.analysis.Analysis` for logs, a model and, where given, a GP.
+    """Implements `viewer.session.Session` for logs, a model and, where given, a GP.
 
     `load` reads logs as `flight.load` does. `against` are other models whose predictions are shown beside; `gp_name` is
     what the GP is called on the page.
@@ -63,6 +64,9 @@ class LogSession:
         self.effects = EffectsDesk(self.bench, folder or Path.cwd())
         self.compensations = CompensationDesk(self.bench, gp_name)
         self._recorded: dict[str, Scene] = {}
+        self.capabilities = Capabilities(
+            self.failures, self.effects, self.compensations, channels=self.channels, report=self.report
+        )
 
     @property
     def model(self) -> Model:

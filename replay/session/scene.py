@@ -16,7 +16,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.viewer.session import Scene, Series, Stretch
+from wrenchgap.viewer.scene import Scene, Series, Stretch
 
 Array = NDArray[np.float64]
 

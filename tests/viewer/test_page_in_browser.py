@@ -10,7 +10,7 @@ from PIL import Image
 
 from wrenchgap import flight
 from wrenchgap.flight import so3
-from wrenchgap.viewer.saved_view import parse
+from wrenchgap.viewer.view_state import parse
 
 pytestmark = pytest.mark.browser
 
@@ -124,7 +124,7 @@ def test_a_bad_value_in_a_field_does_not_kill_the_page(page, visitor, logged, ev
     for typed in ("abc", "1e99", "-7", ""):
         box.fill(typed)
         box.press("Enter")
-    visitor.tab.get_by_text("Out", exact=True).click()
+    visitor.tab.get_by_text("Export", exact=True).click()
     field = visitor.tab.locator(".mantine-TextInput-input:visible").last
     field.fill('{"schema": 5}')
     visitor.tab.wait_for_selector("text=expected 'wrenchgap.view/1'")
@@ -149,7 +149,7 @@ def test_keys_play_and_step(page, visitor, eventually):
 
 def test_picture_table_and_view_come_out_of_the_page(page, visitor, tmp_path):
     page.cursor.go(6.0)
-    visitor.tab.get_by_text("Out", exact=True).click()
+    visitor.tab.get_by_text("Export", exact=True).click()
 
     def downloaded(button):
         with visitor.tab.expect_download() as waiting:

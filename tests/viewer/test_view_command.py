@@ -1,5 +1,6 @@
 """`wrenchgap view` as a command: what it refuses, what it says, what it serves."""
 
+import os
 import re
 import signal
 import subprocess
@@ -12,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wrenchgap.replay.cli.main import app
-from wrenchgap.viewer.saved_view import SavedView
+from wrenchgap.viewer.view_state import ViewState
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def test_bad_input_is_one_line_and_exit_code_2(flown, tmp_path, monkeypatch, arg
 
 def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
     saved = tmp_path / "saved.view.json"
-    saved.write_text(SavedView(flight="another", time=5.0, zoom="10 s").to_text())
+    saved.write_text(ViewState(flight="another", time=5.0, zoom="10 s").to_text())
     command = [sys.executable, "-m", "wrenchgap", "view", *map(str, flown), "-m", "tilt_hexarotor", "--port", "0"]
     process = subprocess.Popen(
         [*command, "--view", str(saved)],
@@ -50,7 +51,7 @@ def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
         text=True,
         cwd=Path(__file__).parents[2],
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a suite in the background ignores it
-        env={"XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1", "PATH": "/usr/bin:/bin"},
+        env={**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), "OMP_NUM_THREADS": "1"},
     )
     try:
         assert process.stdout is not None

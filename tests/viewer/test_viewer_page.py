@@ -13,9 +13,10 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant import model_file
 from wrenchgap.plant.state import Actuation
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.viewer.craft import arm_pose
 from wrenchgap.viewer.page import Page, exposed
-from wrenchgap.viewer.session import Scene, Stretch
+from wrenchgap.viewer.scene import Scene, Stretch
+from wrenchgap.viewer.session import Capabilities
+from wrenchgap.viewer.vehicle_shape import arm_pose
 
 TIME = np.arange(0.0, 4.0, 0.02)
 
@@ -46,6 +47,7 @@ class Two:
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
         self.flights = ("one", "two")
+        self.capabilities = Capabilities()
 
     def scene(self, flight: str) -> Scene:
         made = scene(flight)
@@ -107,7 +109,6 @@ def test_arrows_follow_the_wrenches_and_hide_what_is_unknown(page):
     assert direction[1] > 0
     assert direction[[0, 2]] == pytest.approx([0.0, 0.0])
     page.scene_panel.torque.value = False
-    page.redraw()
     assert not page.drawing.arrows.handles["torque", "measured"].visible
     assert page.drawing.arrows.handles["force", "measured"].visible
 

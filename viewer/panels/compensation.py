@@ -1,24 +1,23 @@
-"""The compensation: on or off, its gate, what it would have done on this flight, and the flight flown again with it."""
+"""The compensation: its gate, what it would have done on this flight, and the flight re-simulated with it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.analysis import Analysis, Compensated, Compensation, Gating, Reflown
+from wrenchgap.viewer.analysis import Compensated, Compensation, Compensations, Gating, Reflown
+from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.scene import Scene
 from wrenchgap.viewer.sliders import tidy
-from wrenchgap.viewer.work import Work
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
-    from wrenchgap.viewer.session import Scene
 
 NO_PROCESS = (
     "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"
     "`wrenchgap learn LOG -m MODEL -o torque.gp`\n\n`wrenchgap view LOG -m MODEL --gp torque.gp`"
 )
-GHOST = "flown again"
+GHOST = "re-simulated"
 """Name of the ghost in the scene."""
 SECONDS = 20.0
 """Length of a re-flight unless the user says otherwise [s]."""
@@ -27,15 +26,14 @@ SECONDS = 20.0
 class CompensationPanel(Panel):
     """Switch and sliders of the compensation, its replay, and the counterfactual."""
 
-    def __init__(self, page: Page) -> None:
-        super().__init__(page)
-        assert isinstance(page.session, Analysis)
-        self.compensations = page.session.compensations
+    def __init__(self, host: Host, compensations: Compensations) -> None:
+        super().__init__(host)
+        self.compensations = compensations
         self.ready = False
-        with page.tab("Compensation"):
+        with host.tab("Compensation"):
             setting = self.compensations.setting
             if setting is None:
-                page.server.gui.add_markdown(NO_PROCESS)
+                host.gui.add_markdown(NO_PROCESS)
                 return
             self._settings(setting)
             self._replay()
@@ -43,18 +41,19 @@ class CompensationPanel(Panel):
         self.ready = True
 
     @classmethod
-    def suits(cls, session: Any) -> bool:
-        """Whether the session does the analysis."""
-        return isinstance(session, Analysis)
+    def of(cls, host: Host) -> Panel | None:
+        """The panel of a session that can do this."""
+        found = host.session.capabilities.compensations
+        return None if found is None else cls(host, found)
 
     def _settings(self, setting: Compensation) -> None:
-        gui, gating = self.page.server.gui, setting.gating
+        gui, gating = self.host.gui, setting.gating
         self.usual = gating
-        said = (markup.paragraph(markup.text(words), colour="#b07800") for words in setting.notes)
-        gui.add_html(markup.box(markup.heading(f"process: {markup.text(setting.name)}"), *said))
+        title = f"process: {setting.name}"
+        gui.add_html(markup.render("table", heading=title, head=(), rows=(), sentences=setting.notes, look="wg-warn"))
         self.on = gui.add_checkbox("compensate", gating.on)
         self.gated = gui.add_checkbox(
-            "withhold where unsure", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
+            "withhold where uncertain", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
         )
         step, first = tidy(setting.sigma_threshold_max / 300.0), tidy(setting.kappa_max / 300.0)
         self.threshold = gui.add_slider(
@@ -82,24 +81,24 @@ class CompensationPanel(Panel):
             hint="Time constant with which a withheld correction fades; a = exp(-dt / tau_d) per step.",
         )
         for handle in (self.on, self.gated, self.threshold, self.kappa, self.decay):
-            handle.on_update(self.page.guarded(self._moved))
+            handle.on_update(self.host.guarded(self._moved))
         reset = gui.add_button("As the process suggests", color="gray")
-        reset.on_click(self.page.guarded(lambda _: self._reset()))
+        reset.on_click(self.host.guarded(lambda _: self._reset()))
 
     def _replay(self) -> None:
-        gui = self.page.server.gui
+        gui = self.host.gui
         with gui.add_folder("Replay on this flight"):
             hint = "Steps the compensator through the logged wrenches; the plots then show correction, sigma and beta."
-            self.work = Work(self.page, "Replay", self.replay, hint)
+            self.work = JobControls(self.host, "Replay", self.replay, hint)
             self.done = gui.add_html("")
 
     def _refly(self) -> None:
-        gui = self.page.server.gui
-        with gui.add_folder("Fly it again"):
+        gui = self.host.gui
+        with gui.add_folder("Re-simulate"):
             self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
             self.seconds = gui.add_number("for [s]", SECONDS, min=1.0, step=1.0)
             hint = "The recorded flight again, from its recorded start, with the compensation in the loop; the ghost."
-            self.again = Work(self.page, "Fly again", self.refly, hint)
+            self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
             self.flown = gui.add_html("")
 
     # ------------------------------------------------------------ what is shown
@@ -132,7 +131,7 @@ class CompensationPanel(Panel):
         if replayed and self.on.value:
             self.replay()
         else:
-            self.page.refresh()
+            self.host.refresh()
 
     def _reset(self) -> None:
         usual = self.usual
@@ -146,30 +145,26 @@ class CompensationPanel(Panel):
 
     def replay(self) -> None:
         """Replay the compensation on the flight shown."""
-        flight = self.page.scene.name
+        flight = self.host.scene.name
 
         def done(found: Compensated) -> None:
-            rows = [tuple(markup.text(cell) for cell in row) for row in found.rows]
-            self.done.content = markup.box(
-                markup.heading("mean absolute error of the wrench, as the process sees it"),
-                markup.table(("", "before", "after"), rows),
-                *(markup.paragraph(markup.text(words), colour="#555") for words in found.sentences),
-            )
-            self.page.refresh()
+            title = "mean absolute error of the wrench, as the process sees it"
+            self.done.content = _table(title, ("", "before", "after"), found.rows, found.sentences)
+            self.host.refresh()
 
         self.work.start(lambda report: self.compensations.replay(flight, report), done)
 
     def refly(self) -> None:
         """Fly the flight shown again, in a ghost."""
-        flight, start, seconds = self.page.scene.name, float(self.start.value), float(self.seconds.value)
+        flight, start, seconds = self.host.scene.name, float(self.start.value), float(self.seconds.value)
 
         def done(found: Reflown) -> None:
-            rows = [tuple(markup.text(cell) for cell in row) for row in found.rows]
-            self.flown.content = markup.box(
-                markup.heading(f"tracking error: {markup.text(found.motion.words)}"),
-                markup.table(("", "recorded", "null run", "flown again"), rows),
-                *(markup.paragraph(markup.text(words), colour="#555") for words in found.sentences),
-            )
-            self.page.show_ghost(GHOST, found.motion)
+            head = ("", "recorded", "null run", GHOST)
+            self.flown.content = _table(f"tracking error: {found.motion.words}", head, found.rows, found.sentences)
+            self.host.show_ghost(GHOST, found.motion)
 
         self.again.start(lambda report: self.compensations.refly(flight, start, seconds, report), done)
+
+
+def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]], sentences: Sequence[str]) -> str:
+    return markup.render("table", heading=heading, head=head, rows=rows, sentences=sentences, look="wg-muted")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
-from wrenchgap.viewer.session import Scene
+from wrenchgap.viewer.scene import Scene
 
 KEYS = (
     ("space", "play, pause"),
@@ -23,9 +24,9 @@ KEYS = (
 class NotesPanel(Panel):
     """Buttons to the worst stretches, notes, keys."""
 
-    def __init__(self, page: Any) -> None:
-        super().__init__(page)
-        with page.tab("Notes") as self._tab:
+    def __init__(self, host: Host) -> None:
+        super().__init__(host)
+        with host.tab("Notes") as self._tab:
             pass
         self._content: list[Any] = []
 
@@ -33,12 +34,12 @@ class NotesPanel(Panel):
         """Those of the flight."""
         for handle in self._content:
             handle.remove()
-        gui = self.page.server.gui
+        gui = self.host.gui
         with self._tab:
             self._content = [gui.add_markdown("**Where the model is worst**")] if scene.worst else []
             for stretch in scene.worst:
                 button = gui.add_button(f"{stretch.start:.1f} s: {stretch.words}")
-                button.on_click(self.page.guarded(partial(self._go, stretch.start)))
+                button.on_click(self.host.guarded(partial(self._go, stretch.start)))
                 self._content.append(button)
             if scene.notes:
                 self._content.append(gui.add_markdown("\n".join(("**Notes**\n", *(f"- {n}" for n in scene.notes)))))
@@ -46,4 +47,4 @@ class NotesPanel(Panel):
             self._content.append(gui.add_markdown(keys))
 
     def _go(self, time: float, event: Any) -> None:
-        self.page.cursor.go(time)
+        self.host.cursor.go(time)

@@ -54,7 +54,7 @@ def view(
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.session.log_session import LogSession
     from wrenchgap.viewer.page import Page, exposed
-    from wrenchgap.viewer.saved_view import read
+    from wrenchgap.viewer.view_state import read
 
     printer, opening = Printer(quiet), None if saved is None else read(saved)
     base, others, reading = (

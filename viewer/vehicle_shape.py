@@ -54,7 +54,7 @@ def size_of(vehicle: Vehicle) -> float:
     return float(3.0 * np.sqrt(np.trace(vehicle.body.inertia) / 3.0 / vehicle.body.mass))
 
 
-class Craft:
+class VehicleShape:
     """The nodes of one vehicle below `root`. A ghost is of one colour and lets the other vehicle show through."""
 
     def __init__(self, scene: Any, root: str, vehicle: Vehicle, ghost: Colour | None = None) -> None:

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from wrenchgap.viewer import background
-
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.host import Host
 
 T = TypeVar("T")
 
 
-class Work:
+class JobControls:
     """Controls of one kind of long work; at most one is running. `ask` is called when the button is pressed."""
 
-    def __init__(self, page: Page, label: str, ask: Callable[[], None], hint: str | None = None):
-        gui = page.server.gui
-        self.page, self.label = page, label
+    def __init__(self, host: Host, label: str, ask: Callable[[], None], hint: str | None = None):
+        gui = host.gui
+        self.host, self.label = host, label
         self.button = gui.add_button(label, hint=hint)
-        self.button.on_click(page.guarded(lambda _: ask()))
+        self.button.on_click(host.guarded(lambda _: ask()))
         self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
         self.words = gui.add_markdown("", visible=False)
         self.stop = gui.add_button("Cancel", visible=False, color="gray")
-        self.stop.on_click(page.guarded(lambda _: self.cancel()))
+        self.stop.on_click(host.guarded(lambda _: self.cancel()))
         self._job: background.Job | None = None
 
     @property
@@ -42,15 +40,15 @@ class Work:
             try:
                 on_done(result)
             except Exception as error:  # what comes of it is shown; that must not end the page either
-                self.page.fail(error)
+                self.host.fail(error)
             finally:
                 self._ended()
 
         def failed(error: Exception) -> None:
             self._ended()
-            self.page.fail(error)
+            self.host.fail(error)
 
-        self._job = self.page.background(function, self._progress, done, failed)
+        self._job = self.host.background(function, self._progress, done, failed)
 
     def cancel(self) -> None:
         """End what is running; nothing comes of it."""

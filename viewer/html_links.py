@@ -8,25 +8,24 @@ page needs no script of its own.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from wrenchgap.viewer.page import Page
+from wrenchgap.viewer.host import Host
 
 LAST = 1e6
 """Order of the buttons in their tab: behind everything that is seen."""
-HIDDEN = "<style>div:has(> .wrenchgap-links) ~ * {display: none}</style><span class='wrenchgap-links'></span>"
-"""Hides whatever follows in the same tab."""
+HIDDEN = "<span class='wrenchgap-links'></span>"
+"""Hides whatever follows in the same tab, by the style sheet."""
 
 
 class Links:
     """The links of one tab. Construct inside the tab; `start` before its HTML is written anew, then `to` for each."""
 
-    def __init__(self, page: Page) -> None:
-        self.page = page
-        self.tab = page.server.gui.add_folder(None, order=LAST)
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.tab = host.gui.add_folder(None, order=LAST)
         with self.tab:
-            page.server.gui.add_html(HIDDEN, order=LAST)
+            host.gui.add_html(HIDDEN, order=LAST)
         self._buttons: list[Any] = []
         self._actions: list[Callable[[], None]] = []
 
@@ -34,17 +33,16 @@ class Links:
         """Forget the links that were there; their buttons are used again."""
         self._actions = []
 
-    def to(self, action: Callable[[], None], content: str, style: str = "", title: str = "") -> str:
-        """HTML of a link with this content, style and title; a click calls `action` under the page's lock."""
+    def to(self, action: Callable[[], None]) -> str:
+        """The id for a label; a click on that calls `action` under the page's lock."""
         k = len(self._actions)
         self._actions.append(action)
         if k == len(self._buttons):
             with self.tab:
-                button = self.page.server.gui.add_button(f"link {k}", order=LAST + 1 + k)
-            button.on_click(self.page.guarded(lambda _: self.follow(k)))
+                button = self.host.gui.add_button(f"link {k}", order=LAST + 1 + k)
+            button.on_click(self.host.guarded(lambda _: self.follow(k)))
             self._buttons.append(button)
-        uuid = self._buttons[k]._impl.uuid  # viser has no public way to the id of an element
-        return f'<label for="{uuid}" title="{title}" style="cursor:pointer;{style}">{content}</label>'
+        return str(self._buttons[k]._impl.uuid)  # viser has no public way to the id of an element
 
     def follow(self, k: int) -> None:
         """Do what the k-th link does."""

@@ -6,7 +6,6 @@ its flight changes. Zooming is therefore done here and not in the charts, which 
 
 from __future__ import annotations
 
-import html
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,10 +15,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
 from wrenchgap.viewer.decimate import envelope
-from wrenchgap.viewer.lines import Plot
-from wrenchgap.viewer.session import Stretch
+from wrenchgap.viewer.plots import Plot
+from wrenchgap.viewer.scene import Stretch
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,6 @@ TICKS = {"size": 4, "width": 1}
 READ_PERIOD = 0.1
 """Values at the cursor are renewed so often at most while it moves [s]: nobody reads faster."""
 BAND_SIGMAS = 3.0
-INK = "#495057"
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,8 @@ class Board:
     def move(self, time: float, *, quick: bool = False) -> None:
         """Draw the cursor at an instant; with `quick`, the values at it are left for later if just renewed."""
         self._time = time
-        line = _over(_upright(self.view.place(time), css(CURSOR), 1.5))
+        share = self.view.place(time)
+        line = _over([], [] if share is None else [("", 100.0 * share, css(CURSOR), 1.5)])
         read = not quick or clock.monotonic() - self._read_at > READ_PERIOD
         if read:
             self._read_at = clock.monotonic()
@@ -131,12 +131,15 @@ class Board:
 
     def _mark(self) -> None:
         """Gaps, the loop and the marks, in all charts."""
-        boxes = [_box(self.view, gap.start, gap.stop, GAP) for gap in self.view.gaps]
+        stretches = [box for gap in self.view.gaps for box in _stretch(self.view, gap.start, gap.stop, GAP)]
         if self.view.loop is not None:
-            boxes.append(_box(self.view, *self.view.loop, css(MARKS[0], 0.08)))
-        for (name, time), colour in zip(self.view.marks, MARKS, strict=False):
-            boxes.append(_upright(self.view.place(time), css(colour), 1.0, name))
-        content = _over("".join(boxes))
+            stretches += _stretch(self.view, *self.view.loop, css(MARKS[0], 0.08))
+        uprights = [
+            (name, 100.0 * share, css(colour), 1.0)
+            for (name, time), colour in zip(self.view.marks, MARKS, strict=False)
+            if (share := self.view.place(time)) is not None
+        ]
+        content = _over(stretches, uprights)
         for chart in self.charts.values():
             chart.put("marks", content)
 
@@ -206,24 +209,19 @@ def _limits(values: Array) -> tuple[float, float]:
 def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
     """Title and unit; every line's name in its colour, its value at the cursor, and how much it changes from A to B."""
     values = plot.at(time)
-    change = plot.at(marks[1][1]) - plot.at(marks[0][1]) if len(marks) == 2 else None
-    parts = []
-    for i, line in enumerate(plot.lines):
-        text = "" if not np.isfinite(values[i]) else f" {_number(values[i])}"
-        if line.sigma is not None and np.isfinite(time):
-            k = int(np.searchsorted(plot.time, time + 1e-9, side="right")) - 1
-            if 0 <= k < len(line.sigma) and np.isfinite(line.sigma[k]):
-                text += f" &plusmn; {BAND_SIGMAS * line.sigma[k]:.3g}"
-        if change is not None and np.isfinite(change[i]):
-            text += f" (A&rarr;B {change[i]:+.3g})"
-        name = html.escape(line.name) if line.name != plot.title else "value"
-        parts.append(f'<span style="color:{css(line.colour)};white-space:nowrap"><b>{name}</b>{text}</span>')
-    unit = f" [{html.escape(plot.unit)}]" if plot.unit else ""
-    return (
-        f'<div style="font-size:11px;line-height:1.3;color:{INK};margin:7px {MARGIN + 2}px -8px;'
-        'font-variant-numeric:tabular-nums;overflow-wrap:anywhere">'
-        f"<b>{html.escape(plot.title)}</b>{unit} &nbsp;{' &nbsp;'.join(parts)}</div>"
-    )
+    change = plot.at(marks[1][1]) - plot.at(marks[0][1]) if len(marks) == 2 else np.full(len(values), np.nan)
+    sigmas = plot.sigma_at(time)
+    lines = [
+        {
+            "name": line.name if line.name != plot.title else "value",
+            "colour": css(line.colour),
+            "value": _number(value) if np.isfinite(value) else "",
+            "band": f"{BAND_SIGMAS * sigma:.3g}" if np.isfinite(sigma) else "",
+            "change": f"{by:+.3g}" if np.isfinite(by) else "",
+        }
+        for line, value, sigma, by in zip(plot.lines, values, sigmas, change, strict=True)
+    ]
+    return markup.render("plot_head", title=plot.title, unit=plot.unit, lines=lines)
 
 
 def _number(value: float) -> str:
@@ -231,34 +229,23 @@ def _number(value: float) -> str:
     return f"{value:+.3f}" if abs(value) < 10 else f"{value:+.2f}" if abs(value) < 1000 else f"{value:+.0f}"
 
 
-def _over(content: str) -> str:
-    """Something drawn over the plotting area of the chart that follows, measured from its left in per cent."""
-    left, right = MARGIN + BORDER + Y_AXIS, MARGIN - BORDER + RIGHT
-    return (
-        '<div style="position:relative;height:0;z-index:3;pointer-events:none">'
-        f'<div style="position:absolute;left:{left}px;right:{right}px;top:{MARGIN + BORDER + 4}px;'
-        f'height:{HEIGHT - X_AXIS - 4}px">{content}</div></div>'
+def _over(stretches: Sequence[tuple[float, float, str]], uprights: Sequence[tuple[str, float, str, float]]) -> str:
+    """Stretches (left, width [%], colour) and uprights (name, left [%], colour, width [px]) over a plotting area."""
+    return markup.render(
+        "plot_overlay",
+        left=MARGIN + BORDER + Y_AXIS,
+        right=MARGIN - BORDER + RIGHT,
+        top=MARGIN + BORDER + 4,
+        height=HEIGHT - X_AXIS - 4,
+        stretches=stretches,
+        uprights=uprights,
     )
 
 
-def _upright(share: float | None, colour: str, width: float, name: str = "") -> str:
-    if share is None:
-        return ""
-    label = f'<span style="position:absolute;top:-2px;left:3px;font-size:10px;color:{colour}"><b>{name}</b></span>'
-    return (
-        f'<div class="wg-{name or "cursor"}" style="position:absolute;left:{100 * share:.3f}%;top:0;bottom:0;'
-        f'margin-left:{-0.5 * width:g}px;border-left:{width:g}px {"dashed" if name else "solid"} {colour}">'
-        f"{label if name else ''}</div>"
-    )
-
-
-def _box(view: View, start: float, stop: float, colour: str) -> str:
+def _stretch(view: View, start: float, stop: float, colour: str) -> list[tuple[float, float, str]]:
     span = max(view.stop - view.start, 1e-9)
     left, right = (start - view.start) / span, (stop - view.start) / span
     if right < 0 or left > 1:
-        return ""
+        return []
     left, right = max(left, 0.0), min(right, 1.0)
-    return (
-        f'<div style="position:absolute;left:{100 * left:.3f}%;width:{100 * (right - left):.3f}%;top:0;bottom:0;'
-        f'background:{colour}"></div>'
-    )
+    return [(100.0 * left, 100.0 * (right - left), colour)]

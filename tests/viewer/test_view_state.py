@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.viewer.drawing import Shown
-from wrenchgap.viewer.saved_view import SavedView, parse, read
+from wrenchgap.viewer.scene_drawing import Shown
+from wrenchgap.viewer.view_state import ViewState, parse, read
 
 times = st.floats(-1e6, 1e6)
 points = st.tuples(times, times, times)
@@ -26,7 +26,7 @@ switches = st.builds(
 
 @given(
     st.builds(
-        SavedView,
+        ViewState,
         flight=st.none() | st.text(max_size=20),
         time=st.none() | times,
         marks=st.dictionaries(st.sampled_from(["A", "B"]), times),
@@ -58,7 +58,7 @@ def test_what_is_saved_is_what_is_opened(view):
     ],
 )
 def test_what_is_no_view_is_told_in_one_line(change, words):
-    document = json.loads(SavedView().to_text()) | change
+    document = json.loads(ViewState().to_text()) | change
     with pytest.raises(UsageError, match="saved view") as told:
         parse(json.dumps(document))
     assert words in str(told.value)

@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer.background import Job
+from wrenchgap.viewer.colours import Colour
+from wrenchgap.viewer.export_formats import png, table
+from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
-from wrenchgap.viewer.picture import png, table
-from wrenchgap.viewer.saved_view import parse
-from wrenchgap.viewer.session import HasReport
+from wrenchgap.viewer.plot_board import Board
+from wrenchgap.viewer.view_state import parse
 
 RENDER_SECONDS = 30.0
 """A client that has not rendered by then does not any more."""
 LARGEST_VIEW = 1_000_000
 """Bytes of a saved view, at most."""
 REPORT = "HTML report"
+Caption = tuple[Sequence[tuple[str, Colour]], Sequence[str]]
+"""Rows of the legend, and sentences below it."""
 
 
-class OutPanel(Panel):
+class ExportPanel(Panel):
     """Downloads go to the client that asked for them and to nobody else."""
 
-    def __init__(self, page: Any) -> None:
-        super().__init__(page)
-        gui, guarded = page.server.gui, page.guarded
+    def __init__(self, host: Host, board: Board, caption: Callable[[], Caption]) -> None:
+        super().__init__(host)
+        self._board, self._caption, self._write = board, caption, host.session.capabilities.report
+        gui, guarded = host.gui, host.guarded
         self._job: Job | None = None
-        with page.tab("Out"):
+        with host.tab("Export"):
             with gui.add_folder("download"):
                 self.png = gui.add_button("PNG of the view")
                 self.png.on_click(self._picture)
                 self.csv = gui.add_button("CSV of what is plotted", hint="in the range shown")
                 self.csv.on_click(guarded(self._table))
-                self.report = gui.add_button(REPORT, visible=isinstance(page.session, HasReport))
+                self.report = gui.add_button(REPORT, visible=self._write is not None)
                 self.report.on_click(guarded(self._report))
                 self.progress = gui.add_progress_bar(0.0, visible=False)
                 self.doing = gui.add_markdown("", visible=False)
@@ -51,18 +57,21 @@ class OutPanel(Panel):
             height, width = client.camera.image_height, client.camera.image_width
             render = client.get_render(height, width, transport_format="png", timeout=RENDER_SECONDS)
         except (RuntimeError, TimeoutError) as error:
-            self.page.notify(f"The browser gave no picture: {error}", "error")
+            self.host.notify(f"The browser gave no picture: {error}", "error")
             return
-        with self.page.lock:
-            scene, time = self.page.scene, self.page.cursor.time
-            words = [f"{scene.name}, {time:.2f} s", *self.page.drawing.scale.words().split(", ")]
-            image = png(render, self.page.scene_panel.legend_rows(), words)
-        _download(client, f"{scene.name}_{time:.2f}s.png", image)
+
+        def send(_: Any) -> None:
+            scene, time = self.host.scene, self.host.cursor.time
+            rows, words = self._caption()
+            image = png(render, rows, [f"{scene.name}, {time:.2f} s", *words])
+            _download(client, f"{scene.name}_{time:.2f}s.png", image)
+
+        self.host.guarded(send)(event)
 
     def _table(self, event: Any) -> None:
-        plots = [chart.plot for chart in self.page.board.charts.values()]
-        view = self.page.transport.view
-        name = f"{self.page.scene.name}_{view.start:.2f}-{view.stop:.2f}s.csv"
+        plots = [chart.plot for chart in self._board.charts.values()]
+        view = self._board.view
+        name = f"{self.host.scene.name}_{view.start:.2f}-{view.stop:.2f}s.csv"
         _download(event.client, name, table(plots, view.start, view.stop).encode())
 
     def _report(self, event: Any) -> None:
@@ -71,7 +80,9 @@ class OutPanel(Panel):
             self._job.cancel()
             self._idle()
             return
-        flight, client, session = self.page.scene.name, event.client, self.page.session
+        flight, client, write = self.host.scene.name, event.client, self._write
+        if write is None:
+            return
         self.report.label = "give the report up"
         self.progress.visible = self.doing.visible = True
 
@@ -84,9 +95,9 @@ class OutPanel(Panel):
 
         def failed(error: Exception) -> None:
             self._idle()
-            self.page.fail(error)
+            self.host.fail(error)
 
-        self._job = self.page.background(lambda report: str(session.report(flight, report)), told, done, failed)
+        self._job = self.host.background(lambda report: write(flight, report), told, done, failed)
 
     def _idle(self) -> None:
         self.report.label = REPORT
@@ -94,7 +105,7 @@ class OutPanel(Panel):
         self.progress.value = 0.0
 
     def _save(self, event: Any) -> None:
-        view = self.page.saved_view(event.client)
+        view = self.host.view_of(event.client)
         self.text.value = view.to_text()
         _download(event.client, f"{view.flight}_{view.time:.2f}s.view.json", view.to_text().encode())
 
@@ -102,11 +113,11 @@ class OutPanel(Panel):
         content = self.open.value.content
         if len(content) > LARGEST_VIEW:
             raise UsageError(f"{self.open.value.name}: {len(content)} bytes; a saved view has a few hundred")
-        self.page.restore(parse(content.decode(errors="replace"), self.open.value.name), event.client)
+        self.host.restore(parse(content.decode(errors="replace"), self.open.value.name), event.client)
 
     def _pasted(self, event: Any) -> None:
         if event.client_id is not None and self.text.value.strip().endswith("}"):
-            self.page.restore(parse(self.text.value, "view as text"), event.client)
+            self.host.restore(parse(self.text.value, "view as text"), event.client)
 
 
 def _download(client: Any, name: str, content: bytes) -> None:

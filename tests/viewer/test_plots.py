@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wrenchgap.viewer.board import View, _head
-from wrenchgap.viewer.lines import Line, Plot, plots_of
-from wrenchgap.viewer.picture import png, table
-from wrenchgap.viewer.session import Scene, Series
+from wrenchgap.viewer.export_formats import png, table
+from wrenchgap.viewer.plot_board import View, _head
+from wrenchgap.viewer.plots import Line, Plot, plots_of
+from wrenchgap.viewer.scene import Scene, Series
 
 TIME = np.arange(0.0, 10.0, 0.02)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from wrenchgap.viewer.colours import Colour
-from wrenchgap.viewer.lines import Plot
+from wrenchgap.viewer.plots import Plot
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.viewer.session import Motion
+from wrenchgap.viewer.scene import Motion
 
 Array = NDArray[np.float64]
 

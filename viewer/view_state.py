@@ -1,4 +1,4 @@
-"""A view that can be saved and opened again, by a colleague or on the next log: a small JSON document.
+"""What is seen of a flight, as a frozen state; saved and opened again, by a colleague or on the next log, as JSON.
 
     {"schema": "wrenchgap.view/1", "flight": "test", "time": 12.5, "marks": {"A": 3.0, "B": 4.0}, "loop": true,
      "zoom": "10 s", "speed": "1", "shown": {...}, "channels": [...], "ghost": "nothing", "ghost_shift": 0.0,
@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.viewer.drawing import Shown
+from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"
 Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class SavedView:
-    """See the module; None is "as it is"."""
+class ViewState:
+    """The page holds one and replaces it; `time` and `camera` are filled in when it is saved. None is "as it is"."""
 
     flight: str | None = None
     time: float | None = None
@@ -35,7 +35,7 @@ class SavedView:
     speed: str | None = None
     shown: Shown = field(default_factory=Shown)
     channels: tuple[str, ...] = ()
-    ghost: str | None = None
+    ghost: str = NOTHING
     ghost_shift: float = 0.0
     camera: tuple[Point, Point] | None = None
 
@@ -49,7 +49,7 @@ class SavedView:
         return json.dumps({"schema": SCHEMA, **content}, ensure_ascii=False)
 
 
-def read(path: Path) -> SavedView:
+def read(path: Path) -> ViewState:
     """A view from its file. Raises UsageError where there is none."""
     try:
         text = path.read_text(encoding="utf-8")
@@ -59,7 +59,7 @@ def read(path: Path) -> SavedView:
     return parse(text, f"--view {path}")
 
 
-def parse(text: str, where: str = "saved view") -> SavedView:
+def parse(text: str, where: str = "saved view") -> ViewState:
     """A view from its JSON. Raises UsageError, naming the entry, for anything that is none."""
     try:
         content = json.loads(text)
@@ -68,12 +68,12 @@ def parse(text: str, where: str = "saved view") -> SavedView:
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(f"{where}: schema is {found!r}, expected {SCHEMA!r}; expected what `Save view` wrote")
-    known = {f.name for f in fields(SavedView)}
+    known = {f.name for f in fields(ViewState)}
     unknown = sorted(set(content) - known - {"schema"})
     if unknown:
         raise UsageError(f"{where}: unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}")
     entry = _Entries(content, where)
-    return SavedView(
+    return ViewState(
         flight=entry.text("flight"),
         time=entry.number("time"),
         marks=entry.marks(),
@@ -82,7 +82,7 @@ def parse(text: str, where: str = "saved view") -> SavedView:
         speed=entry.text("speed"),
         shown=entry.shown(),
         channels=entry.texts("channels"),
-        ghost=entry.text("ghost"),
+        ghost=entry.text("ghost") or NOTHING,
         ghost_shift=entry.number("ghost_shift") or 0.0,
         camera=entry.camera(),
     )

@@ -1,7 +1,7 @@
 """Everything in the scene. Lengths in metres, z up.
 
 /world                      where the flight is; with the following camera it moves and the body stays
-/world/body                 pose of B, see `viewer.craft`; its arrows, see `viewer.arrows`
+/world/body                 pose of B, see `viewer.vehicle_shape`; its arrows, see `viewer.arrows`
 /world/reference            pose of D
 /world/path, /world/trail   where the flight leads, where it just was
 /world/along                frames or arrows at many instants, batched
@@ -21,8 +21,8 @@ from wrenchgap.flight import so3
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, thickness
 from wrenchgap.viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
-from wrenchgap.viewer.craft import Craft
-from wrenchgap.viewer.session import Motion, Scene
+from wrenchgap.viewer.scene import Motion, Scene
+from wrenchgap.viewer.vehicle_shape import VehicleShape
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,8 @@ class Drawing:
         self._scene, self.vehicle = scene, vehicle
         scene.set_up_direction("+z")
         self.world = scene.add_frame("/world", show_axes=False)
-        self.craft = Craft(scene, "/world/body", vehicle)
-        self.ghost = Craft(scene, "/world/ghost", vehicle, GHOST)
+        self.craft = VehicleShape(scene, "/world/body", vehicle)
+        self.ghost = VehicleShape(scene, "/world/ghost", vehicle, GHOST)
         self.size = self.craft.size
         self.reference = scene.add_frame("/world/reference", show_axes=False, visible=False)
         self._axes("/world/body/axes", BODY, 0.011)

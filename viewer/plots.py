@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.viewer.colours import Colour, colour_of, line_colours
-from wrenchgap.viewer.session import Scene, Series
+from wrenchgap.viewer.scene import Scene, Series
 
 Array = NDArray[np.float64]
 
@@ -52,8 +52,15 @@ class Plot:
 
     def at(self, time: float) -> Array:
         """Values of all lines at the last sample that is not after `time`; nan where there is none."""
+        return self._at(time, [line.values for line in self.lines])
+
+    def sigma_at(self, time: float) -> Array:
+        """Their standard deviations, nan where there is none."""
+        return self._at(time, [line.sigma for line in self.lines])
+
+    def _at(self, time: float, columns: Sequence[Array | None]) -> Array:
         k = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
-        return np.array([line.values[k] if 0 <= k < len(line.values) else np.nan for line in self.lines])
+        return np.array([np.nan if c is None or not 0 <= k < len(c) else c[k] for c in columns])
 
 
 def plots_of(scene: Scene) -> list[Plot]:

@@ -1,0 +1,95 @@
+"""What the page shows: flights ready to be drawn, second vehicles, series to be plotted. Plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of flight that is worth a look: [start, stop] [s], and why, in a few words."""
+
+    start: float
+    stop: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a second vehicle moves, to be drawn as a ghost: on the clock of the flight that it is compared with.
+
+    time (K,) [s]                       strictly increasing
+    position_E (K, 3), quat_EB (K, 4)   its body
+    tilt (K, A) [rad]                   angles of its arms, None where unknown
+    words                               what it is, in a few words, e.g. "without compensation"
+    """
+
+    time: Array
+    position_E: Array
+    quat_EB: Array
+    tilt: Array | None = None
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Quantities over time that belong into one plot: `values` (K,) by name, on `time` (K,) [s]; nan where unknown.
+
+    `title` is what they are, `unit` what they are in, e.g. "attitude error" in "deg"; `group` the tab for the plot.
+    """
+
+    title: str
+    unit: str
+    time: Array
+    values: Mapping[str, Array]
+    group: str = "Tracking"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One flight, K instants at `time` (K,) [s], strictly increasing; gaps are jumps of it.
+
+    position_E (K, 3), quat_EB (K, 4)   the body; at rest at the origin where the log has no pose
+    reference_position_E, quat_ED       the same of the reference, None where it is not logged
+    tilt (K, A) [rad]                   angles of all arms, None where unknown
+    thrust (K, R) [N]                   of all rotors as commanded, None where unknown
+    wrenches                            by name, e.g. "commanded", "measured", "predicted": (K, 6) in B about the
+                                        centre of mass, nan where unknown
+    sigma                               of some of them, standard deviation (K, 6), nan where unknown
+    residual_of                         the wrench that predicts "measured"; what is left is the residual
+    series                              what else is worth a plot
+    gaps                                stretches that the log does not cover
+    worst                               stretches in which the model is farthest from the measurement
+    notes                               sentences that a user should read
+    """
+
+    name: str
+    time: Array
+    position_E: Array
+    quat_EB: Array
+    reference_position_E: Array | None = None
+    quat_ED: Array | None = None
+    tilt: Array | None = None
+    thrust: Array | None = None
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
+    sigma: Mapping[str, Array] = field(default_factory=dict)
+    residual_of: str | None = None
+    series: tuple[Series, ...] = ()
+    gaps: tuple[Stretch, ...] = ()
+    worst: tuple[Stretch, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def index(self, time: float) -> int:
+        """The last instant that is not after `time`, the first where there is none."""
+        return max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
+
+    @property
+    def motion(self) -> Motion:
+        """The same flight as a ghost for another."""
+        return Motion(self.time, self.position_E, self.quat_EB, self.tilt, self.name)
