@@ -72,12 +72,6 @@ class Trial:
         return Outcome.BETTER if self.t > CLEAR else Outcome.WORSE if self.t < -CLEAR else Outcome.UNCLEAR
 
     @property
-    def verdict(self) -> str:
-        """The outcome with its numbers, for tables and JSON; nothing is decided by it."""
-        words = "no clear change" if self.outcome is Outcome.UNCLEAR else str(self.outcome)
-        return f"{words}: error energy {100 * self.change:+.0f} %, t {self.t:.1f}"
-
-    @property
     def fall(self) -> Array:
         """Fraction (6,) of the parent's rms that is gone."""
         return np.asarray(1.0 - self.after / np.maximum(self.before, 1e-30))

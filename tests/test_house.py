@@ -30,7 +30,6 @@ ALLOWED = {
     "flight/load.py",
     "flight/offsets.py",
     "flight/roles.py",
-    "plant/trajectory.py",
     "learn/design/designer.py",
     "learn/design/separability.py",
     "learn/diagnose/failure_map.py",

@@ -59,7 +59,7 @@ def complete_trajectories(incomplete: str) -> list[str]:
     """Trajectories by name, read from the source likewise; and files, where a path is being typed."""
     if "/" in incomplete or incomplete.endswith(".toml"):
         return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
-    source = ast.parse((_ROOT / "plant" / "trajectory.py").read_text(encoding="utf-8"))
+    source = ast.parse((_ROOT / "plant" / "trajectory" / "__init__.py").read_text(encoding="utf-8"))
     for item in source.body:
         if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name) and item.target.id == "TRAJECTORIES":
             keys = item.value.keys if isinstance(item.value, ast.Dict) else []

@@ -26,8 +26,8 @@ from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
+from wrenchgap.replay.present import addition, explanation, tables
 from wrenchgap.replay.present import design as designing
-from wrenchgap.replay.present import explanation, tables
 from wrenchgap.replay.present.documents import atomic, claim
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import Bench, Stand
@@ -86,7 +86,7 @@ class EffectsDesk:
             bench.undoable,
             bench.redoable,
             bench.saved,
-            bench.stands[-1].trial.verdict if bench.stands[-1].trial is not None else "",
+            "" if (trial := bench.stands[-1].trial) is None else addition.verdict(trial),
         )
 
     def _installed(self, item: ModelEffect) -> Installed:

@@ -10,7 +10,7 @@ import pytest
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant import history, model_file
 from wrenchgap.plant.effects.effect import Source
-from wrenchgap.plant.history import Change, Trial, Value
+from wrenchgap.plant.history import Change, Outcome, Trial, Value
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.wrench_model import Provenance
 
@@ -118,3 +118,21 @@ def test_source_of_an_own_effect_stays_with_its_values():
     effect = replace(make_effect(given().vehicle, "mass", [0.1]), provenance=source)
     text = model_file.dumps(given().with_effects([effect]))
     assert model_file.loads(text).effects[0].provenance.source == source.source
+
+
+@pytest.mark.parametrize(
+    ("sentence", "change", "t", "outcome"),
+    [
+        ("better: error energy -65 %, t 12.3", -0.65, 12.3, Outcome.BETTER),
+        ("worse: error energy +8 %, t -4.0", 0.08, -4.0, Outcome.WORSE),
+        ("no clear change: error energy -0 %, t 0.7", 0.0, 0.7, Outcome.UNCLEAR),
+    ],
+)
+def test_the_sentence_of_earlier_files_is_read_as_numbers(tmp_path, sentence, change, t, outcome):
+    step(given(), ["com_offset"], tmp_path / "a.toml", TRIAL)
+    text = (tmp_path / "a.toml").read_text()
+    assert "change = -0.65\nt = 12.3\n" in text
+    trial = model_file.loads(text.replace("change = -0.65\nt = 12.3", f'verdict = "{sentence}"')).history[-1].trial
+    assert (trial.change, trial.t, trial.outcome) == (change, t, outcome)
+    with pytest.raises(ModelError, match=r"held_out: verdict: got 'much better'"):
+        model_file.loads(text.replace("change = -0.65\nt = 12.3", 'verdict = "much better"'))

@@ -70,6 +70,10 @@ def test_wrench_only_vehicle_needs_no_arms():
         ("position = [0.15, -0.14, 0.0]", "position = [0.15, -0.14]", "position"),
         ("[vehicle]\n", "[vehicle\n", "TOML"),
         ("length = 0.2", "", "length"),
+        ("radius = 0.1", "radius = -0.1", r"vehicle\.rotor\.radius: got -0\.1, expected a positive number"),
+        ("spin = -1, c_f", "spin = -1, cf", r"vehicle\.arms\[3\]\.rotors\[0\]\.cf: .* did you mean 'c_f'"),
+        ("tilts = false", "tilt_axis = [0, 0, 0]", r"vehicle\.arms\[3\]\.tilt_axis: has no direction"),
+        ("0.02, 0.02, 0.04]", "0.02, 0.02, 0.09]", r"vehicle\.inertia: no body has"),
     ],
 )
 def test_says_what_is_wrong_in_one_line(old, new, message):

@@ -31,7 +31,7 @@ def own(tmp_path: Path) -> Any:
 def test_history_tells_what_add_and_remove_did(logs: Any, run: Any, result_of: ResultOf, tmp_path: Path) -> None:
     added = result_of("add", "com_offset", "-m", MODEL, "--from", logs.train, "-o", "a.toml")
     assert added["model_version"] == 2
-    assert added["held_out"]["verdict"].startswith("better")
+    assert added["held_out"]["outcome"] == "better"
     assert min(added["held_out"]["fall"][3:]) > 0.9
     assert run("add", "servo_lag", "-m", "a.toml", "--from", logs.train, "-o", "b.toml").exit_code == 0
     assert run("remove", "com_offset", "-m", "b.toml", "-o", "c.toml").exit_code == 0
@@ -51,7 +51,7 @@ def test_history_tells_what_add_and_remove_did(logs: Any, run: Any, result_of: R
     assert all(c["after_std"] > 0 for c in versions[2]["changed"])
     assert versions[1]["flights"][0]["file"] == "train.mcap"
     assert versions[1]["command"].startswith("wrenchgap add com_offset --model tilt_hexarotor")
-    assert versions[2]["held_out"]["verdict"].startswith("no clear change")
+    assert versions[2]["held_out"]["outcome"] == "unclear"
     assert versions[3]["held_out"] is None
     assert not result["changed_by_hand_since"]
     shown = run("history", "c.toml").stdout
