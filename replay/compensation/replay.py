@@ -20,13 +20,12 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import ActuatorSeries, Flight, WrenchSeries
+from wrenchgap.flight.flight import Flight, WrenchSeries
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.held import commanded_otherwise
 from wrenchgap.learn.data.inputs import check
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
@@ -129,7 +128,7 @@ def replay(
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
-        wrenches, said = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
+        wrenches = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
     return Replay(
         flight=flight,
         model=model,
@@ -140,7 +139,9 @@ def replay(
         time=series.time,
         wrench=series.wrench_B,
         logged=at_stamps(series.time, [] if logged is None else pieces(logged)),
-        **wrenches,
+        measured=wrenches.measured,
+        predicted=wrenches.predicted,
+        predicted_new=wrenches.predicted_new,
         steps=steps,
         conditioning=condition,
         saturation=_saturation(model, steps.commanded, series, dt),
@@ -150,7 +151,7 @@ def replay(
         restarts=len(starts(series)) - 1,
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=(*opened.notes, *said),
+        notes=(*opened.notes, *wrenches.notes),
     )
 
 
@@ -179,32 +180,29 @@ def _inputs(gp: GaussianProcess, wrench: Array, motion: State | None, dt: float)
     return np.hstack((wrench, extra))
 
 
-def _wrenches(
-    opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries
-) -> tuple[dict[str, Array], list[ProcessNote]]:
-    """Measured, predicted as flown and predicted at the new command, (K, 6) each at the stamps of `new`; and notes."""
+@dataclass(frozen=True)
+class _Wrenches:
+    """As in `Replay`, (K, 6) each, and notes on the predictions."""
+
+    measured: Array
+    predicted: Array
+    predicted_new: Array
+    notes: list[ProcessNote]
+
+
+def _wrenches(opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries) -> _Wrenches:
+    """Measured, predicted as flown and predicted at the new command, at the stamps of `new`."""
     records, body = opened.records, model.vehicle.body
     found, notes = predictors(model, (), gp, records[0].cutoff_hz if records else None)
-    predictor: Predictor = found[-1]
+    predictor = found[-1]
     check_effects(predictor.model.effects, model, records)
     otherwise = [commanded_otherwise(r, s, new, model.vehicle) for r, s in zip(records, opened.flown, strict=True)]
-    values = {
-        "measured": [(r.time, r.measured) for r in records],
-        "predicted": [(r.time, predictor.predict(r, body)) for r in records],
-        "predicted_new": [(r.time, predictor.predict(r, body)) for r in otherwise],
-    }
-    return {name: at_stamps(new.time, parts) for name, parts in values.items()}, notes
-
-
-def allocated(replay: Replay) -> ActuatorSeries | None:
-    """Tilt angles and rotor speeds that the new commands ask for; None for a model without rotors."""
-    vehicle = replay.model.vehicle
-    if not vehicle.has_rotors:
-        return None
-    commands, _ = Allocation(vehicle).allocate(about_origin(vehicle.body, replay.steps.commanded), dt=replay.dt)
-    assert commands.tilt is not None
-    assert commands.rotor_speed is not None
-    return ActuatorSeries("/replay/actuators", replay.time, commands.tilt, commands.rotor_speed)
+    return _Wrenches(
+        at_stamps(new.time, [(r.time, r.measured) for r in records]),
+        at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in records]),
+        at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in otherwise]),
+        notes,
+    )
 
 
 def _saturation(model: Model, wrench: Array, series: WrenchSeries, dt: float) -> Saturation | None:

@@ -200,6 +200,26 @@ def test_starting_later_knows_the_integral_and_the_lag_of_before(hidden):
     assert np.abs(same - result.inference.disturbance)[20:].max() < 0.02
 
 
+def test_time_on_the_ground_is_left_out(hidden):
+    def off(series, **parts):
+        return replace(series, **{k: np.where(series.time[:, None] < 2.5, 0.0, v) for k, v in parts.items()})
+
+    late = replace(
+        hidden,
+        commanded=off(hidden.commanded, wrench_B=hidden.commanded.wrench_B),
+        desired=off(hidden.desired, wrench_B=hidden.desired.wrench_B),
+        actuators=off(hidden.actuators, rotor_speed=hidden.actuators.rotor_speed),
+    )
+    r = record(late)
+    assert r.time[0] == pytest.approx(2.5, abs=0.15)  # a low-pass of 1 Hz decides
+    assert any("on the ground" in note for note in r.notes)
+    disturbance = infer(r, KNOWN).disturbance[:, 2]
+    # Were the ground flown, the weight would be a disturbance for 2.5 s.
+    assert np.abs(disturbance[50:]).max() < 0.05 * MODEL.vehicle.body.mass * 9.81
+    with pytest.raises(UsageError, match="can be re-simulated within"):
+        record(late, start=1.0)
+
+
 def test_two_runs_give_identical_numbers(hidden):
     one, two = (counterfactual(record(hidden, duration=2.0), KNOWN) for _ in range(2))
     assert np.array_equal(one.null.flown.state.quat_EB, two.null.flown.state.quat_EB)

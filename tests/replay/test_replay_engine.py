@@ -236,3 +236,36 @@ def test_gp_of_the_wrong_inputs_is_refused(flown, model, gp):
     )
     with pytest.raises(FitError, match="3 inputs"):
         replayed_on(flown, model, narrow)
+
+
+def grounded(log, until):
+    """The same log as if the rotors had stood still until a time."""
+
+    def off(series, **parts):
+        return replace(series, **{k: np.where(series.time[:, None] < until, 0.0, v) for k, v in parts.items()})
+
+    return replace(
+        log,
+        commanded=off(log.commanded, wrench_B=log.commanded.wrench_B),
+        desired=off(log.desired, wrench_B=log.desired.wrench_B),
+        actuators=off(log.actuators, rotor_speed=log.actuators.rotor_speed),
+    )
+
+
+def test_time_on_the_ground_is_left_out(flown, model, gp):
+    late = replayed_on(grounded(flown, 2.5), model, gp)
+    assert late.time[0] == pytest.approx(2.5, abs=0.15)  # a low-pass of 1 Hz decides
+    assert late.time[-1] == flown.desired.time[-1]
+    assert any("on the ground" in note for note in late.notes)
+    assert not replayed_on(flown, model, gp).restarts
+    # What is left is the flight as it was: in the air the same corrections, but for where the search begins.
+    whole = replayed_on(flown, model, gp)
+    air = whole.steps.correction[np.isin(whole.time, late.time)]
+    np.testing.assert_allclose(late.steps.correction[100:], air[100:], atol=1e-4)
+
+
+def test_only_the_part_between_two_times_is_replayed(flown, model, gp):
+    part = replay(opened(flown, model, rate_hz=np.inf, between=(1.0, 4.0)), model, gp)
+    assert part.time[0] == pytest.approx(1.0)
+    assert part.time[-1] == pytest.approx(4.0)
+    assert np.isfinite(part.measured).all(axis=1).mean() > 0.5
