@@ -19,6 +19,8 @@ from wrenchgap.flight import (
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.resample import held_mean
 from wrenchgap.flight.stamps import gaps_of
+from wrenchgap.plant.rigid_body import RigidBody
+from wrenchgap.plant.vehicle import GRAVITY, Body
 
 
 def grid(rate, seconds=10.0, start=0.0):
@@ -165,6 +167,18 @@ def test_without_imu_the_odometry_gives_rates_and_specific_force(known, logs):
     np.testing.assert_allclose(samples.omega_B[inner], truth.omega_B[inner], atol=0.01)
     np.testing.assert_allclose(samples.specific_force_B[inner], truth.specific_force_B[inner], atol=0.05)
     assert any("no IMU" in note for note in result.notes)
+
+
+def test_without_imu_what_hovers_feels_the_force_that_keeps_it_in_the_air(logs):
+    """A log that stands still, and a body of the plant that this very force accelerates nowhere."""
+    time = grid(100)
+    n = len(time)
+    still = OdometrySeries("/o", time, np.zeros((n, 3)), np.tile([1.0, 0, 0, 0], (n, 1)), np.zeros((n, 3)))
+    (samples,) = uniform(replace(a_flight(), imu=None, odometry=still))
+    body = Body(2.0, np.diag([0.01, 0.01, 0.02]), np.zeros(3))
+    push = np.concatenate((body.mass * samples.specific_force_B[len(samples) // 2], np.zeros(3)))
+    rates = RigidBody(body, GRAVITY).derivative(push)((*np.zeros(3), 1.0, *np.zeros(9)))
+    np.testing.assert_allclose(rates, 0.0, atol=1e-9)
 
 
 def test_attitude_is_interpolated_along_the_shortest_rotation(logs):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.process.alternatives import choose
+from wrenchgap.learn.process.alternatives import compare_alternatives
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 
@@ -36,7 +36,7 @@ def noise() -> np.ndarray:
 def test_drag_and_a_lag_ask_for_velocity_and_past() -> None:
     """A torque from the command, from the speed, and from the change of the command."""
     torque = 0.3 * COMMAND[:, [3]] + 0.3 * EXTRA["velocity"][:, [0]] + 0.4 * EXTRA["past"][:, [5]] + noise()
-    found = choose(inputs, torque, TORQUE, ASKED)
+    found = compare_alternatives(inputs, torque, TORQUE, ASKED)
     assert found.better is not None
     assert set(found.best.inputs) == {"velocity", "past"}
     assert found.better.gain > 0.5
@@ -45,7 +45,7 @@ def test_drag_and_a_lag_ask_for_velocity_and_past() -> None:
 
 
 def test_what_the_command_explains_asks_for_nothing() -> None:
-    found = choose(inputs, 0.3 * COMMAND[:, [3]] + noise(), TORQUE, ASKED)
+    found = compare_alternatives(inputs, 0.3 * COMMAND[:, [3]] + noise(), TORQUE, ASKED)
     assert found.best.inputs == ()
 
 
@@ -55,13 +55,13 @@ def test_groups_that_the_log_lacks_are_left_out() -> None:
             raise FitError("no odometry")
         return inputs(groups)
 
-    found = choose(without_pose, 0.4 * EXTRA["past"][:, [5]] + noise(), TORQUE, ASKED)
+    found = compare_alternatives(without_pose, 0.4 * EXTRA["past"][:, [5]] + noise(), TORQUE, ASKED)
     assert found.best.inputs == ("past",)
     assert not any({"velocity", "position"} & set(c.settings.inputs) for c in found.tried)
 
 
 def test_few_samples_are_not_compared() -> None:
-    found = choose(lambda groups: inputs(groups)[:100], noise()[:100], TORQUE, ASKED)
+    found = compare_alternatives(lambda groups: inputs(groups)[:100], noise()[:100], TORQUE, ASKED)
     assert found.tried == ()
     assert found.better is None
     assert found.best == ASKED

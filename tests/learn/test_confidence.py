@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.identify import confidence
-from wrenchgap.learn.identify.confidence import FAR, SUREST, nearest, probability
+from wrenchgap.learn.identify.confidence import FAR, SUREST, nearest
+from wrenchgap.learn.identify.confidence import confidence as confidence_in
 
 SEPARATIONS = (-2.0, 0.0, 1.0, 3.0, 6.0, 8.0, 20.0)
 EXAMPLE = (0.5, 0.4, 1.0, 0.8, -0.6, -1.2)
@@ -21,7 +22,7 @@ def coefficients(request, monkeypatch):
 
 
 def stated(made_up, separation=4.0, share=0.3, evidence=2.0, left=1.5, unknown=False):
-    return probability(made_up.member(made_up.rival(separation), share=share, evidence=evidence), left, unknown)
+    return confidence_in(made_up.member(made_up.rival(separation), share=share, evidence=evidence), left, unknown)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +76,7 @@ def test_nearest_is_the_closest_that_might_be_right_and_is_not_of_the_group(made
 
 def test_farther_than_far_is_no_surer(made_up, monkeypatch):
     monkeypatch.setattr(confidence, "COEFFICIENTS", EXAMPLE)
-    alone = probability(made_up.member(share=0.3, evidence=2.0), 1.5, False)
+    alone = confidence_in(made_up.member(share=0.3, evidence=2.0), 1.5, False)
     assert stated(made_up, separation=FAR + 10) == alone
     assert stated(made_up, separation=FAR - 1) < alone
 
@@ -85,5 +86,5 @@ def test_a_group_is_as_sure_as_what_lies_outside_it(made_up, monkeypatch):
     monkeypatch.setattr(confidence, "COEFFICIENTS", EXAMPLE)
     twin, other = made_up.rival(0.1, 0.999, "twin"), made_up.rival(4.0)
     one, two = made_up.member(other), made_up.member(other, twin)
-    assert probability(one, 1.5, False) == probability(two, 1.5, False)
+    assert confidence_in(one, 1.5, False) == confidence_in(two, 1.5, False)
     assert [r.name for r in two.alike] == ["twin"]

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 from scipy.signal import butter, lfilter
 
-from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, contrast, cosine, energy, evidence
+from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, contrast, cosine, evidence
+from wrenchgap.learn.data.errors import energy
 
 BLOCKS, SAMPLES = 30, 80
 NOISE = np.array([0.03, 0.03, 0.04, 0.003, 0.003, 0.005])
@@ -144,5 +145,5 @@ def test_energy_puts_newton_metres_beside_newtons_by_a_length(data):
     """1 N, and 0.2 Nm at the length of 0.2 m, weigh the same."""
     force, torque = np.zeros((2, 100, 6))
     force[:, 0], torque[:, 4] = 1.0, 0.2
-    assert energy(data, force) == pytest.approx(100)
-    assert energy(data, torque) == pytest.approx(100)
+    assert energy(force, data.weights) == pytest.approx(100)
+    assert energy(torque, data.weights) == pytest.approx(100)

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.design import designer as search
-from wrenchgap.learn.design.designer import advice, design
+from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.design.manoeuvres import Limits, available, extent, space, usual, violations
 from wrenchgap.learn.design.rehearsal import rehearse
 from wrenchgap.learn.design.separability import separability
@@ -172,11 +172,6 @@ def test_separation_on_the_rehearsal_is_that_of_the_design(hexarotor, designed):
     made, _ = designed
     again = separability(rehearse(made.trajectory, hexarotor, LIMITS).record, hexarotor, *made.effects)
     assert again.separation == pytest.approx(made.expected.separation, rel=1e-6)
-
-
-def test_advice_names_what_a_flight_cannot_do():
-    assert any("weigh" in words for words in advice(["mass", "thrust_scale"]))
-    assert advice(["constant_wrench"]) == ()
 
 
 def test_a_size_with_which_nothing_can_hover_is_halved(few):

@@ -7,8 +7,9 @@ import pytest
 
 from wrenchgap import flight
 from wrenchgap.flight.flight import Flight, ImuSeries, WrenchSeries
+from wrenchgap.flight.offsets import Problem
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.diagnose.response import FEEDBACK, responses
+from wrenchgap.learn.diagnose.response import responses
 from wrenchgap.plant import model_file
 
 RATE = 250.0
@@ -61,7 +62,7 @@ def test_a_perfect_plant_responds_at_once_although_commands_are_held(vehicle):
     found = found_in(log(vehicle), vehicle)
     assert found["torque_x"].offset.seconds == pytest.approx(0.0, abs=3e-4)
     assert not found["torque_x"].matters
-    assert "never changes" in found["force_x"].offset.problem
+    assert found["force_x"].offset.problem is Problem.STILL
 
 
 def test_a_delay_is_a_delay_and_is_worth_what_it_leaves(vehicle):
@@ -88,7 +89,7 @@ def test_a_controller_that_answers_to_disturbances_is_not_taken_for_a_lag(vehicl
     echo[:, 2] = made.commanded.wrench_B[:, 2]
     echo[:, 3] = -2e-4 * made.imu.omega_B[:, 0]
     made = replace(made, commanded=replace(made.commanded, wrench_B=echo))
-    assert found_in(made, vehicle)["torque_x"].offset.problem == FEEDBACK
+    assert found_in(made, vehicle)["torque_x"].offset.problem is Problem.FEEDBACK
 
 
 def test_independent_flights_show_their_servo_lag(fly, hexarotor):

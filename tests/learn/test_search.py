@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT, contrast, energy
-from wrenchgap.learn.identify.search import LEAST_EVIDENCE, LIKE, MATERIAL, PLAIN, Search, beyond_chance, material
+from wrenchgap.learn.data.blocks import INDISTINCT, LARGE, LARGE_EVIDENCE, SIGNIFICANT, contrast
+from wrenchgap.learn.data.errors import energy
+from wrenchgap.learn.identify.search import LEAST_EVIDENCE, LIKE, MATERIAL, Search, beyond_chance, material
 from wrenchgap.plant.effects import Parameter
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")
@@ -93,8 +94,8 @@ def test_members_are_listed_by_what_is_lost_without_them(thin_and_turned):
         _, without = search.fitted([n for n in search.chosen if n != member.name], search.fit)
         rms = np.sqrt(np.mean(without**2, axis=0) / np.mean(search.current**2, axis=0))
         assert np.log(rms).sum() == pytest.approx(member.evidence, rel=0.02)
-        gone = energy(search.data, without) / energy(search.data, search.given)
-        gone -= energy(search.data, search.current) / energy(search.data, search.given)
+        gone = energy(without, search.data.weights) / energy(search.given, search.data.weights)
+        gone -= energy(search.current, search.data.weights) / energy(search.given, search.data.weights)
         assert gone == pytest.approx(member.share, abs=1e-3)
 
 
@@ -220,9 +221,9 @@ def test_the_models_own_effects_are_fitted_along_and_not_tried(fly, hexarotor):
 def test_chance_is_ruled_out_by_many_blocks_or_by_a_large_gain():
     assert beyond_chance(SIGNIFICANT + 0.1, LEAST_EVIDENCE + 0.01)
     assert not beyond_chance(SIGNIFICANT + 0.1, LEAST_EVIDENCE - 0.01)  # certain, and too little to matter
-    assert beyond_chance(PLAIN[1] + 0.1, PLAIN[0] + 0.1)  # in few blocks, but much
-    assert not beyond_chance(PLAIN[1] + 0.1, PLAIN[0] - 0.1)
-    assert not beyond_chance(PLAIN[1] - 0.1, 5.0)
+    assert beyond_chance(LARGE + 0.1, LARGE_EVIDENCE + 0.1)  # in few blocks, but much
+    assert not beyond_chance(LARGE + 0.1, LARGE_EVIDENCE - 0.1)
+    assert not beyond_chance(LARGE - 0.1, 5.0)
     assert not beyond_chance(-9.0, 5.0)
 
 

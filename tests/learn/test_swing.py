@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, swing
+from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, oscillation
 
 G = 9.81
 
@@ -29,8 +29,8 @@ class Hull:
         return size * self.data.noise * np.random.default_rng(seed).normal(size=self.said.shape)
 
     def search(self, residual):
-        """`swing` where the model leaves this residual."""
-        return swing(replace(self.data, measured=self.said + residual), residual)
+        """`oscillation` where the model leaves this residual."""
+        return oscillation(replace(self.data, measured=self.said + residual), residual)
 
     def pendulum(self, length, mass=0.2, damping=0.1):
         """What a model with a rigid payload leaves (K, 6) of a mass on a rope, at large angles.
@@ -113,7 +113,7 @@ def test_the_rest_of_the_residual_does_not_hide_a_pendulum(tumbling):
 def test_without_a_pose_only_the_hull_can_be_asked(tumbling):
     residual = tumbling.pendulum(0.7) + tumbling.noise(0)
     blind = replace(tumbling.data, records=tuple(replace(r, has_pose=False) for r in tumbling.data.records))
-    found = swing(replace(blind, measured=tumbling.said + residual), residual)
+    found = oscillation(replace(blind, measured=tumbling.said + residual), residual)
     assert found is None or found.frame == "B"
 
 
