@@ -54,7 +54,11 @@ def plot(result: Comparison, axes: Any = None) -> Any:
 
 def _title(result: Comparison) -> str:
     flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
-    return f"{flights}: wrench measured, commanded and predicted, filtered at {result.records[0].cutoff_hz:g} Hz"
+    longest = max(result.records, key=len)
+    share = _share(result, longest.time)
+    step = (longest.time[-1] - longest.time[0]) / (share * style.COLUMNS)
+    shaded = f"; shaded from smallest to largest in {step:.1f} s" if style.crowded(len(longest), share) else ""
+    return f"{flights}: wrench measured, commanded and predicted, filtered at {longest.cutoff_hz:g} Hz{shaded}"
 
 
 def _draw(result: Comparison, axes: Any) -> None:

@@ -153,19 +153,28 @@ def legend(panel: Any, *, above: float = 0.0) -> None:
 def curve(panel: Any, time: Array, values: Array, colour: str, label: str = "", width: float = 0.9, **style: Any) -> None:
     """One series (N,) over time (N,): a line, or where it is crowded the band between its extremes.
 
-    No column of the panel loses a smallest or largest value. `width` is that of the line; `style` is passed on to it.
+    No column of the panel loses a smallest or largest value. `width` is that of the line, `share` the part of the
+    panel's width that the series takes; `style` is passed on to the line.
     """
     share = style.pop("share", 1.0)
-    columns = max(8, round(COLUMNS * share))
-    x, y = envelope(time, values[None], float(time[0]), float(time[-1]), columns)
+    x, y = envelope(time, values[None], float(time[0]), float(time[-1]), _columns(share))
     name = label or None
-    if len(time) <= CROWDED * columns:
+    if not crowded(len(time), share):
         panel.plot(x, y[0], color=colour, lw=width, label=name, **style)
         return
     pairs = y[0].reshape(-1, 2)
     panel.fill_between(
         x.reshape(-1, 2).mean(axis=1), pairs.min(axis=1), pairs.max(axis=1), color=colour, alpha=0.45, lw=0.3, label=name
     )
+
+
+def crowded(count: int, share: float = 1.0) -> bool:
+    """Whether so many samples, over this share of a panel's width, are drawn as a band."""
+    return count > CROWDED * _columns(share)
+
+
+def _columns(share: float) -> int:
+    return max(8, round(COLUMNS * share))
 
 
 def band(panel: Any, ends: Sequence[float], half: float, label: str = "") -> None:
