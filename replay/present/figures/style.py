@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.replay.present.numbers import number
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,8 @@ CROWDED = 8
 """Samples in a column from which on a curve is drawn as the band between its smallest and largest values."""
 PREFIXES = ((0.1, 1.0, ""), (1e-4, 1e3, "m"), (0.0, 1e6, "µ"))  # noqa: RUF001 - the prefix
 """(smallest of the largest values, factor, SI prefix)."""
+PREFIXED = ("N", "Nm", "m")
+"""Units that take a prefix."""
 
 
 @dataclass(frozen=True)
@@ -103,17 +106,27 @@ def labelled(panel: Any, name: str, unit: str, side: str = "y", size: float = US
     """Name and unit on an axis, with an SI prefix that suits its range; the numbers without offset and exponent."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    low, high = panel.get_ylim() if side == "y" else panel.get_xlim()
-    factor, prefix = 1.0, ""
-    if unit in {"N", "Nm", "m/s^2"}:
-        largest = max(abs(low), abs(high))
-        factor, prefix = next((f, p) for least, f, p in PREFIXES if largest >= least)
+    ends = panel.get_ylim() if side == "y" else panel.get_xlim()
+    factor, prefix = prefixed(max(map(abs, ends)), unit)
     axis = panel.yaxis if side == "y" else panel.xaxis
     axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 9):g}"))
-    written = f"{name} [{prefix}{unit}]" if unit else name
-    (panel.set_ylabel if side == "y" else panel.set_xlabel)(written, fontsize=size)
+    words = f"{name} [{prefix}{unit}]" if unit else name
+    (panel.set_ylabel if side == "y" else panel.set_xlabel)(words, fontsize=size)
     axis.set_tick_params(labelsize=SMALL)
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and SI prefix with which numbers up to `largest` of this unit read well; none for other than PREFIXED."""
+    if unit not in PREFIXED:
+        return 1.0, ""
+    return next((factor, prefix) for least, factor, prefix in PREFIXES if largest >= least)
+
+
+def written(value: float, unit: str) -> str:
+    """A number of two digits with its unit, e.g. `0.22 mNm`."""
+    factor, prefix = prefixed(abs(value), unit)
+    return f"{number(value * factor, 2)} {prefix}{unit}"
 
 
 def grid(panels: Any) -> None:

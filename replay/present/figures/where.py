@@ -16,7 +16,7 @@ from wrenchgap.learn.diagnose.budget import PARTS, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import AXIS_HEADS, quantity, share, unit_of
+from wrenchgap.replay.present.numbers import AXIS_HEADS, share, unit_of
 
 Array = NDArray[np.float64]
 
@@ -98,13 +98,15 @@ def _draw_budget(panel: Any, where: Where) -> None:
     place = np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
     above, below = np.zeros(len(place)), np.zeros(len(place))
     for part in PARTS:
+        if part == "physics" and not where.budget.physics.any():
+            continue
         height = 100.0 * np.append(shares[part], whole[part])
         foot = np.where(height >= 0, above, below)
         name = "given GP" if part == "process" and where.budget.source is Source.GIVEN else NAMES[part]
         panel.bar(place, height, 0.8, bottom=foot, color=COLOURS[part], label=name)
         above, below = above + np.maximum(height, 0.0), below + np.minimum(height, 0.0)
     rms = np.sqrt(where.budget.nominal)
-    names = [f"{name}\n{quantity(v, unit_of(k), 2)}" for k, (name, v) in enumerate(zip(AXIS_HEADS, rms, strict=True))]
+    names = [f"{name}\n{style.written(v, unit_of(k))}" for k, (name, v) in enumerate(zip(AXIS_HEADS, rms, strict=True))]
     panel.set_xticks(place, [*names, "all axes\ntogether"], fontsize=style.SMALL)
     panel.set_ylabel("share of the nominal error energy [%]", fontsize=style.USUAL)
     panel.set_xlabel("axis and its nominal rms", fontsize=style.USUAL)
@@ -121,10 +123,11 @@ def _draw_maps(panels: Any, where: Where) -> None:
     for panel, dependence in zip(panels, _shown(where), strict=True):
         _draw_map(panel, dependence)
     for panel in panels[:1]:
+        if any(np.isnan(d.binned.low).any() for d in _shown(where)):
+            panel.plot([], [], color="0.4", ls="--", lw=0.8, label="samples in no bin (level flight)")
         figure = panel.get_figure(root=False)
         entries = panel.get_legend_handles_labels()
-        look = {"fontsize": style.SMALL, "frameon": False, "ncols": 4}
-        figure.legend(*entries, loc="outside upper left", **look)
+        figure.legend(*entries, loc="outside upper left", fontsize=style.SMALL, frameon=False, ncols=5)
 
 
 def _draw_map(panel: Any, dependence: Dependence) -> None:
@@ -149,17 +152,23 @@ def _draw_map(panel: Any, dependence: Dependence) -> None:
         panel.plot([], [], color=colour, ls=":", lw=1.0, label=f"{word} sensor noise (no model gets below)")
     style.labelled(panel, dependence.label, dependence.unit, "x", size=style.SMALL)
     if dependence.name == "direction":
-        panel.set_xticks(*SIDES)
+        _sides(panel)
     panel.tick_params(axis="x", labelsize=7)
     panel.set_title(_title(dependence), fontsize=style.SMALL, color="black" if dependence.significant else "0.5")
     panel.grid(alpha=0.25)
+
+
+def _sides(panel: Any) -> None:
+    """Names instead of degrees on the axis of the tilt direction."""
+    panel.set_xticks(*SIDES)
+    panel.set_xlabel("tilt direction (side of the body that is low)", fontsize=style.SMALL)
 
 
 def _title(dependence: Dependence) -> str:
     """How much of the error depends on the quantity, and whether that is significant."""
     if not dependence.significant:
         return "no significant dependence"
-    return f"{share(dependence.of_mean)} of its mean, {share(dependence.of_size)} of its size"
+    return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
 
 
 def _draw_grid(panels: Any, where: Where) -> None:
@@ -176,10 +185,10 @@ def _draw_grid(panels: Any, where: Where) -> None:
         style.labelled(bar.ax, f"{word} residual, rms", unit, size=style.SMALL)
         style.labelled(panel, y_name, y_unit, "x", size=style.SMALL)
         style.labelled(panel, x_name, x_unit, size=style.SMALL)
-        panel.set_title(f"{word} residual", fontsize=style.USUAL, loc="left")
+        panel.set_title(f"{word} residual (white: too few samples)", fontsize=style.SMALL, loc="left")
         panel.tick_params(labelsize=7)
         if grid.y == "direction":
-            panel.set_xticks(*SIDES)
+            _sides(panel)
 
 
 def _draw_correlations(panels: Any, where: Where) -> None:
