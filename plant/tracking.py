@@ -17,6 +17,21 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class TrackingErrors:
+    """Errors of N samples at `time` (N,) [s]: `attitude` (N, 3) is e_R, `position` (N,) the distance [m]."""
+
+    time: Array
+    attitude: Array
+    position: Array
+
+
+def tracking_errors(time: Array, position_E: Array, quat_EB: Array, reference: Reference) -> TrackingErrors:
+    """Errors of N samples against N samples of a reference; e_R of `plant.controller`."""
+    e = attitude_error(so3.matrix(quat_EB), so3.matrix(reference.quat_ED))
+    return TrackingErrors(time, e, np.linalg.norm(position_E - reference.position_E, axis=-1))
+
+
+@dataclass(frozen=True)
 class Tracking:
     """Tracking error of a flight of `duration` [s].
 
@@ -33,21 +48,20 @@ class Tracking:
     position_max: float
     duration: float
 
-
-def tracking(time: Array, position_E: Array, quat_EB: Array, reference: Reference) -> Tracking:
-    """Tracking error of N samples at `time` (N,) [s] against N samples of a reference."""
-    e = np.abs(attitude_error(so3.matrix(quat_EB), so3.matrix(reference.quat_ED)))
-    distance = np.linalg.norm(position_E - reference.position_E, axis=-1)
-    return Tracking(
-        attitude_mean=e.mean(axis=0),
-        attitude_median=np.median(e, axis=0),
-        attitude_rms=np.sqrt(np.mean(e**2, axis=0)),
-        position_mean=float(distance.mean()),
-        position_median=float(np.median(distance)),
-        position_rms=float(np.sqrt(np.mean(distance**2))),
-        position_max=float(distance.max()),
-        duration=float(time[-1] - time[0]),
-    )
+    @classmethod
+    def of(cls, errors: TrackingErrors) -> Tracking:
+        """Averages over all samples."""
+        e, distance = np.abs(errors.attitude), errors.position
+        return cls(
+            attitude_mean=e.mean(axis=0),
+            attitude_median=np.median(e, axis=0),
+            attitude_rms=np.sqrt(np.mean(e**2, axis=0)),
+            position_mean=float(distance.mean()),
+            position_median=float(np.median(distance)),
+            position_rms=float(np.sqrt(np.mean(distance**2))),
+            position_max=float(distance.max()),
+            duration=float(errors.time[-1] - errors.time[0]),
+        )
 
 
 @dataclass(frozen=True)

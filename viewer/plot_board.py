@@ -1,7 +1,7 @@
 """The plots beside the scene: one chart each, all over one range of time, with the cursor drawn on top.
 
 While the flight plays, only the cursor's line and the values at it are sent; a chart's data are sent when its range or
-its flight changes. Zooming is therefore done here and not in the charts, which also keeps peaks (`viewer.decimate`).
+its flight changes. Zooming is therefore done here and not in the charts, which also keeps peaks (`flight.decimate`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from wrenchgap.flight.decimate import envelope
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
-from wrenchgap.viewer.decimate import envelope
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.scene import Stretch
 

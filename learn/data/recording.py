@@ -15,7 +15,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ, RecordedMotion, recorded_motion
 from wrenchgap.plant.closed_loop import Clock
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.tracking import Tracking, during, tracking
+from wrenchgap.plant.tracking import Tracking, TrackingErrors, during, tracking_errors
 from wrenchgap.plant.trajectory import Recorded, Reference
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -69,12 +69,17 @@ class Recording:
         return bool(asked[0] >= known[0] and asked[-1] <= known[-1] + 1.0)
 
     @property
-    def tracking(self) -> Tracking:
-        """Tracking error of the recorded flight within the window, by its odometry."""
+    def tracking_errors(self) -> TrackingErrors:
+        """Errors of the recorded flight within the window, by its odometry."""
         assert self.flight.reference is not None
         flown = during(self.odometry, self.time[self.window])
         asked = Recorded(self.flight.reference, start=0.0).at(flown.time)
-        return tracking(flown.time, flown.position_E, flown.quat_EB, asked)
+        return tracking_errors(flown.time, flown.position_E, flown.quat_EB, asked)
+
+    @property
+    def tracking(self) -> Tracking:
+        """Their averages."""
+        return Tracking.of(self.tracking_errors)
 
 
 def read_recording(

@@ -23,7 +23,7 @@ from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating, Correction, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.tracking import Deviation, Tracking, deviation, tracking
+from wrenchgap.plant.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
 from wrenchgap.plant.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -45,11 +45,16 @@ class Reflight:
         return self.flown.commands.wrench_B
 
     @property
-    def tracking(self) -> Tracking:
-        """How well it follows the recorded reference."""
+    def tracking_errors(self) -> TrackingErrors:
+        """Errors against the recorded reference."""
         state, r = self.flown.state, self.recording
         rows = slice(r.first, r.first + len(state.time))
-        return tracking(state.time, state.position_E, state.quat_EB, r.reference.take(rows))
+        return tracking_errors(state.time, state.position_E, state.quat_EB, r.reference.take(rows))
+
+    @property
+    def tracking(self) -> Tracking:
+        """How well it follows the recorded reference."""
+        return Tracking.of(self.tracking_errors)
 
     @property
     def deviation(self) -> Deviation:

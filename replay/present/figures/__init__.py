@@ -1,4 +1,8 @@
-"""Figures of the results, with matplotlib: `plot(result, axes)` draws into axes, `save` writes a PNG."""
+"""Results as pictures: one module for each kind of result, named as its module in `wrenchgap.replay.present`.
+
+A module says what its picture is (`picture(result)`: panels, size, what is drawn); `style` makes figures of it. Drawn
+into axes of the user or into a new figure of pyplot (so that a notebook shows it) by `plot`, into a file by `save`.
+"""
 
 from __future__ import annotations
 
@@ -7,5 +11,24 @@ from typing import Any
 
 
 def save(result: Any, path: Path, *, force: bool = False) -> None:
-    """Draw a result and write it as PNG, all of it or nothing."""
-    raise NotImplementedError(f"{type(result).__name__}: no figure yet")
+    """Write a result's picture as PNG, all of it or nothing, without a window.
+
+    Raises UsageError for a file that exists (unless `force`) or that cannot be written.
+    """
+    from wrenchgap.replay.present.documents import atomic, claim
+
+    claim({"--figure": path}, force=force)
+    figure = made(result)
+    with atomic(path) as partial:
+        figure.savefig(partial, dpi=110, format="png")
+
+
+def made(result: Any) -> Any:
+    """A result's picture as a figure that belongs to nobody (no pyplot)."""
+    from importlib import import_module
+
+    from wrenchgap.replay.present import MODULES
+    from wrenchgap.replay.present.figures import style
+
+    module = import_module(f"{__name__}.{MODULES[type(result).__name__]}")
+    return style.figure_of(module.picture(result))

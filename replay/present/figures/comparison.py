@@ -1,175 +1,209 @@
-"""Figures (PNG): commanded, measured and predicted wrench over time; residuals by flight."""
+"""Picture of a comparison: per axis the wrenches and, below them, the residuals with the noise floor; rms by flight.
+
+Axes are (6, 2) for one flight, (7, 2) for several: forces on the left, torques on the right; rows in
+turn wrench and residual of x, y, z. The last row, where there are several flights, is the rms by flight.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.replay.present.documents import atomic, claim
+from wrenchgap.learn.data.errors import force_and_torque
+from wrenchgap.replay.present.figures import style
 
 Array = NDArray[np.float64]
 
-COLOURS = {"commanded": "0.6", "measured": "black"}
-PREDICTED = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
-LABELS = ("force x [N]", "force y [N]", "force z [N]", "torque x [Nm]", "torque y [Nm]", "torque z [Nm]")
+NOISE_SIGMAS = 2.0
+"""Half-width of the noise band, in standard deviations."""
+PREDICTION_SIGMAS = 2.0
+"""Half-width of the band around the prediction of a process."""
+PAUSE = 0.015
+"""Gap between two flights, as a share of all the time that is shown."""
+MOST_LETTERS = 70
+"""Letters below the bars beyond which the names are turned."""
+SAME = 0.01
+"""Largest difference from the command, as a share of it, with which a prediction is not drawn beside it."""
 
 
-@dataclass(frozen=True)
-class Traces:
-    """Wrenches (K, 6) of one stretch over `time` (K,) [s]; `sigma` (K, 6) belongs to the last of `predicted`."""
+def picture(result: Comparison) -> style.Picture:
+    """Six pairs of panels, and bars where there are several flights."""
+    rows = 6 + (len(result.flights) > 1)
+    return style.Picture(
+        (rows, 2),
+        (14.0, 2.0 * rows),
+        lambda axes: _draw(result, axes),
+        title=_title(result),
+        split=lambda f: _split(f, rows),
+    )
 
-    flight: str
-    time: Array
-    commanded: Array | None
-    measured: Array
-    predicted: Mapping[str, Array] = field(default_factory=dict)
-    sigma: Array | None = None
+
+def _split(figure: Any, rows: int) -> Any:
+    """Axes (rows, 2), the first six of each column with one time axis."""
+    cells = figure.add_gridspec(rows, 2, height_ratios=([1.6, 1.1] * 3 + [1.6])[:rows])
+    axes = np.empty((rows, 2), dtype=object)
+    for row, column in np.ndindex(rows, 2):
+        axes[row, column] = figure.add_subplot(cells[row, column], sharex=axes[0, column] if 0 < row < 6 else None)
+        axes[row, column].tick_params(labelbottom=row >= 5)
+    return axes
 
 
-def traces(comparison: Comparison) -> list[Traces]:
-    """What a comparison has to show, by record. The nominal prediction is left to the command, which it equals."""
-    out = []
-    for index, record in enumerate(comparison.records):
-        predicted = {e.name: e.predictions[index] for e in comparison.evaluations}
-        if _equal(predicted["nominal"], record.commanded):
-            del predicted["nominal"]
-        last = comparison.evaluations[-1]
-        sigma = None if last.sigma is None else last.sigma[index]
-        out.append(Traces(record.flight, record.time, record.commanded, record.measured, predicted, sigma))
+def plot(result: Comparison, axes: Any = None) -> Any:
+    """Draw into axes (6, 2), (7, 2) for several flights; see the module."""
+    return style.plot(picture(result), axes)
+
+
+def _title(result: Comparison) -> str:
+    flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
+    longest = max(result.records, key=len)
+    share = _share(result, longest.time)
+    step = (longest.time[-1] - longest.time[0]) / (share * style.COLUMNS)
+    shaded = f"; shaded from smallest to largest in {step:.1f} s" if style.crowded(len(longest), share) else ""
+    return f"{flights}: wrench measured, commanded and predicted, filtered at {longest.cutoff_hz:g} Hz{shaded}"
+
+
+def _draw(result: Comparison, axes: Any) -> None:
+    starts = _starts(result)
+    for axis in range(6):
+        wrench, residual = axes[2 * (axis % 3) : 2 * (axis % 3) + 2, axis // 3]
+        _wrenches(wrench, result, starts, axis)
+        _residuals(residual, result, starts, axis)
+        name, unit = style.QUANTITIES[axis]
+        for panel, label in ((wrench, name), (residual, "residual")):
+            style.labelled(panel, label, unit)
+            _flights(panel, result, starts, named=axis % 3 == 0 and panel is wrench)
+            panel.margins(x=0.005)
+    for column, panel in enumerate(axes[5]):
+        several = len(result.flights) > 1
+        style.labelled(panel, "time, flight after flight" if several else "time", "s", "x")
+        style.legend(axes[0, column], above=several)
+        style.legend(axes[1, column])
+    for panel, part in zip(axes[6:].ravel(), (0, 1), strict=False):
+        _bars(panel, result, part)
+    style.grid(axes)
+    axes[0, 0].get_figure(root=False).align_ylabels(list(axes.ravel()))
+
+
+def _starts(result: Comparison) -> list[float]:
+    """What to add to the time of each record so that flights follow one another."""
+    seconds = {name: _span(result, name) for name in result.flights}
+    pause = PAUSE * sum(stop - start for start, stop in seconds.values())
+    shift, out, end = {}, [], 0.0
+    for index, (name, (start, stop)) in enumerate(seconds.items()):
+        shift[name] = 0.0 if index == 0 else end + pause - start
+        end = stop + shift[name]
+    for record in result.records:
+        out.append(shift[record.flight])
     return out
 
 
-def _equal(first: Array, second: Array) -> bool:
-    """Whether two wrenches look the same: force and torque each within 1 % of its own size."""
-    pairs = [(first[:, part], second[:, part]) for part in (slice(0, 3), slice(3, 6))]
-    return all(np.max(np.abs(a - b)) <= 0.01 * np.max(np.abs(b)) for a, b in pairs)
+def _span(result: Comparison, flight: str) -> tuple[float, float]:
+    """First and last time of a flight [s]."""
+    times = [r.time for r in result.records if r.flight == flight]
+    return float(min(t[0] for t in times)), float(max(t[-1] for t in times))
 
 
-def wrench_figure(
-    stretches: Sequence[Traces],
-    path: Path,
-    *,
-    title: str = "",
-    residuals: Comparison | None = None,
-    force: bool = False,
-) -> None:
-    """Torques on the left, forces on the right; flights one after the other. With several flights (and `residuals`)
-    a last row shows the rms by flight.
-    """  # noqa: D205
-    claim({"--figure": path}, force=force)
-    plt = _pyplot()
-    with_bars = residuals is not None
-    figure, axes = plt.subplots(
-        4 if with_bars else 3, 2, figsize=(14, 10 if with_bars else 8), layout="constrained", squeeze=False
-    )
-    offsets = _offsets(stretches)
-    for axis in range(6):
-        panel = axes[axis % 3][1 if axis < 3 else 0]
-        for stretch, offset in zip(stretches, offsets, strict=True):
-            _draw(panel, stretch, stretch.time + offset, axis)
-        panel.set_ylabel(LABELS[axis])
-        panel.margins(x=0.01)
-        panel.grid(alpha=0.3)
-        if axis % 3 == 2:
-            panel.set_xlabel("time [s]" if len({s.flight for s in stretches}) == 1 else "time [s], flight after flight")
-        _separators(panel, stretches, offsets, axis)
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside upper right", ncols=len(unique), frameon=False)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    if residuals is not None:
-        _bars(axes[3], residuals)
-    try:
-        with atomic(path) as partial:
-            figure.savefig(partial, dpi=110, format="png")
-    finally:
-        plt.close(figure)
+def _share(result: Comparison, time: Array) -> float:
+    """Part of the panel's width that a record takes."""
+    whole = sum(stop - start for start, stop in (_span(result, name) for name in result.flights))
+    return float(time[-1] - time[0]) / max(whole, 1e-9)
 
 
-def _draw(panel: Any, stretch: Traces, time: Array, axis: int) -> None:
-    if stretch.commanded is not None:
-        panel.plot(time, stretch.commanded[:, axis], color=COLOURS["commanded"], lw=1.0, label="commanded")
-    panel.plot(time, stretch.measured[:, axis], color=COLOURS["measured"], lw=0.9, label="measured")
-    last = ""
-    for (name, values), colour in zip(stretch.predicted.items(), PREDICTED * 2, strict=False):
-        panel.plot(time, values[:, axis], color=colour, lw=0.9, label=name)
-        last = colour
-    if stretch.sigma is not None and last and np.isfinite(stretch.sigma[:, axis]).all():
-        centre = list(stretch.predicted.values())[-1][:, axis]
-        band = 3.0 * stretch.sigma[:, axis]
-        panel.fill_between(time, centre - band, centre + band, color=last, alpha=0.18, lw=0, label="3 sigma")
+def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) -> None:
+    """Commanded, measured, and what every model predicts; the first is left out where it is the command."""
+    hidden = {result.evaluations[0].name} if _is_command(result) else set()
+    last = result.evaluations[-1]
+    for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
+        time, label = record.time + start, index == 0
+        share = _share(result, time)
+
+        def draw(values: Array, colour: str, name: str, width: float = 0.9) -> None:
+            style.curve(panel, time, values, colour, name if label else "", width, share=share)  # noqa: B023
+
+        draw(record.commanded[:, axis], style.COMMANDED, "commanded", 1.2)
+        draw(record.measured[:, axis], style.MEASURED, "measured", 1.7)
+        for place, e in enumerate(result.evaluations):
+            if e.name not in hidden:
+                draw(e.predictions[index][:, axis], _colour(place), f"predicted by {e.name}")
+        if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
+            centre, half = last.predictions[index][:, axis], PREDICTION_SIGMAS * last.sigma[index][:, axis]
+            words = f"± {PREDICTION_SIGMAS:g} sigma of {last.name}" if label else None
+            colour = _colour(len(result.evaluations) - 1)
+            panel.fill_between(
+                time, centre - half, centre + half, color=colour, alpha=0.15, lw=0, label=words, zorder=1
+            )
 
 
-def _offsets(stretches: Sequence[Traces]) -> list[float]:
-    """What to add to each stretch's time so that flights follow one another."""
-    offsets: list[float] = []
-    end = 0.0
-    for index, stretch in enumerate(stretches):
-        if index == 0:
-            offset = 0.0
-        elif stretch.flight == stretches[index - 1].flight:
-            offset = offsets[-1]
-        else:
-            offset = end - float(stretch.time[0])
-        offsets.append(offset)
-        end = float(stretch.time[-1]) + offset + 1.0
-    return offsets
+def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -> None:
+    """Measured minus predicted of every model, the last on top, and the noise of the sensors as a band."""
+    for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
+        time = record.time + start
+        share = _share(result, time)
+        for place, e in enumerate(result.evaluations):
+            label = e.name if index == 0 else ""
+            residual = record.measured[:, axis] - e.predictions[index][:, axis]
+            style.curve(panel, time, residual, _colour(place), label, share=share)
+        half = NOISE_SIGMAS * float(record.noise[axis])
+        words = f"± {NOISE_SIGMAS:g} sigma of the sensor noise" if index == 0 else ""
+        style.band(panel, [float(time[0]), float(time[-1])], half, words)
 
 
-def _separators(panel: Any, stretches: Sequence[Traces], offsets: Sequence[float], axis: int) -> None:
-    names = [s.flight for s in stretches]
-    if len(set(names)) == 1:
+def _colour(place: int) -> str:
+    """Of a model by its place; the first is the one that all others are compared with."""
+    return "0.45" if place == 0 else style.MODELS[(place - 1) % len(style.MODELS)]
+
+
+def _is_command(result: Comparison) -> bool:
+    """Whether the first model predicts the command: force and torque each within `SAME` of its own size."""
+    pairs = [
+        (predicted[:, part], record.commanded[:, part])
+        for record, predicted in zip(result.records, result.evaluations[0].predictions, strict=True)
+        for part in (slice(0, 3), slice(3, 6))
+    ]
+    return all(np.max(np.abs(a - b)) <= SAME * np.max(np.abs(b)) for a, b in pairs)
+
+
+def _flights(panel: Any, result: Comparison, starts: list[float], *, named: bool) -> None:
+    """Where one flight ends and the next begins; above them the names, or where these are too long the numbers."""
+    if len(result.flights) == 1:
         return
-    for index, (stretch, offset) in enumerate(zip(stretches, offsets, strict=True)):
-        if index and names[index] == names[index - 1]:
-            continue
-        start = float(stretch.time[0]) + offset
-        if index:
-            panel.axvline(start - 0.5, color="0.5", lw=0.8, ls="--")
-        if axis % 3 == 0:
-            place = ("data", "axes fraction")
-            panel.annotate(stretch.flight, (start, 1.0), xycoords=place, fontsize=8, va="bottom", rotation=8)
+    shift = dict(zip((r.flight for r in result.records), starts, strict=True))
+    spans = {name: _span(result, name) for name in result.flights}
+    begins = [start + shift[name] for name, (start, _) in spans.items()]
+    ends = [stop + shift[name] for name, (_, stop) in spans.items()]
+    for end, begin in zip(ends, begins[1:], strict=False):
+        panel.axvline(0.5 * (end + begin), color="0.4", lw=0.8, ls="--")
+    width = panel.get_position().width * panel.get_figure(root=True).get_size_inches()[0] * 72.0
+    letters = width / (ends[-1] - begins[0]) / (0.6 * style.SMALL) * (np.array(ends) - begins)
+    names = [str(k + 1) for k in range(len(spans))] if np.any(list(map(len, spans)) > letters) else list(spans)
+    for name, begin in zip(names if named else (), begins, strict=False):
+        place = {"xycoords": ("data", "axes fraction"), "va": "bottom", "fontsize": style.SMALL}
+        panel.annotate(name, (begin, 1.01), **place)
 
 
-def _bars(axes: Sequence[Any], comparison: Comparison) -> None:
-    """Root mean square of the residual by flight and axis, one bar for each model."""
-    count = len(comparison.evaluations)
-    for panel, rows, unit in ((axes[0], range(3, 6), "Nm"), (axes[1], range(3), "N")):
-        place = np.arange(3 * len(comparison.flights))
-        for index, one in enumerate(comparison.evaluations):
-            colour = COLOURS["commanded"] if index == 0 else PREDICTED[(index - 1) % len(PREDICTED)]
-            heights = [e.rms[a] for e in one.by_flight for a in rows]
-            shift = (index - (count - 1) / 2) * 0.8 / count
-            panel.bar(place + shift, heights, 0.8 / count, color=colour, label=one.name)
-        panel.set_xticks(place, [f"{'M' if unit == 'Nm' else 'F'}{axis}" for _ in comparison.flights for axis in "xyz"])
-        _names_below(panel, comparison.flights)
-        panel.set_ylabel(f"residual rms [{unit}]")
-        panel.legend(fontsize=8, frameon=False)
-        panel.grid(alpha=0.3, axis="y")
+def _bars(panel: Any, result: Comparison, part: int) -> None:
+    """Root mean square residual by flight, over the three axes of force (part 0) or torque (1), with the noise floor."""
+    place, count = np.arange(len(result.flights)), len(result.evaluations)
+    for index, one in enumerate(result.evaluations):
+        heights = [float(force_and_torque(e.rms)[part]) for e in one.by_flight]
+        shift = (index - (count - 1) / 2) * 0.8 / count
+        panel.bar(place + shift, heights, 0.75 / count, color=_colour(index), label=one.name)
+    noise = [_noise(result, flight)[part] for flight in result.flights]
+    panel.hlines(noise, place - 0.45, place + 0.45, color=style.NOISE, lw=2.0, label="sensor noise")
+    names = [f"{k + 1}: {style.shortened(name, 24)}" for k, name in enumerate(result.flights)]
+    turned = {"rotation": 20, "ha": "right"} if sum(map(len, names)) > MOST_LETTERS else {}
+    panel.set_xticks(place, names, fontsize=style.SMALL, **turned)
+    kind, unit = (("force", "N"), ("torque", "Nm"))[part]
+    panel.set_ylim(0.0, None)
+    style.labelled(panel, f"rms of the {kind}\nresidual, 3 axes", unit)
+    style.legend(panel)
 
 
-def _names_below(panel: Any, flights: Sequence[str]) -> None:
-    """The flights' names under their groups of three bars."""
-    size = 8 if len(flights) < 4 else 6
-    for index, flight in enumerate(flights):
-        at = (3 * index + 1, -0.18)
-        place = ("data", "axes fraction")
-        panel.annotate(flight, at, xycoords=place, fontsize=size, ha="center", va="top", annotation_clip=False)
-        if index:
-            panel.axvline(3 * index - 0.5, color="0.5", lw=0.8, ls="--")
-
-
-def _pyplot() -> Any:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
+def _noise(result: Comparison, flight: str) -> Array:
+    """Sensor noise (2,) of force and torque in one flight, mean over its records."""
+    own = [r for r in result.records if r.flight == flight]
+    squares = np.average([r.noise**2 for r in own], axis=0, weights=[len(r) for r in own])
+    return force_and_torque(np.sqrt(squares))

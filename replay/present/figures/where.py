@@ -1,202 +1,219 @@
-"""Figures of `learn.diagnose.where`: failure maps, correlations with their bands, the error budget.
+"""Pictures of where a model fails: error budget, map over two quantities, failure maps, correlations with their bands.
 
-Every function returns a matplotlib figure that belongs to nobody (no pyplot state); `save` writes one.
+`picture` is all of them on one page; its axes are (3 + Q + 12,) in this order: the budget, the map over two quantities
+for force and torque, one for each of the Q quantities (at most `MOST`), autocorrelations of the six axes, and their
+correlations with the strongest input. Each can be drawn alone as well: `budget_figure` and those after it.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.diagnose.budget import PARTS
+from wrenchgap.learn.diagnose.budget import PARTS, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.diagnose.where import Where
-from wrenchgap.replay.present.documents import atomic, claim
+from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.numbers import AXIS_HEADS, share, unit_of
 
 Array = NDArray[np.float64]
 
 MOST = 8
 """Quantities drawn at most."""
-FORCE, TORQUE, NOISE = "tab:blue", "tab:orange", "0.55"
 COLOURS = {"noise": "0.7", "physics": "tab:green", "process": "tab:blue", "unexplained": "tab:red"}
 NAMES = {"noise": "sensor noise", "physics": "effects", "process": "Gaussian process", "unexplained": "unexplained"}
-SIDES = ((-180, -90, 0, 90), ("back", "right", "front", "left"))
-SHORT = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
+SIDES = ((-180, -90, 0, 90, 180), ("back", "right", "front", "left", "back"))
+"""Tilt directions [deg] and their names."""
+HARMFUL = -100.0
+"""Share [%] below which the budget's axis becomes logarithmic: effects that do great harm."""
+
+
+def picture(where: Where) -> style.Picture:
+    """All of it on one page."""
+    count = len(_shown(where))
+    rows = max(1, -(-count // 4))
+
+    def split(figure: Any) -> Any:
+        heights = (3.6, 2.9 * rows, 5.4)
+        top, middle, bottom = figure.subfigures(3, 1, height_ratios=heights)
+        left, right = top.subfigures(1, 2, width_ratios=[1.0, 1.15])
+        maps = middle.subplots(rows, 4, squeeze=False).ravel()
+        for spare in maps[count:]:
+            spare.set_axis_off()
+        parts = ([left.subplots()], right.subplots(1, 2), maps[:count], bottom.subplots(2, 6, squeeze=False).ravel())
+        return np.concatenate([np.asarray(part, dtype=object) for part in parts])
+
+    def draw(axes: Any) -> None:
+        _draw_budget(axes[0], where)
+        _draw_grid(axes[1:3], where)
+        _draw_maps(axes[3 : 3 + count], where)
+        _draw_correlations(axes[3 + count :].reshape(2, 6), where)
+
+    title = f"where {where.name} fails: {', '.join(where.flights)}"
+    return style.Picture((15 + count,), (15.0, 9.0 + 2.9 * rows), draw, title=title, split=split)
+
+
+def plot(where: Where, axes: Any = None) -> Any:
+    """Draw the page into axes (15 + Q,); see the module."""
+    return style.plot(picture(where), axes)
 
 
 def budget_figure(where: Where) -> Any:
     """Stacked bars: what the nominal error is made of, per axis and for the whole."""
-    figure = _figure(8.0, 3.4)
-    _draw_budget(figure.subplots(), where)
-    return figure
+    return style.figure_of(style.Picture((), (8.0, 3.6), lambda panel: _draw_budget(panel, where)))
 
 
 def maps_figure(where: Where) -> Any:
     """One panel per quantity: rms of force and torque by bin, against the noise floor."""
-    shown = where.failure_map.dependences[:MOST]
-    columns = 4 if len(shown) > 2 else 2
-    rows = max(1, -(-len(shown) // columns))
-    figure = _figure(3.6 * columns, 2.9 * rows)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    _draw_maps(panels, where)
-    return figure
+    count = len(_shown(where))
+    columns = 4 if count > 2 else 2
+    rows = max(1, -(-count // columns))
+
+    def draw(panels: Any) -> None:
+        _draw_maps(panels.ravel()[:count], where)
+        for spare in panels.ravel()[count:]:
+            spare.set_axis_off()
+
+    return style.figure_of(style.Picture((rows, columns), (3.7 * columns, 2.9 * rows), draw))
 
 
 def grid_figure(where: Where) -> Any:
     """Map of the rms over two quantities, force and torque; an empty figure where the logs give none."""
-    figure = _figure(8.0, 3.4)
-    _draw_grid(figure, figure.subplots(1, 2), where)
-    return figure
+    return style.figure_of(style.Picture((1, 2), (8.6, 3.4), lambda panels: _draw_grid(panels[0], where)))
 
 
 def correlation_figure(where: Where) -> Any:
     """Autocorrelation of each axis, and its strongest correlation with an input, with bands."""
-    figure = _figure(14.0, 5.2)
-    _draw_correlations(figure.subplots(2, 6, squeeze=False), where)
-    return figure
+    return style.figure_of(style.Picture((2, 6), (14.0, 5.4), lambda panels: _draw_correlations(panels, where)))
 
 
-def where_figure(where: Where) -> Any:
-    """All of it on one page."""
-    rows = max(1, -(-min(MOST, len(where.failure_map.dependences)) // 4))
-    figure = _figure(15.0, 3.4 + 2.9 * rows + 5.2)
-    top, middle, bottom = figure.subfigures(3, 1, height_ratios=[3.4, 2.9 * rows, 5.2])
-    left, right = top.subfigures(1, 2, width_ratios=[1.0, 1.15])
-    _draw_budget(left.subplots(), where)
-    _draw_grid(right, right.subplots(1, 2), where)
-    _draw_maps(middle.subplots(rows, 4, squeeze=False).ravel(), where)
-    _draw_correlations(bottom.subplots(2, 6, squeeze=False), where)
-    figure.suptitle(f"where {where.name} fails: {', '.join(where.flights)}", x=0.01, ha="left", fontsize=11)
-    return figure
-
-
-def save(figure: Any, path: Path, *, force: bool = False) -> None:
-    """Write a figure as PNG, all of it or nothing."""
-    claim({"--figure": path}, force=force)
-    with atomic(path) as partial:
-        figure.savefig(partial, dpi=110, format="png")
-
-
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+def _shown(where: Where) -> tuple[Dependence, ...]:
+    return where.failure_map.dependences[:MOST]
 
 
 def _draw_budget(panel: Any, where: Where) -> None:
-    shares = where.budget.shares()
-    whole = where.budget.whole()
+    shares, whole = where.budget.shares(), where.budget.whole()
     place = np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
-    above = np.zeros(len(place))
-    below = np.zeros(len(place))
+    above, below = np.zeros(len(place)), np.zeros(len(place))
     for part in PARTS:
+        if part == "physics" and not where.budget.physics.any():
+            continue
         height = 100.0 * np.append(shares[part], whole[part])
         foot = np.where(height >= 0, above, below)
-        label = {"given": "given GP"}.get(where.budget.source, NAMES[part]) if part == "process" else NAMES[part]
-        panel.bar(place, height, 0.8, bottom=foot, color=COLOURS[part], label=label)
+        name = "given GP" if part == "process" and where.budget.source is Source.GIVEN else NAMES[part]
+        panel.bar(place, height, 0.8, bottom=foot, color=COLOURS[part], label=name)
         above, below = above + np.maximum(height, 0.0), below + np.minimum(height, 0.0)
     rms = np.sqrt(where.budget.nominal)
-    names = [
-        f"{name}\n{value:.2g} {'N' if i < 3 else 'Nm'}" for i, (name, value) in enumerate(zip(SHORT, rms, strict=True))
-    ]
-    panel.set_xticks(place, [*names, "whole"])
-    panel.set_ylabel("share of the nominal error [%]")
-    panel.set_title("error budget; below the axes: nominal rms", fontsize=9, loc="left")
+    names = [f"{name}\n{style.written(v, unit_of(k))}" for k, (name, v) in enumerate(zip(AXIS_HEADS, rms, strict=True))]
+    panel.set_xticks(place, [*names, "all axes\ntogether"], fontsize=style.SMALL)
+    panel.set_ylabel("share of the nominal error energy [%]", fontsize=style.USUAL)
+    panel.set_xlabel("axis and its nominal rms", fontsize=style.USUAL)
+    panel.tick_params(axis="y", labelsize=style.SMALL)
     panel.axhline(0.0, color="black", lw=0.6)
-    if below.min() < -100.0:  # effects that do great harm
-        panel.set_yscale("symlog", linthresh=100.0)
-    panel.legend(fontsize=8, frameon=False, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.06))
+    if below.min() < HARMFUL:
+        panel.set_yscale("symlog", linthresh=-HARMFUL)
+    style.grid(panel)
+    panel.grid(visible=False, axis="x")
+    style.legend(panel)
 
 
 def _draw_maps(panels: Any, where: Where) -> None:
-    shown = where.failure_map.dependences[: len(panels)]
-    handles = [_draw_map(panel, dependence) for panel, dependence in zip(panels, shown, strict=False)]
-    for panel in panels[len(shown) :]:
-        panel.set_axis_off()
-    if handles:
-        words = [h.get_label() for h in handles[0]]
-        place = panels[0].get_figure(root=False)
-        place.legend(handles[0], words, fontsize=8, frameon=False, ncols=4, loc="outside upper right")
+    for panel, dependence in zip(panels, _shown(where), strict=True):
+        _draw_map(panel, dependence)
+    for panel in panels[:1]:
+        if any(np.isnan(d.binned.low).any() for d in _shown(where)):
+            panel.plot([], [], color="0.4", ls="--", lw=0.8, label="samples in no bin (level flight)")
+        figure = panel.get_figure(root=False)
+        entries = panel.get_legend_handles_labels()
+        figure.legend(*entries, loc="outside upper left", fontsize=style.SMALL, frameon=False, ncols=5)
 
 
-def _draw_map(panel: Any, dependence: Dependence) -> list[Any]:
-    """Rms over the bins, force on the left scale, torque on the right, noise pale; returns what a legend needs."""
+def _draw_map(panel: Any, dependence: Dependence) -> None:
+    """Rms over the bins, force on the left scale, torque on the right, the noise floors as thin lines of their colours."""
     b = dependence.binned
     other = panel.twinx()
     known = np.isfinite(b.low)
-    for part, axis, colour, word in ((slice(0, 3), panel, FORCE, "force"), (slice(3, 6), other, TORQUE, "torque")):
-        rms, noise = (np.sqrt(np.sum(values[:, part] ** 2, axis=1)) for values in (b.rms, b.noise))
-        middle = 0.5 * (b.low + b.high)[known]
-        half = 0.5 * (b.high - b.low)[known]
-        axis.errorbar(middle, rms[known], xerr=half, fmt="o", ms=3, lw=1.5, color=colour, label=f"{word} rms")
-        axis.errorbar(middle, noise[known], xerr=half, fmt="none", lw=1.0, color=colour, alpha=0.5, ls=":")
-        axis.plot([], [], color=colour, alpha=0.5, lw=1.0, label=f"{word} noise")
+    middle, half = 0.5 * (b.low + b.high)[known], 0.5 * (b.high - b.low)[known]
+    for part, axis, colour, word in ((0, panel, style.FORCE, "force"), (1, other, style.TORQUE, "torque")):
+        rows = slice(3 * part, 3 * part + 3)
+        rms, noise = (np.sqrt(np.sum(values[:, rows] ** 2, axis=1)) for values in (b.rms, b.noise))
+        axis.errorbar(middle, rms[known], xerr=half, fmt="o", ms=3, lw=1.5, color=colour)
+        axis.hlines(noise[known], b.low[known], b.high[known], color=colour, lw=1.0, ls=":")
         if not known.all():
             axis.axhline(float(rms[~known][0]), color=colour, lw=0.8, ls="--", alpha=0.7)
         axis.set_ylim(0.0, 1.15 * float(max(rms.max(), noise.max())))
-        axis.tick_params(axis="y", labelsize=7, colors=colour)
-    panel.tick_params(axis="x", labelsize=7)
+        style.labelled(axis, f"{word} rms", "N" if part == 0 else "Nm", size=style.SMALL)
+        axis.yaxis.label.set_color(colour)
+        axis.tick_params(axis="y", colors=colour, labelsize=7)
+        axis.spines["top"].set_visible(False)
+        panel.plot([], [], color=colour, marker="o", ms=3, lw=1.5, label=f"{word} residual, rms in the bin")
+        panel.plot([], [], color=colour, ls=":", lw=1.0, label=f"{word} sensor noise (no model gets below)")
+    style.labelled(panel, dependence.label, dependence.unit, "x", size=style.SMALL)
     if dependence.name == "direction":
-        panel.set_xticks(*SIDES)
-    panel.set_xlabel(f"{dependence.label} [{dependence.unit}]", fontsize=8)
-    sure = "" if dependence.significant else ", chance would do it"
-    text = f"mean {100 * dependence.of_mean:.0f} %, size {100 * dependence.of_size:.0f} %{sure}"
-    panel.set_title(text, fontsize=8, color="black" if dependence.significant else "0.5")
+        _sides(panel)
+    panel.tick_params(axis="x", labelsize=7)
+    panel.set_title(_title(dependence), fontsize=style.SMALL, color="black" if dependence.significant else "0.5")
     panel.grid(alpha=0.25)
-    return [*panel.get_legend_handles_labels()[0], *other.get_legend_handles_labels()[0]]
 
 
-def _draw_grid(figure: Any, panels: Any, where: Where) -> None:
+def _sides(panel: Any) -> None:
+    """Names instead of degrees on the axis of the tilt direction."""
+    panel.set_xticks(*SIDES)
+    panel.set_xlabel("tilt direction (side of the body that is low)", fontsize=style.SMALL)
+
+
+def _title(dependence: Dependence) -> str:
+    """How much of the error depends on the quantity, and whether that is significant."""
+    if not dependence.significant:
+        return "no significant dependence"
+    return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
+
+
+def _draw_grid(panels: Any, where: Where) -> None:
     grid = where.failure_map.grid
     if grid is None:
-        for panel in panels:
-            panel.set_axis_off()
-        panels[0].text(0.0, 0.5, "no map over two quantities: the logs lack them", fontsize=9)
+        style.nothing(panels[0], "no map over two quantities: the logs lack them")
+        panels[1].set_axis_off()
         return
-    for panel, values, word in zip(
-        panels, (grid.force, grid.torque), ("force rms [N]", "torque rms [Nm]"), strict=True
+    x_name, x_unit = grid.x_label.removesuffix("]").split(" [")
+    y_name, y_unit = grid.y_label.removesuffix("]").split(" [")
+    for panel, values, word, unit in zip(
+        panels, (grid.force, grid.torque), ("force", "torque"), ("N", "Nm"), strict=True
     ):
         drawn = panel.pcolormesh(grid.y_edges, grid.x_edges, values, cmap="viridis", vmin=0.0)
-        figure.colorbar(drawn, ax=panel).ax.tick_params(labelsize=7)
-        panel.set_xlabel(grid.y_label, fontsize=8)
-        panel.set_title(word, fontsize=9)
+        bar = panel.get_figure(root=False).colorbar(drawn, ax=panel)
+        style.labelled(bar.ax, f"{word} residual, rms", unit, size=style.SMALL)
+        style.labelled(panel, y_name, y_unit, "x", size=style.SMALL)
+        style.labelled(panel, x_name, x_unit, size=style.SMALL)
+        panel.set_title(f"{word} residual (white: too few samples)", fontsize=style.SMALL, loc="left")
         panel.tick_params(labelsize=7)
         if grid.y == "direction":
-            panel.set_xticks(*SIDES)
-    panels[0].set_ylabel(grid.x_label, fontsize=8)
+            _sides(panel)
 
 
 def _draw_correlations(panels: Any, where: Where) -> None:
     for k, auto in enumerate(where.whiteness.autocorrelation):
         panel = panels[0][k]
-        panel.fill_between(
-            auto.lags, auto.expected - auto.band, auto.expected + auto.band, color=NOISE, alpha=0.35, lw=0
-        )
+        low, high = auto.expected - auto.band, auto.expected + auto.band
+        panel.fill_between(auto.lags, low, high, color=style.NOISE, alpha=0.35, lw=0)
         panel.plot(auto.lags, auto.value, color="black", lw=1.0)
-        panel.set_title(f"{AXES[k]}: {'white' if auto.white else 'not white'}", fontsize=8)
-        panel.set_ylim(-1.05, 1.05)
-        panel.set_xlabel("lag [s]", fontsize=7)
-    panels[0][0].set_ylabel("autocorrelation\n(grey: noise alone)", fontsize=8)
-    for k, axis in enumerate(AXES):
-        panel = panels[1][k]
-        cross = where.whiteness.strongest(axis)
-        panel.set_ylim(-1.05, 1.05)
+        panel.set_title(f"{style.QUANTITIES[k][0]}: {'white' if auto.white else 'not white'}", fontsize=style.SMALL)
+        cross, panel = where.whiteness.strongest(auto.axis), panels[1][k]
         if cross is None:
-            panel.set_axis_off()
+            style.nothing(panel, "no input that\nmoves enough")
             continue
-        panel.axhspan(-cross.band, cross.band, color=NOISE, alpha=0.35, lw=0)
+        panel.axhspan(-cross.band, cross.band, color=style.NOISE, alpha=0.35, lw=0)
         panel.plot(cross.lags, cross.value, color="black", lw=1.0)
-        panel.plot([cross.lag], [cross.peak], "o", ms=4, color="tab:red" if cross.outside else NOISE)
-        panel.set_title(f"with {cross.input}", fontsize=8)
-        panel.set_xlabel("lag [s], + residual follows", fontsize=7)
-    panels[1][0].set_ylabel("with its strongest input\n(grey: chance)", fontsize=8)
+        panel.plot([cross.lag], [cross.peak], "o", ms=4, color=style.WARNING if cross.outside else "0.55")
+        panel.set_title(f"with {cross.input}", fontsize=style.SMALL)
+    panels[0][0].set_ylabel("autocorrelation [-]\n(green: sensor noise alone)", fontsize=style.SMALL)
+    panels[1][0].set_ylabel("correlation with the\nstrongest input [-]\n(green: chance)", fontsize=style.SMALL)
     for panel in np.ravel(panels):
+        panel.set_ylim(-1.05, 1.05)
         panel.tick_params(labelsize=7)
-        panel.grid(alpha=0.25)
+    for row, words in zip(panels, ("lag [s]", "lag [s], > 0: residual later"), strict=True):
+        for panel in row:
+            panel.set_xlabel(words, fontsize=7)
+    style.grid(panels)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchgap.viewer.decimate import BINS, envelope
+from wrenchgap.flight.decimate import BINS, envelope
 
 
 def test_a_peak_of_one_sample_in_an_hour_is_still_there():

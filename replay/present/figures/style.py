@@ -1,0 +1,215 @@
+"""How pictures look: colours, units on axes, legends beside the curves, long series as bands.
+
+Data are drawn in SI units; where these are small (the torques of a small vehicle) the numbers on an axis are printed
+with a prefix, which the axis' label names. So whatever a user draws into the same axes is in SI as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.decimate import envelope
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.replay.present.numbers import number
+
+Array = NDArray[np.float64]
+
+COMMANDED, MEASURED, NOISE, WARNING = "0.6", "black", "#55a868", "tab:red"
+MODELS = ("tab:blue", "tab:orange", "tab:purple", "tab:brown", "tab:olive", "tab:cyan")
+FORCE, TORQUE = "tab:blue", "tab:orange"
+QUANTITIES = tuple((f"{kind} {axis}", unit) for kind, unit in (("force", "N"), ("torque", "Nm")) for axis in "xyz")
+"""Name and unit of the six axes of a wrench."""
+SMALL, USUAL = 8, 9
+"""Sizes of text [points]."""
+
+COLUMNS = 450
+"""Columns of time that a panel tells apart, about the pixels of its width."""
+CROWDED = 8
+"""Samples in a column from which on a curve is drawn as the band between its smallest and largest values."""
+PREFIXES = ((0.1, 1.0, ""), (1e-4, 1e3, "m"), (0.0, 1e6, "µ"))
+"""(smallest of the largest values, factor, SI prefix)."""
+PREFIXED = ("N", "Nm", "m")
+"""Units that take a prefix."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a result looks like: `draw(axes)` fills axes of `shape`, () for a single one.
+
+    `size` is that of a new figure [inch], `heights` the relative heights of its rows. `split` makes the axes of a new
+    figure where a grid with a common time axis will not do.
+    """
+
+    shape: tuple[int, ...]
+    size: tuple[float, float]
+    draw: Callable[[Any], None]
+    title: str = ""
+    heights: Sequence[float] | None = None
+    share: str | bool = False
+    split: Callable[[Any], Any] | None = field(default=None)
+
+
+def plot(picture: Picture, axes: Any = None) -> Any:
+    """Draw into `axes`, in a new figure of pyplot where there are none; returns the axes.
+
+    Raises UsageError for axes of another shape.
+    """
+    if axes is None:
+        import matplotlib.pyplot as plt
+
+        return _filled(plt.figure(figsize=picture.size, layout="constrained"), picture)
+    given = np.asarray(axes, dtype=object)
+    if given.size != np.prod(picture.shape, dtype=int):
+        asked = f"axes of shape {picture.shape}" if picture.shape else "one axes"
+        how = "".join(str(n) + ", " for n in picture.shape).rstrip(", ")
+        raise UsageError(
+            f"plot: got axes of shape {given.shape}, expected {asked}; make them with figure.subplots({how}), or give "
+            "none and take those that are returned"
+        )
+    into = given.reshape(picture.shape)
+    picture.draw(into if picture.shape else into.item())
+    return axes
+
+
+def figure_of(picture: Picture) -> Any:
+    """The picture as a figure that no window and no notebook knows."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=picture.size, layout="constrained")
+    FigureCanvasAgg(figure)
+    _filled(figure, picture)
+    return figure
+
+
+def _filled(figure: Any, picture: Picture) -> Any:
+    if picture.split is not None:
+        axes = picture.split(figure)
+    elif not picture.shape:
+        axes = figure.subplots()
+    else:
+        rows, columns = picture.shape
+        ratios = {} if picture.heights is None else {"height_ratios": picture.heights}
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=picture.share, gridspec_kw=ratios)
+    picture.draw(axes)
+    if picture.title:
+        figure.suptitle(picture.title, x=0.01, ha="left", fontsize=11)
+    return axes
+
+
+def labelled(panel: Any, name: str, unit: str, side: str = "y", size: float = USUAL) -> None:
+    """Name and unit on an axis, with an SI prefix that suits its range; the numbers without offset and exponent."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    ends = panel.get_ylim() if side == "y" else panel.get_xlim()
+    factor, prefix = prefixed(max(map(abs, ends)), unit)
+    axis = panel.yaxis if side == "y" else panel.xaxis
+    axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 9):g}"))
+    words = f"{name} [{prefix}{unit}]" if unit else name
+    (panel.set_ylabel if side == "y" else panel.set_xlabel)(words, fontsize=size)
+    axis.set_tick_params(labelsize=SMALL)
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and SI prefix with which numbers up to `largest` of this unit read well; none for other than PREFIXED."""
+    if unit not in PREFIXED:
+        return 1.0, ""
+    return next((factor, prefix) for least, factor, prefix in PREFIXES if largest >= least)
+
+
+def written(value: float, unit: str) -> str:
+    """A number of two digits with its unit, e.g. `0.22 mNm`."""
+    factor, prefix = prefixed(abs(value), unit)
+    return f"{number(value * factor, 2)} {prefix}{unit}"
+
+
+def grid(panels: Any) -> None:
+    """Thin lines behind the curves, no frame at the top and on the right."""
+    for panel in np.ravel(np.asarray(panels, dtype=object)):
+        panel.grid(alpha=0.25)
+        panel.set_axisbelow(True)
+        for side in ("top", "right"):
+            panel.spines[side].set_visible(False)
+
+
+def legend(panel: Any, *, above: float = 0.0) -> None:
+    """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once."""
+    handles, labels = panel.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    if not once:
+        return
+    figure = panel.get_figure(root=True)
+    room = panel.get_position().width * figure.get_size_inches()[0] * 72.0
+    widths = np.array([(0.55 * len(name) + 3.4) * SMALL for name in once])
+    fitting = [n for n in range(1, len(once) + 1) if sum(max(widths[k::n]) for k in range(n)) <= 1.2 * room]
+    panel.legend(
+        once.values(),
+        once.keys(),
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.2 + 1.3 * above,
+        borderpad=0.1,
+        ncols=max(fitting, default=1),
+        fontsize=SMALL,
+        frameon=False,
+        handlelength=1.6,
+        columnspacing=1.2,
+    )
+
+
+def curve(
+    panel: Any, time: Array, values: Array, colour: str, label: str = "", width: float = 0.9, **style: Any
+) -> None:
+    """One series (N,) over time (N,): a line, or where it is crowded the band between its extremes.
+
+    No column of the panel loses a smallest or largest value. `width` is that of the line, `share` the part of the
+    panel's width that the series takes; `style` is passed on to the line.
+    """
+    share = style.pop("share", 1.0)
+    x, y = envelope(time, values[None], float(time[0]), float(time[-1]), _columns(share))
+    name = label or None
+    if not crowded(len(time), share):
+        panel.plot(x, y[0], color=colour, lw=width, label=name, **style)
+        return
+    pairs = y[0].reshape(-1, 2)
+    panel.fill_between(
+        x.reshape(-1, 2).mean(axis=1),
+        pairs.min(axis=1),
+        pairs.max(axis=1),
+        color=colour,
+        alpha=0.45,
+        lw=0.3,
+        label=name,
+    )
+
+
+def crowded(count: int, share: float = 1.0) -> bool:
+    """Whether so many samples, over this share of a panel's width, are drawn as a band."""
+    return count > CROWDED * _columns(share)
+
+
+def _columns(share: float) -> int:
+    return max(8, round(COLUMNS * share))
+
+
+def band(panel: Any, ends: Sequence[float], half: float, label: str = "") -> None:
+    """A noise floor: pale between -half and half, its edges above all curves."""
+    panel.fill_between(ends, -half, half, color=NOISE, alpha=0.3, lw=0, label=label or None, zorder=0.5)
+    panel.hlines((-half, half), *ends, color=NOISE, lw=0.9, zorder=3)
+
+
+def nothing(panel: Any, words: str) -> None:
+    """A panel without data says why."""
+    panel.set_axis_off()
+    panel.text(0.0, 0.5, words, fontsize=USUAL, color="0.35", transform=panel.transAxes, wrap=True)
+
+
+def shortened(name: str, most: int = 28) -> str:
+    """A long name with its middle left out."""
+    return name if len(name) <= most else f"{name[: most // 2 - 1]}...{name[-(most // 2 - 2) :]}"
