@@ -207,9 +207,7 @@ def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Proces
         rows = output_indices(process.gp.outputs)
         as_given[:, rows] -= process.gp.mean(pooled_inputs(process.gp.input_groups, data.records))
         beside = _beside(model, made)
-        more.append(
-            Stair.of_rms(Kind.GIVEN_PROCESS, model.name, rms(as_given), data.weights, beside, process.known)
-        )
+        more.append(Stair.of_rms(Kind.GIVEN_PROCESS, model.name, rms(as_given), data.weights, beside, process.known))
     return _made(Basis.HELD_OUT, data, [*found.stairs, *more])
 
 

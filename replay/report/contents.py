@@ -170,7 +170,7 @@ def report(
         rest,
         before,
         after,
-        tuple(_next_flights(found, added.model, data, _part(tell, 0.95, 1.0, "next flight: "))),
+        tuple(_next_flights(found, added.model, _part(tell, 0.95, 1.0, "next flight: "))),
         tuple(validation),
     )
 
@@ -210,14 +210,14 @@ def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: St
     return Rest(Process(learnt.gp, False, True, left - np.where(gained, predicted, 0.0)))
 
 
-def _next_flights(found: Explanation, fitted: Model, data: Dataset, progress: Progress) -> Iterator[NextFlight]:
+def _next_flights(found: Explanation, fitted: Model, progress: Progress) -> Iterator[NextFlight]:
     """For each group the flight that separates its first few members."""
     for number, group in enumerate(found.groups):
         if number >= MOST_DESIGNED:
             yield NextFlight(group, None)
             continue
         try:
-            yield NextFlight(group, design(group[:MOST_COMPARED], fitted, records=data.records, progress=progress))
+            yield NextFlight(group, design(group[:MOST_COMPARED], fitted, flights=found.flights, progress=progress))
         except WrenchgapError as error:
             yield NextFlight(group, None, str(error))
 

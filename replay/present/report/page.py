@@ -19,15 +19,19 @@ def page(report: Report, repetition: Repetition) -> str:
     found = report.explanation
     tested = found.validation
     flights = ", ".join(f.records[0].flight for f in report.flights)
-    return _environment().get_template("page.html.jinja").render(
-        title=f"{report.model.name}: {flights}",
-        date=repetition.date,
-        vehicle=report.model.vehicle.name,
-        verdict=str(found.verdict),
-        summary=explanation.summary(found),
-        errors=" ".join(map(staircase.sentence, report.staircases)),
-        warnings=[] if tested is None else explanation.validation_warnings(tested),
-        sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
+    return (
+        _environment()
+        .get_template("page.html.jinja")
+        .render(
+            title=f"{report.model.name}: {flights}",
+            date=repetition.date,
+            vehicle=report.model.vehicle.name,
+            verdict=str(found.verdict),
+            summary=explanation.summary(found),
+            errors=" ".join(map(staircase.sentence, report.staircases)),
+            warnings=[] if tested is None else explanation.validation_warnings(tested),
+            sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
+        )
     )
 
 

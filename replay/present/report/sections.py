@@ -6,7 +6,6 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.identify.explain import Explanation, Verdict
@@ -15,7 +14,7 @@ from wrenchgap.learn.identify.search import Candidate, Member, Step
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
-from wrenchgap.replay.present import explanation, history, learning, staircase, timing, where
+from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.notes import sentences
@@ -199,9 +198,7 @@ def _maps(found: Where) -> dict[str, Any]:
     shown = found.failure_map.dependences[: where_figures.MOST]
     alt = f"Error of {found.name} against {', '.join(d.label for d in shown)}."
     caption = "RMS of the force and of the torque residual against what the vehicle did; pale: sensor noise."
-    rows = [
-        [d.label, where.dependence_in_words(d), f"{d.p:.2g}", "yes" if d.significant else "no"] for d in shown
-    ]
+    rows = [[d.label, where.dependence_in_words(d), f"{d.p:.2g}", "yes" if d.significant else "no"] for d in shown]
     worst = [[s.flight, f"{s.start:.1f} - {s.stop:.1f} s", s.axis.replace("_", " "), *row(s.rms)] for s in found.worst]
     grid = found.failure_map.grid
     over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where hardly flown."
@@ -209,7 +206,9 @@ def _maps(found: Where) -> dict[str, Any]:
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
         "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
-        "grid": Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale.") if grid else None,
+        "grid": Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale.")
+        if grid
+        else None,
         "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
 
@@ -235,7 +234,9 @@ def of_residual(report: Report, _: Repetition) -> Content:
         for g in found.relevance.groups[:MOST_INPUTS]
     ]
     return {
-        "budget": Image.of(where_figures.budget_figure(found), alt, "What the nominal error energy is made of, by axis."),
+        "budget": Image.of(
+            where_figures.budget_figure(found), alt, "What the nominal error energy is made of, by axis."
+        ),
         "shares": Table(("part", "all axes", *AXIS_HEADS), rows),
         "white": Table(("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
         "correlations": Image.of(
@@ -281,7 +282,7 @@ def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
         "file": Saved(f"next-flight-{place}.toml", trajectory_file.dumps(found.file)),
         "words": words.designed(found),
         "table": Table(heads, words.rehearsal(found), left=2, caption=caption) if found.flown else None,
-        "advice": found.advice,
+        "advice": () if found.separable else design.advice(found),
     }
 
 
@@ -323,4 +324,3 @@ SECTIONS: tuple[tuple[str, str, Callable[[Report, Repetition], Content]], ...] =
     ("repeat", "How to repeat this", of_repetition),
 )
 """Anchor, which is also the name of the template, title and content of each section."""
-

@@ -9,6 +9,7 @@ import pandas as pd
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
+from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.words import where_on, why_not
@@ -60,7 +61,7 @@ def _next_flight_json(flight: NextFlight) -> dict[str, Any]:
         "separable": design.separable,
         "separation_before": design.before.separation,
         "separation_expected": design.expected.separation,
-        "advice": list(design.advice),
+        "advice": list(advice(design)),
     }
 
 
