@@ -214,7 +214,7 @@ def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Proces
 def unseen_staircase(
     flights: Sequence[OpenFlight], model: Model, made: Steps, process: Process | None
 ) -> tuple[Staircase, Comparison]:
-    """On flights that nothing was fitted to; and the comparison behind it, its evaluations in the order of the stairs."""
+    """On flights that nothing was fitted to; and the comparison behind it, evaluated in the order of the stairs."""
     labels = _labels(made.names)
     models = [made.model(k).wrench_model for k in range(len(labels))]
     found = [Predictor(name or kind, each) for (kind, name), each in zip(labels, models, strict=True)]

@@ -203,8 +203,8 @@ def reflown(found: Counterfactual, gp: GaussianProcess | None, name: str) -> Ref
     rows.append(("position, max [cm]", *_three(np.array([100 * r.position_max for r in runs]))))
     bound = (
         f"With nothing changed the re-simulated flight is at most {found.null_run.attitude_deg_max:.2f} deg and "
-        f"{100 * found.null_run.position_m_max:.1f} cm off the recorded one: this null-run error bounds the accuracy of "
-        "what follows."
+        f"{100 * found.null_run.position_m_max:.1f} cm off the recorded one: this null-run error bounds the accuracy "
+        "of what follows."
     )
     return Reflown(motion, tuple(rows), (bound, *counterfactual.notes(found, gp)))
 

@@ -51,8 +51,9 @@ def sentence(case: Staircase) -> str:
     if gone <= 0.0:
         return f"On {title(case)}, the RMS error grows by {share(-gone)} with {names}; {noise}."
     words = f"{100 * gone:.1f} %" if gone > NEARLY_ALL else share(gone)
-    ending = f"and is {AT_THE_NOISE}" if case.at_the_noise(last) else f"; {noise}"
-    return f"On {title(case)}, the RMS error is reduced by {words} with {names} {ending}.".replace(" ;", ";")
+    rest = f"{share(1.0 - gone)} of it remains (sensor noise {share(case.share(case.noise))})"
+    ending = f"is {AT_THE_NOISE}" if case.at_the_noise(last) else rest
+    return f"On {title(case)}, the RMS error is reduced by {words} with {names}, and {ending}."
 
 
 def to_json(case: Staircase) -> dict[str, Any]:

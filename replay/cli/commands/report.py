@@ -46,7 +46,6 @@ def report(
     from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present.documents import atomic, claim
     from wrenchgap.replay.present.report import Repetition, Request, page, to_json
-    from wrenchgap.replay.report.contents import report as everything
 
     unseen = validate or []
     read = [*logs, *unseen, model, *([gp] if gp else [])]
@@ -60,7 +59,7 @@ def report(
         told(0.0, "reading logs")
         every = reading.open([*logs, *unseen], base)
         flights, tests = every[: len(logs)], every[len(logs) :]
-        found = everything(flights, base, validation=tests, gp=process, progress=told)
+        found = api.report(flights, base, validate=tests, gp=process, progress=told)
         told(1.0, "writing the page")
         request = Request(model, o.command_line(ctx), o.common_options(ctx), options, gp)
         repetition = Repetition.of(found, request)

@@ -10,7 +10,7 @@ from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.identify.explain import Explanation, Verdict
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.identify.search import Candidate, Member, Step
+from wrenchgap.learn.identify.search import LIKE, Candidate, Member, Step
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
@@ -60,9 +60,9 @@ def of_error(report: Report, _: Repetition) -> Content:
     said = " ".join(map(staircase.sentence, report.staircases))
     caption = (
         "Each step adds one effect; all effects up to there are fitted together. Left: all axes on one scale, newton "
-        "metres divided by a length of the vehicle's size. Right: RMS by axis, logarithmic; dashed: sensor noise behind "
-        "the filter. Held-out time is predicted by parameters that were fitted without it; on unseen flights the "
-        "accelerometer's bias is not estimated."
+        "metres divided by a length of the vehicle's size. Right: RMS by axis, logarithmic; dashed: sensor noise "
+        "behind the filter. Held-out time is predicted by parameters that were fitted without it; on unseen flights "
+        "the accelerometer's bias is not estimated."
     )
     absorbed = report.rest.absorption
     absorbs = "" if absorbed is None else learning.absorption_in_words(absorbed) or "the GP absorbs no known effect."
@@ -132,8 +132,8 @@ def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
         for c in candidates
     ]
     legend = (
-        "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: sum "
-        f"of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANT:g}."
+        "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: "
+        f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANT:g}."
     )
     heads = ("effect", "parameters", "score", *AXIS_HEADS, "evidence", "t")
     return Table(heads, rows, left=2, caption=f"{title}. {legend}" if title else legend)
@@ -147,9 +147,9 @@ def _members(found: Explanation) -> Table | None:
         for m in found.members
     ]
     caption = (
-        "Each named effect was taken out again, and others were tried in its place; two effects with a separation below "
-        f"{INDISTINCT:g} are indistinguishable on these flights. Confidence: the empirical hit rate of names at this "
-        "strength of evidence, on hidden effects of an independent engine. Share: of the error energy that returns "
+        "Each named effect was taken out again, and others were tried in its place; two effects with a separation "
+        f"below {INDISTINCT:g} and a cosine above {LIKE:g} are indistinguishable on these flights. Confidence: the "
+        "empirical hit rate of names at this strength of evidence, on hidden effects of an independent engine. Share: of the error energy that returns "
         "without the effect; a small one may still be certain. t: of the set with it against the set without it."
     )
     heads = ("effect", "confidence", "share", "t", "tried in its place (separation)")
