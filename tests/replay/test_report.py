@@ -254,7 +254,7 @@ def test_prints_tabulates_and_draws_itself(made: Report) -> None:
     assert len(made.plot().patches) == sum(len(case.falling) + 1 for case in made.staircases)
     body = made.to_json()
     assert model_file.loads(body["fitted_model"]).effects[0].name == "com_offset"
-    assert [s["name"] for s in body["staircases"][0]["stairs"]][0] == "nominal"
+    assert body["staircases"][0]["stairs"][0]["name"] == "nominal"
 
 
 def test_a_given_process_is_told_what_it_was_learnt_on(logs: Any, made: Report) -> None:

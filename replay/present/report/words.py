@@ -36,8 +36,8 @@ def rest(found: Rest) -> str:
         return f"The given GP predicts {axes}; it is added to the model as given."
     return (
         f"A Gaussian process of the commanded wrench, learnt for this report from the residual of the last step, "
-        f"reduces the error of {axes}; on held-out time it is predicted by processes that did not see that time. It has "
-        "no physical name: it shows how much remains to be explained."
+        f"reduces the error of {axes}; on held-out time it is predicted by processes that did not see that time. It "
+        "has no physical name: it shows how much remains to be explained."
     )
 
 
