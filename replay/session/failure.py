@@ -12,6 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import whole
 from wrenchgap.learn.diagnose.budget import PARTS, Source, budget, held_out_process
 from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
 from wrenchgap.learn.diagnose.failure_map import Grid as ErrorGrid
@@ -107,8 +108,8 @@ class _Sizes:
 
 def _views(squares: Array, scale: Array) -> Array:
     """Squares (K, 6) as (K, V): all on one scale, force, torque, each axis."""
-    whole = squares @ scale
-    norms = [whole, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)]
+    together = squares @ scale
+    norms = [together, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)]
     return np.column_stack((*norms, squares))
 
 
@@ -184,9 +185,9 @@ def _sides(values: Values, edges: Array) -> list[tuple[str, Rows]]:
 def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: Source) -> tuple[Budget, ...]:
     made = budget(data, nominal, left, process, source)
     known = made.source is not Source.NONE
-    shares, whole = made.shares(), made.whole()
-    scale = float(np.sqrt(made.nominal @ made.weights**2))
-    rows = [(VIEWS[0], UNITS[0], scale, {name: whole[name] for name in PARTS})]
+    shares, together = made.shares(), made.whole()
+    scale = whole(np.sqrt(made.nominal), made.weights)
+    rows = [(VIEWS[0], UNITS[0], scale, {name: together[name] for name in PARTS})]
     for k, axis in enumerate(AXES):
         parts = {name: float(shares[name][k]) for name in PARTS}
         rows.append((axis, unit_of(k), float(np.sqrt(made.nominal[k])), parts))

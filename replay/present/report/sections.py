@@ -150,7 +150,8 @@ def _members(found: Explanation) -> Table | None:
         "Each named effect was taken out again, and others were tried in its place; two effects with a separation "
         f"below {INDISTINCT:g} and a cosine above {LIKE:g} are indistinguishable on these flights. Confidence: the "
         "empirical hit rate of names at this strength of evidence, on hidden effects of an independent engine. Share: "
-        "of the error energy that returns without the effect; a small one may still be certain. t: of the set with it against the set without it."
+        "of the error energy that returns without the effect; a small one may still be certain. t: of the set with it "
+        "against the set without it."
     )
     heads = ("effect", "confidence", "share", "t", "tried in its place (separation)")
     return Table(heads, rows, texts=(4,), caption=caption)
