@@ -13,7 +13,6 @@ from wrenchgap.learn.identify import staircase as steps
 from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.learn.identify.search import Step
 from wrenchgap.learn.identify.staircase import Basis
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -184,8 +183,8 @@ def compensated(done: Replay) -> Compensated:
     return Compensated(rows, tuple(sentences))
 
 
-def reflown(found: Counterfactual, gp: GaussianProcess | None, name: str) -> Reflown:
-    """The re-simulated flight as it is drawn, and its tracking errors beside the recorded ones."""
+def reflown(found: Counterfactual, name: str) -> Reflown:
+    """The re-simulated flight as it is drawn, and its tracking errors beside the recorded ones; `name` of the GP."""
     state, commands = found.changed.flown.state, found.changed.flown.commands
     every = max(1, round(1.0 / (GHOST_RATE * found.inference.recording.dt)))
     motion = Motion(
@@ -193,10 +192,9 @@ def reflown(found: Counterfactual, gp: GaussianProcess | None, name: str) -> Ref
         state.position_E[::every],
         state.quat_EB[::every],
         None if commands.tilt is None else commands.tilt[::every],
-        f"compensated by {name}" if gp is not None else "re-simulated, nothing changed",
+        f"compensated by {name}" if found.change.process is not None else "re-simulated, nothing changed",
     )
-    recorded, null, changed = (found.tracking[key] for key in ("recorded", "null_run", "counterfactual"))
-    runs = (recorded, null, changed)
+    runs = [found.tracking[key] for key in ("recorded", "null_run", "counterfactual")]
     attitude = np.degrees(np.arcsin(np.clip([r.attitude_rms for r in runs], 0.0, 1.0)))
     rows = [(f"attitude {axis}, RMS [deg]", *_three(attitude[:, k])) for k, axis in enumerate("xyz")]
     rows.append(("position, RMS [cm]", *_three(np.array([100 * r.position_rms for r in runs]))))
@@ -206,7 +204,7 @@ def reflown(found: Counterfactual, gp: GaussianProcess | None, name: str) -> Ref
         f"{100 * found.null_run.position_m_max:.1f} cm off the recorded one: this null-run error bounds the accuracy "
         "of what follows."
     )
-    return Reflown(motion, tuple(rows), (bound, *counterfactual.notes(found, gp)))
+    return Reflown(motion, tuple(rows), (bound, *counterfactual.notes(found)))
 
 
 def _three(values: Array) -> tuple[str, str, str]:

@@ -113,9 +113,10 @@ class SessionCompensation:
 
         def work(tell: Report) -> Reflown:
             recording = read_recording(log, model.vehicle, start=start, duration=duration)
-            helper = compensator(gp, given, _settings(gating, recording.dt)) if gating.on else None
-            found = counterfactual(recording, model, Change(compensator=helper), progress=tell)
-            return reflown(found, gp if gating.on else None, setting.name)
+            change = Change()
+            if gating.on:
+                change = Change(compensator=compensator(gp, given, _settings(gating, recording.dt)), process=gp)
+            return reflown(counterfactual(recording, model, change, progress=tell), setting.name)
 
         return apart(work, report)
 

@@ -48,7 +48,7 @@ def report(
     from wrenchgap.replay.present.report import Repetition, Request, page, to_json
 
     unseen = validate or []
-    read = [*logs, *unseen, model, *([gp] if gp else [])]
+    read: list[Path | str] = [*logs, *unseen, model, *([gp] if gp else [])]
     claim({"--output": output, "--json": json}, force=force, inputs=read)
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--output {output}: the report is a web page; expected a name that ends in .html")
