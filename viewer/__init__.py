@@ -8,11 +8,16 @@ from wrenchgap._lazy import names_of
 
 __getattr__, __all__ = names_of(
     __name__,
-    {"wrenchgap.viewer.page": ("Page",), "wrenchgap.viewer.session": ("Motion", "Scene", "Series", "Session")},
+    {
+        "wrenchgap.viewer.page": ("Page",),
+        "wrenchgap.viewer.scene": ("Motion", "Scene", "Series"),
+        "wrenchgap.viewer.session": ("Capabilities", "Session"),
+    },
 )
 
 if TYPE_CHECKING:
-    from wrenchgap.viewer.session import Motion as Motion
-    from wrenchgap.viewer.session import Scene as Scene
-    from wrenchgap.viewer.session import Series as Series
+    from wrenchgap.viewer.scene import Motion as Motion
+    from wrenchgap.viewer.scene import Scene as Scene
+    from wrenchgap.viewer.scene import Series as Series
+    from wrenchgap.viewer.session import Capabilities as Capabilities
     from wrenchgap.viewer.session import Session as Session

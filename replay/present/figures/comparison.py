@@ -44,7 +44,7 @@ def picture(result: Comparison) -> style.Picture:
 def _split(figure: Any, rows: int) -> Any:
     """Axes (rows, 2), the first six of each column with one time axis."""
     cells = figure.add_gridspec(rows, 2, height_ratios=([1.6, 1.1] * 3 + [1.6])[:rows])
-    axes = np.empty((rows, 2), dtype=object)
+    axes: Any = np.empty((rows, 2), dtype=object)
     for row, column in np.ndindex(rows, 2):
         axes[row, column] = figure.add_subplot(cells[row, column], sharex=axes[0, column] if 0 < row < 6 else None)
         axes[row, column].tick_params(labelbottom=row >= 5)
