@@ -79,20 +79,18 @@ def overview(page: Page, tab: Any) -> None:
     page.scene_panel.look("oblique")
     page.transport.zoom.value = "10 s"
     page.cursor.go(12.4)
-    page.redraw()
 
 
 def compared(page: Page, tab: Any) -> None:
     """Two marks, tracking errors, frames along the path."""
     overview(page, tab)
     page.open("test")
-    page.scene_panel.choose_ghost("train")
+    page.scene_panel.ghost.value = "train"
     page.scene_panel.along.value = "frames"
     page.scene_panel.spacing.value = 1.0
     page.cursor.go(9.0)
     page.transport.set_marks({"A": 7.0, "B": 11.0}, True)
     page.scene_panel.look("all")
-    page.redraw()
     tab.get_by_text("Tracking", exact=True).click()
 
 
