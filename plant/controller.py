@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.state import State
-from wrenchgap.plant.trajectory import Reference, attitude_of_thrust, yaw_of
+from wrenchgap.plant.trajectory.reference import Reference, attitude_of_thrust, yaw_of
 from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
 from wrenchgap.plant.wrench_model import cross
 

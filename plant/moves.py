@@ -26,17 +26,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.trajectory import (
-    Flat,
-    Multisine,
-    Profile,
-    Reference,
-    Trajectory,
-    cosine,
-    euler_attitude,
-    quintic,
-    sine,
-)
+from wrenchgap.plant.trajectory.excitation import Multisine
+from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
+from wrenchgap.plant.trajectory.shapes import Flat
 from wrenchgap.plant.wrench_model import cross
 
 Array = NDArray[np.float64]

@@ -17,46 +17,11 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.trajectory.excitation import Excited, Multisine
-from wrenchgap.plant.trajectory.recorded import Recorded, recorded
-from wrenchgap.plant.trajectory.reference import (
-    Profile,
-    Reference,
-    Trajectory,
-    attitude_of_thrust,
-    cosine,
-    euler_attitude,
-    quintic,
-    ramped_phase,
-    sine,
-    yaw_of,
-)
-from wrenchgap.plant.trajectory.shapes import QUINTIC_PEAK, Circle, FigureEight, Flat, Hover, Step, Tilts
+from wrenchgap.plant.trajectory.recorded import Recorded
+from wrenchgap.plant.trajectory.reference import Reference, Trajectory
+from wrenchgap.plant.trajectory.shapes import Circle, FigureEight, Flat, Hover, Step, Tilts
 
-__all__ = [
-    "QUINTIC_PEAK",
-    "TRAJECTORIES",
-    "Circle",
-    "Excited",
-    "FigureEight",
-    "Flat",
-    "Hover",
-    "Multisine",
-    "Profile",
-    "Recorded",
-    "Reference",
-    "Step",
-    "Tilts",
-    "Trajectory",
-    "attitude_of_thrust",
-    "cosine",
-    "euler_attitude",
-    "named",
-    "quintic",
-    "ramped_phase",
-    "recorded",
-    "sine",
-    "yaw_of",
-]
+__all__ = ["TRAJECTORIES", "Hover", "Recorded", "Reference", "Step", "Tilts", "Trajectory", "named"]
 
 _E_X, _E_Y = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
 _AZIMUTHS = np.radians([0.0, 180.0, 60.0, 240.0, 120.0, 300.0, 90.0, 270.0])

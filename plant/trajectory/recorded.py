@@ -74,8 +74,3 @@ def _rate_of(time: Array, quat: Array) -> Array:
     """Rate (N, 3) in the turning frame: the mean of the steps on both sides of each sample."""
     step = so3.log(so3.multiply(so3.conjugate(quat[:-1]), quat[1:])) / np.diff(time)[:, None]
     return np.concatenate((step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]))
-
-
-def recorded(series: ReferenceSeries) -> Recorded:
-    """The trajectory that a log's reference describes."""
-    return Recorded(series)

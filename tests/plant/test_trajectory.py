@@ -7,20 +7,10 @@ from scipy.optimize import brentq
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import ReferenceSeries
-from wrenchgap.plant.trajectory import (
-    TRAJECTORIES,
-    Excited,
-    FigureEight,
-    Flat,
-    Hover,
-    Multisine,
-    Recorded,
-    Trajectory,
-    attitude_of_thrust,
-    named,
-    recorded,
-    yaw_of,
-)
+from wrenchgap.plant.trajectory import TRAJECTORIES, Hover, Recorded, Trajectory, named
+from wrenchgap.plant.trajectory.excitation import Excited, Multisine
+from wrenchgap.plant.trajectory.reference import attitude_of_thrust, yaw_of
+from wrenchgap.plant.trajectory.shapes import FigureEight, Flat
 from wrenchgap.plant.vehicle import GRAVITY
 
 SMOOTH = [name for name in TRAJECTORIES if name != "step"]
@@ -160,7 +150,7 @@ def series(trajectory, rate=200.0, **drop):
 
 def test_a_recorded_reference_flies_the_same_again():
     original = named("figure8", 20.0, 1.0)
-    again = recorded(series(original))
+    again = Recorded(series(original))
     t = np.linspace(0.0, again.duration, 777)
     np.testing.assert_allclose(again.at(t).position_E, original.at(t).position_E, atol=1e-4)
     np.testing.assert_allclose(so3.tilt_angle(again.at(t).quat_ED), so3.tilt_angle(original.at(t).quat_ED), atol=1e-4)
