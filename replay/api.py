@@ -46,6 +46,8 @@ from wrenchgap.replay.compensation.source import checked
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
 from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
+from wrenchgap.replay.report import contents as reporting
+from wrenchgap.replay.report.contents import Report
 
 Flights = OpenFlight | Sequence[OpenFlight]
 Progress = Callable[[float, str], None]
@@ -139,6 +141,21 @@ def explain(
     """
     return explaining.explain(
         listed(flights), model_of(model), names=names, validation=listed(validate), jobs=jobs, progress=progress
+    )
+
+
+def report(
+    flights: Flights,
+    model: Model | Addition,
+    *,
+    names: Sequence[str] = (),
+    validate: Flights = (),
+    gp: GaussianProcess | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """All of it: what is missing, the error step by step, where the model fails, what to fly next; `gp` is on `model`."""
+    return reporting.report(
+        listed(flights), model_of(model), names=names, validation=listed(validate), gp=gp, progress=progress
     )
 
 

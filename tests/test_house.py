@@ -39,12 +39,8 @@ ALLOWED = {
     "replay/cli/commands/design.py::design",
     "replay/cli/commands/learn.py::learn",
     "replay/cli/commands/replay.py::replay",
-    "replay/cli/commands/report.py::report",
     "replay/cli/commands/simulate.py::simulate",
     "replay/cli/commands/view.py::view",
-    "replay/present/report/page.py",
-    "replay/report/contents.py::gather",
-    "replay/session/effects.py",
 }
 """Longer than that today, without a reason: this list only shrinks."""
 

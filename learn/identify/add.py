@@ -59,9 +59,13 @@ def add(
     names: Sequence[str],
     flights: Sequence[OpenFlight],
     *,
+    fitted: Fit | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Addition:
-    """Fit the named effects together with those that the model has. Raises FitError where the logs cannot say."""
+    """Fit the named effects together with those that the model has. Raises FitError where the logs cannot say.
+
+    `fitted` is that fit, where these very flights were fitted already (`Explanation.fit`).
+    """
     for name in names:
         find(name)
     present = [e.name for e in model.effects]
@@ -75,7 +79,7 @@ def add(
         count += 1
         report(1.0 - 0.97**count, f"fitting {', '.join(every)}")
 
-    fitted = fit(data, model, every, tick=tick)
+    fitted = fitted or fit(data, model, every, tick=tick)
     source = Provenance(
         logs=tuple((f.flight.path.name, f.flight.content_hash) for f in flights),
         fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -93,7 +97,7 @@ def add(
         after_rms,
         tuple(n for n in names if n in present),
         tuple(n for n in present if n not in names),
-        trial(data, model, every, fitted),
+        trial(data, model, [e.name for e in fitted.effects], fitted),
         tuple(flights),
     )
 

@@ -1,10 +1,12 @@
-"""The error as a falling staircase: the nominal vehicle, one effect after the other, a Gaussian process, the noise.
+"""The error step by step: the nominal vehicle, one effect after the other, a Gaussian process, the noise.
 
-Two staircases tell the same story on data that was not fitted:
+One staircase is about one kind of time (`Basis`), because an error means little without it:
 
-    held out    blocks of time of the given logs; every block is predicted by parameters fitted without it, the
-                accelerometer's bias among them (`learn.identify.fit.held_out`)
-    unseen      flights that nothing was fitted to; raw errors, as `wrenchgap compare` reports them
+    HELD_OUT  blocks of time of the given logs; every block is predicted by parameters fitted without it, the
+              accelerometer's bias among them (`learn.identify.fit.held_out`)
+    UNSEEN    flights that nothing was fitted to; raw errors, as `compare` reports them
+    FITTED    the flights that the effects were fitted to; raw errors, in-sample
+    RAW       flights on which a model without fitted effects stands; raw errors
 
 At each step all effects up to there are fitted together. "In all" is sqrt(sum_l (w_l rms_l)^2) with the weights of
 `learn.data.dataset.Dataset`, newtons and newton metres on one scale.
@@ -12,8 +14,9 @@ At each step all effects up to there are fitted together. "In all" is sqrt(sum_l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,23 +34,65 @@ from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
 
+AT_THE_NOISE = 1.05
+"""Ratio of an error to the sensor noise up to which nothing remains but noise: the estimate of the noise itself is
+good to a few per cent only."""
+
+
+class Basis(StrEnum):
+    """Which time a staircase is about; see the module."""
+
+    HELD_OUT = "held out"
+    UNSEEN = "unseen"
+    FITTED = "fitted"
+    RAW = "raw"
+
+
+class Kind(StrEnum):
+    """What a stair is the error of."""
+
+    NOMINAL = "nominal"
+    EFFECT = "effect"  # with this effect and all before it
+    GIVEN = "given"  # the model as it was given
+    PROCESS = "process"  # a Gaussian process on the last step
+    GIVEN_PROCESS = "given process"  # a process that was given, on the model as it was given
+    NOISE = "noise"
+
 
 @dataclass(frozen=True)
 class Stair:
-    """One step: rms (6,) [N, Nm]; `beside` is true for what is no step of the staircase but worth comparing."""
+    """One step: rms (6,) [N, Nm]; `name` of the effect or of the given model.
 
+    `beside` is true for what is no step of the staircase but worth comparing, `learnt_here` for a process that was
+    learnt on this very time.
+    """
+
+    kind: Kind
     name: str
     rms: Array
     in_all: float
     beside: bool = False
-    note: str = ""
+    learnt_here: bool = False
+
+    @classmethod
+    def of(cls, kind: Kind, name: str, residual: Array, weights: Array) -> Stair:
+        """The stair of a residual (K, 6)."""
+        return cls.of_rms(kind, name, rms(residual), weights)
+
+    @classmethod
+    def of_rms(
+        cls, kind: Kind, name: str, size: Array, weights: Array, beside: bool = False, learnt_here: bool = False
+    ) -> Stair:
+        """The stair of an rms (6,)."""
+        return cls(kind, name, size, whole(size, weights), beside, learnt_here)
 
 
 @dataclass(frozen=True)
 class Staircase:
-    """Stairs from the nominal vehicle downwards, and the noise floor."""
+    """Stairs from the nominal vehicle downwards on `flights`, and the noise floor."""
 
-    title: str
+    basis: Basis
+    flights: tuple[str, ...]
     stairs: tuple[Stair, ...]
     noise: Stair
 
@@ -56,13 +101,42 @@ class Staircase:
         """The steps proper."""
         return tuple(s for s in self.stairs if not s.beside)
 
+    def share(self, stair: Stair) -> float:
+        """The error in all of a stair over that of the nominal vehicle."""
+        return stair.in_all / max(self.stairs[0].in_all, 1e-30)
+
+    def at_the_noise(self, stair: Stair) -> bool:
+        """Whether nothing remains but the noise of the sensors."""
+        return stair.in_all <= AT_THE_NOISE * self.noise.in_all
+
+
+def staircase(basis: Basis, data: Dataset, residuals: Iterable[Array], effects: Sequence[str]) -> Staircase:
+    """From residuals (K, 6) of `data`: of the nominal vehicle, then with the first, the first two, ... `effects`."""
+    stairs = [
+        Stair.of(kind, name, r, data.weights) for (kind, name), r in zip(_labels(effects), residuals, strict=True)
+    ]
+    return _made(basis, data, stairs)
+
+
+def _labels(effects: Sequence[str]) -> list[tuple[Kind, str]]:
+    return [(Kind.NOMINAL, ""), *((Kind.EFFECT, name) for name in effects)]
+
+
+def _made(basis: Basis, data: Dataset, stairs: Sequence[Stair]) -> Staircase:
+    names = tuple(dict.fromkeys(r.flight for r in data.records))
+    return Staircase(basis, names, tuple(stairs), Stair.of_rms(Kind.NOISE, "", data.noise, data.weights))
+
 
 @dataclass(frozen=True)
 class Steps:
-    """The fits behind the stairs: of no effect, of the first, of the first two, ... all together."""
+    """The fits behind the stairs: of no effect, of the first, of the first two, ... all together.
+
+    `left` (K, 6) of each is the residual on blocks of time that were not fitted.
+    """
 
     names: tuple[str, ...]
     fits: tuple[Fit, ...]
+    left: tuple[Array, ...]
     nominal: Model
 
     def model(self, count: int) -> Model:
@@ -70,16 +144,37 @@ class Steps:
         return with_fit(self.nominal, self.fits[count])
 
 
-def steps(data: Dataset, model: Model, names: Sequence[str], tick: Callable[[int], None] | None = None) -> Steps:
-    """Fit the first 0, 1, 2, ... of `names` together, on the nominal vehicle of `model`."""
+def steps(
+    data: Dataset,
+    model: Model,
+    names: Sequence[str],
+    *,
+    whole: Fit | None = None,
+    earlier: Steps | None = None,
+    tick: Callable[[int], None] | None = None,
+) -> Steps:
+    """Fit the first 0, 1, 2, ... of `names` together, on the nominal vehicle of `model`.
+
+    Nothing is fitted that is there already: `whole` is a fit of all of them to `data`, in any order; `earlier` are
+    steps on the same `data` that may begin with the same names. Raises FitError where nothing can be held out.
+    """
     nominal = model.nominal
-    fits = [fit(data, nominal, ())]
-    for count in range(1, len(names) + 1):
-        start = None if count == 1 else fits[-1]
-        fits.append(fit(data, nominal, tuple(names[:count]), start=start))
+    fits: list[Fit] = []
+    left: list[Array] = []
+    for count in range(len(names) + 1):
+        part = tuple(names[:count])
+        if earlier is not None and earlier.names[:count] == part and count < len(earlier.fits):
+            fits.append(earlier.fits[count])
+            left.append(earlier.left[count])
+            continue
+        if whole is not None and count == len(names):
+            fits.append(whole)
+        else:
+            fits.append(fit(data, nominal, part, start=fits[-1] if count > 1 else None))
+        left.append(held_out(data, nominal, [e.name for e in fits[-1].effects], fits[-1]))
         if tick is not None:
             tick(count)
-    return Steps(tuple(names), tuple(fits), nominal)
+    return Steps(tuple(names), tuple(fits), tuple(left), nominal)
 
 
 @dataclass(frozen=True)
@@ -87,8 +182,8 @@ class Process:
     """A Gaussian process on top of a model.
 
     `given` ones sit on the model that was given; others were learnt for the report on the last step, to show what is
-    left to learn. `left` (K, 6) is what stays of the given logs' residual on blocks that the process did not see; None
-    where it has seen them all.
+    left to learn. `known` says whether it has seen any of the given logs. `left` (K, 6) is what stays of the given
+    logs' residual on blocks that the process did not see; None where it has seen them all.
     """
 
     gp: GaussianProcess
@@ -99,59 +194,47 @@ class Process:
 
 def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Process | None) -> Staircase:
     """On blocks of the given logs that were not fitted."""
-    left = (held_out(data, made.nominal, made.names[:k], f) for k, f in enumerate(made.fits))
-    stairs = [_stair(name, rms(r), data.weights) for name, r in zip(_names(made), left, strict=True)]
-    as_given = held_out(data, model, (), fit(data, model, ()))
+    found = staircase(Basis.HELD_OUT, data, made.left, made.names)
+    more: list[Stair] = []
+    given_process = process is not None and process.left is None
+    if model.effects or given_process:
+        as_given = held_out(data, model, (), fit(data, model, ())) if model.effects else made.left[0].copy()
     if model.effects:
-        stairs.append(_stair(f"{model.name} as given", rms(as_given), data.weights, beside=True))
+        more.append(Stair.of_rms(Kind.GIVEN, model.name, rms(as_given), data.weights, beside=True))
     if process is not None and process.left is not None:
-        stairs.append(_stair(PROCESS, rms(process.left), data.weights))
+        more.append(Stair.of(Kind.PROCESS, "", process.left, data.weights))
     elif process is not None:
         rows = output_indices(process.gp.outputs)
         as_given[:, rows] -= process.gp.mean(pooled_inputs(process.gp.input_groups, data.records))
-        note = "learnt on these logs: not held out" if process.known else ""
-        stairs.append(_stair(_given_name(model), rms(as_given), data.weights, _beside(model, made), note))
-    return Staircase("held-out time of the given logs", tuple(stairs), _stair("sensor noise", data.noise, data.weights))
+        beside = _beside(model, made)
+        more.append(Stair.of_rms(Kind.GIVEN_PROCESS, model.name, rms(as_given), data.weights, beside, process.known))
+    return _made(Basis.HELD_OUT, data, [*found.stairs, *more])
 
 
 def unseen_staircase(
     flights: Sequence[OpenFlight], model: Model, made: Steps, process: Process | None
 ) -> tuple[Staircase, Comparison]:
-    """On flights that nothing was fitted to; and the comparison behind it, the first and the last step first."""
-    found = [Predictor(name, made.model(k).wrench_model) for k, name in enumerate(_names(made))]
-    count = len(found)
+    """On flights that nothing was fitted to; and the comparison behind it, evaluated in the order of the stairs."""
+    labels = _labels(made.names)
+    models = [made.model(k).wrench_model for k in range(len(labels))]
+    found = [Predictor(name or kind, each) for (kind, name), each in zip(labels, models, strict=True)]
     if model.effects:
+        labels.append((Kind.GIVEN, model.name))
         found.append(Predictor(f"{model.name} as given", model.wrench_model))
     if process is not None:
-        below = model if process.given else made.model(count - 1)
-        name = _given_name(model) if process.given else PROCESS
-        found.append(Predictor(name, below.wrench_model, process.gp))
+        labels.append((Kind.GIVEN_PROCESS, model.name) if process.given else (Kind.PROCESS, ""))
+        below = model.wrench_model if process.given else models[-1]
+        found.append(Predictor(f"{model.name}+GP", below, process.gp))
     result = compare(flights, model, found)
-    weights = dataset(result.records, model).weights
-    stairs = []
-    for k, one in enumerate(result.evaluations):
-        on_top = process is not None and k == len(found) - 1
-        falling = k < count or (on_top and (not process.given or not _beside(model, made)))  # type: ignore[union-attr]
-        stairs.append(_stair(one.name, one.pooled.rms, weights, not falling))
-    title = f"unseen flights ({', '.join(result.flights)})"
-    return Staircase(title, tuple(stairs), _stair("sensor noise", result.noise, weights)), result
-
-
-PROCESS = "+ GP of the rest"
-
-
-def _given_name(model: Model) -> str:
-    return f"{model.name} as given + GP"
+    data = dataset(result.records, model)
+    aside = {Kind.GIVEN: True, Kind.GIVEN_PROCESS: _beside(model, made)}
+    stairs = [
+        Stair.of_rms(kind, name, one.pooled.rms, data.weights, aside.get(kind, False))
+        for (kind, name), one in zip(labels, result.evaluations, strict=True)
+    ]
+    return _made(Basis.UNSEEN, data, stairs), result
 
 
 def _beside(model: Model, made: Steps) -> bool:
     """Whether the model as given, which a given GP sits on, is something else than the last step."""
     return {e.name for e in model.effects} != set(made.names)
-
-
-def _names(made: Steps) -> list[str]:
-    return ["nominal", *(f"+ {name}" for name in made.names)]
-
-
-def _stair(name: str, rms: Array, weights: Array, beside: bool = False, note: str = "") -> Stair:
-    return Stair(name, rms, whole(rms, weights), beside, note)

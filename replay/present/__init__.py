@@ -24,6 +24,7 @@ MODULES = {
     "Learnt": "learning",
     "LogReport": "inspection",
     "Replay": "replay",
+    "Report": "report",
     "Where": "where",
 }
 """Which module presents which result, by the name of its class; its figures are in the module of that name in

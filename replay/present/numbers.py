@@ -35,9 +35,11 @@ def row(values: Iterable[float], digits: int = 3) -> list[str]:
 
 
 def share(value: float) -> str:
-    """A part of a whole: whole per cent from 10 % on, a digit more below."""
+    """A part of a whole: whole per cent from 10 % on, a digit more below; what is there never reads as nothing."""
     if not np.isfinite(value):
         return "-"
+    if 0 < abs(value) < 5e-4:
+        return "< 0.1 %"
     return f"{100 * value:.0f} %" if abs(value) >= 0.095 or value == 0 else f"{100 * value:.1f} %"
 
 

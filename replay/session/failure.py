@@ -1,9 +1,8 @@
-"""Where the model as it stands fails on one flight, cell by cell with the worst instant, for the viewer."""
+"""Where the current model fails on one flight, cell by cell with the worst instant, for the viewer."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +12,17 @@ from scipy.ndimage import uniform_filter1d
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.diagnose.budget import PARTS, budget, held_out_process
+from wrenchgap.learn.data.errors import whole
+from wrenchgap.learn.diagnose.budget import PARTS, Source, budget, held_out_process
 from wrenchgap.learn.diagnose.error_grid import Grid as ErrorGrid
 from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
 from wrenchgap.learn.diagnose.quantities import Quantity as Values
 from wrenchgap.learn.diagnose.quantities import quantities
-from wrenchgap.learn.diagnose.where import dependence_words, goes_with
+from wrenchgap.replay.present import panels
+from wrenchgap.replay.present.numbers import unit_of
+from wrenchgap.replay.present.where import depends_on
 from wrenchgap.replay.session.worker import apart
-from wrenchgap.replay.session.working_model import Bench
+from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
 from wrenchgap.viewer.scene import Stretch
 
@@ -28,58 +30,56 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 PERMUTATIONS = 110
-"""Random orders behind "beyond chance": p below 0.01 needs a hundred."""
+"""Random orders behind a p value: one below 0.01 needs a hundred."""
 SMOOTH = 0.2
 """The worst instant of a cell is that of the error's running mean over so long [s]."""
 
 
-class FailureDesk:
-    """Implements `viewer.analysis.Failures` on a bench."""
+class SessionFailures:
+    """Implements `viewer.analysis.Failures` on a working model."""
 
-    def __init__(self, bench: Bench) -> None:
-        self.bench = bench
+    def __init__(self, working: WorkingModel) -> None:
+        self.working = working
 
     def of(self, flight: str) -> Failure:
-        """Where the model as it stands fails on a flight; the budget without a Gaussian process."""
-        return self.bench.kept(("failure", flight), lambda: self._made(flight))
+        """Where the current model fails on a flight; the budget without a Gaussian process."""
+        return self.working.kept(("failure", flight), lambda: self._made(flight))
 
     def full_budget(self, flight: str, report: Report) -> tuple[Budget, ...]:
         """The budget with what a Gaussian process of the command would explain on blocks that it has not seen."""
-        with self.bench.lock:
-            data, left = self.bench.data(flight), self.bench.left_by(self.bench.model, flight)
-            nominal = self.bench.left_by(self.bench.model.nominal, flight)
+        with self.working.lock:
+            data, left = self.working.data(flight), self.working.left_of(self.working.model, flight)
+            nominal = self.working.left_of(self.working.model.nominal, flight)
 
         bare = replace(data)  # without what its evaluators remember
 
         def work(tell: Report) -> Array | None:
             return held_out_process(bare, left, progress=lambda k, n: tell(k / n, f"Gaussian process, fold {k + 1}"))
 
-        return _budget(data, nominal, left, apart(work, report), "fitted")
+        return _budget(data, nominal, left, apart(work, report), Source.FITTED)
 
     def _made(self, flight: str) -> Failure:
-        bench = self.bench
-        data, residual = bench.data(flight), bench.residual(flight)
+        working = self.working
+        data, residual = working.data(flight), working.residual(flight)
         mapped = failure_map(data, residual, permutations=PERMUTATIONS)
         values = {q.name: q for q in quantities(data)[0]}
         sizes = _Sizes(data, residual)
         return Failure(
             flight,
-            bench.predictor.name,
+            working.predictor.name,
             tuple(_quantity(d, values[d.name], sizes) for d in mapped.dependences),
             None if mapped.grid is None else _grid(mapped.grid, values, sizes),
             self._quick_budget(flight, residual),
             _worst(data, residual),
-            (goes_with(mapped), *bench.lacking(flight)),
+            (depends_on(mapped), *(f"left out on {flight}: {reason}" for reason in working.lacking(flight))),
             tuple(f"{name}: {why}" for name, why in mapped.lacking.items()),
         )
 
     def _quick_budget(self, flight: str, residual: Array) -> tuple[Budget, ...]:
-        bench, data = self.bench, self.bench.data(flight)
-        left = bench.left_by(bench.model, flight)
-        gp = bench.predictor.gp
-        return _budget(
-            data, bench.left_by(bench.model.nominal, flight), left, None if gp is None else left - residual, "given"
-        )
+        working, data = self.working, self.working.data(flight)
+        left, nominal = working.left_of(working.model, flight), working.left_of(working.model.nominal, flight)
+        process = None if working.predictor.gp is None else left - residual
+        return _budget(data, nominal, left, process, Source.GIVEN)
 
 
 class _Sizes:
@@ -108,18 +108,17 @@ class _Sizes:
 
 def _views(squares: Array, scale: Array) -> Array:
     """Squares (K, 6) as (K, V): all on one scale, force, torque, each axis."""
-    whole = squares @ scale
-    norms = [whole, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)]
+    together = squares @ scale
+    norms = [together, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)]
     return np.column_stack((*norms, squares))
 
 
 def _quantity(found: Dependence, values: Values, sizes: _Sizes) -> Quantity:
     members = [(words, rows) for words, rows in _members(found.binned, values) if rows.any()]
-    share = max(found.of_mean, found.of_size)
     return Quantity(
         found.label,
         found.unit,
-        dependence_words(found) if share > 0.0 else f"{found.label} (nothing beyond chance)",
+        panels.quantity(found),
         found.significant,
         tuple(sizes.cell(words, rows) for words, rows in members),
     )
@@ -183,15 +182,15 @@ def _sides(values: Values, edges: Array) -> list[tuple[str, Rows]]:
     return [(_bounds(values, a, b), _within(values, a, b, last=k == len(pairs) - 1)) for k, (a, b) in enumerate(pairs)]
 
 
-def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: str) -> tuple[Budget, ...]:
-    made = budget(data, nominal, left, process, "given" if source == "given" else "fitted")
-    known = made.source != "none"
-    shares, whole = made.shares(), made.whole()
-    scale = float(np.sqrt(made.nominal @ made.weights**2))
-    rows = [(VIEWS[0], UNITS[0], scale, {name: whole[name] for name in PARTS})]
+def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: Source) -> tuple[Budget, ...]:
+    made = budget(data, nominal, left, process, source)
+    known = made.source is not Source.NONE
+    shares, together = made.shares(), made.whole()
+    scale = whole(np.sqrt(made.nominal), made.weights)
+    rows = [(VIEWS[0], UNITS[0], scale, {name: together[name] for name in PARTS})]
     for k, axis in enumerate(AXES):
         parts = {name: float(shares[name][k]) for name in PARTS}
-        rows.append((axis, "N" if k < 3 else "Nm", float(np.sqrt(made.nominal[k])), parts))
+        rows.append((axis, unit_of(k), float(np.sqrt(made.nominal[k])), parts))
     return tuple(
         Budget(view, unit, rms, p["noise"], p["physics"], p["process"] if known else None, p["unexplained"])
         for view, unit, rms, p in rows
@@ -201,17 +200,4 @@ def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, s
 def _worst(data: Dataset, residual: Array) -> tuple[Stretch, ...]:
     """The worst seconds, and what the vehicle was doing there."""
     parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
-    return tuple(
-        Stretch(s.start, s.stop, _doing(s.axis, s.tilt_deg, s.rate, s.speed))
-        for s in worst_stretches(data.records, parts, data.weights)
-    )
-
-
-def _doing(axis: str, tilt_deg: float | None, rate: float, speed: float | None) -> str:
-    words: Sequence[str] = [
-        axis.replace("_", " "),
-        *([] if tilt_deg is None else [f"tilt {tilt_deg:.0f} deg"]),
-        f"{rate:.2f} rad/s",
-        *([] if speed is None else [f"{speed:.2f} m/s"]),
-    ]
-    return ", ".join(words)
+    return tuple(Stretch(s.start, s.stop, panels.doing(s)) for s in worst_stretches(data.records, parts, data.weights))

@@ -1,7 +1,7 @@
 """A working session for the viewer: logs opened for a model, on the clock of their gap-free stretches.
 
-What is recorded stays; the model changes on the session's bench, and every scene is made anew from it. The desks beside
-it do the analysis: where the model fails, effects, compensation.
+What is recorded stays; the working model changes, and every scene is made anew from it. Beside it, one class each does
+the analysis: where the model fails, effects, compensation.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.session.compensation import CompensationDesk
-from wrenchgap.replay.session.effects import EffectsDesk
-from wrenchgap.replay.session.failure import FailureDesk
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.session.compensation import SessionCompensation
+from wrenchgap.replay.session.effects import SessionEffects
+from wrenchgap.replay.session.failure import SessionFailures
 from wrenchgap.replay.session.report_page import report_page
 from wrenchgap.replay.session.scene import Prediction, predicted, recorded
-from wrenchgap.replay.session.working_model import Bench
+from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.session import Capabilities
 
 PREDICTED = "predicted"
-"""The wrench of the model as it stands, in a scene."""
+"""The wrench of the current model, in a scene."""
 
 
 class LogSession:
@@ -56,13 +57,13 @@ class LogSession:
     ) -> None:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
         opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts, load=load)
-        self.bench = Bench({one.records[0].flight: one for one in opened}, model, gp, cutoff)
+        self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, cutoff)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
-        self._notes = (*self.bench.notes, *notes)
-        self.failures = FailureDesk(self.bench)
-        self.effects = EffectsDesk(self.bench, folder or Path.cwd())
-        self.compensations = CompensationDesk(self.bench, gp_name)
+        self._notes = (*self.working.notes, *notes)
+        self.failures = SessionFailures(self.working)
+        self.effects = SessionEffects(self.working, folder or Path.cwd())
+        self.compensations = SessionCompensation(self.working, gp_name)
         self._recorded: dict[str, Scene] = {}
         self.capabilities = Capabilities(
             self.failures, self.effects, self.compensations, channels=self.channels, report=self.report
@@ -70,8 +71,8 @@ class LogSession:
 
     @property
     def model(self) -> Model:
-        """The model as it stands."""
-        return self.bench.model
+        """The current model."""
+        return self.working.model
 
     @property
     def vehicle(self) -> Vehicle:
@@ -81,25 +82,25 @@ class LogSession:
     @property
     def flights(self) -> tuple[str, ...]:
         """Names of the flights."""
-        return tuple(self.bench.opened)
+        return tuple(self.working.opened)
 
     def scene(self, flight: str) -> Scene:
-        """The flight of this name, with what the model as it stands says of it, and the last replay on it."""
-        with self.bench.lock:
-            made = self.bench.kept(("scene", flight), lambda: self._made(flight))
+        """The flight of this name, with what the current model says of it, and the last replay on it."""
+        with self.working.lock:
+            made = self.working.kept(("scene", flight), lambda: self._made(flight))
             return replace(made, series=(*made.series, *self.compensations.series(flight)))
 
     def channels(self, flight: str) -> Mapping[str, Channel]:
         """Everything in the log of a flight, by name."""
-        found = self.bench.flight(flight).flight
+        found = self.working.flight(flight).flight
         return channels(found.path, found)
 
     def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
-        """The HTML report on a flight and the model as it stands."""
-        return report_page(self.bench, flight, progress)
+        """The HTML report on a flight and the current model."""
+        return report_page(self.working, flight, progress)
 
     def _made(self, name: str) -> Scene:
-        one, predictor = self.bench.flight(name), self.bench.predictor
+        one, predictor = self.working.flight(name), self.working.predictor
         if name not in self._recorded:
             self._recorded[name] = recorded(one, self.vehicle)
         result = compare([one], self.model, [predictor, *self._against])
@@ -114,5 +115,5 @@ class LogSession:
             predictions,
             residual_of="commanded" if trivial else PREDICTED,
             worst=[Stretch(s.start, s.stop, f"worst {s.axis.replace('_', ' ')}") for s in evaluation.worst],
-            notes=(*self._notes, *result.notes),
+            notes=sentences((*self._notes, *result.notes)),
         )

@@ -1,4 +1,4 @@
-"""The flights of a working session and the model as it stands: effects go in, come out, are undone and done again.
+"""The flights of a working session and its current model: effects go in, come out, are undone and done again.
 
 A model is never changed, it is replaced: what was there before comes back with the very same numbers. Everything that
 is computed from the present model is kept until the model changes.
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
@@ -33,7 +33,7 @@ DEPTH = 200
 
 
 @dataclass(frozen=True)
-class Stand:
+class Revision:
     """The model at one moment: by which change, fitted to which flights (file, SHA-256), what that did on other time.
 
     `order` are its effects in the order in which they came in.
@@ -46,7 +46,7 @@ class Stand:
     trial: Trial | None = None
 
 
-class Bench:
+class WorkingModel:
     """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened."""
 
     def __init__(self, opened: Mapping[str, OpenFlight], model: Model, gp: GaussianProcess | None, cutoff: float):
@@ -54,19 +54,19 @@ class Bench:
         self.lock = threading.RLock()
         self.changed: list[Callable[[], None]] = []
         """Called after every change of the model."""
-        self._done = [Stand(model, "", tuple(e.name for e in model.effects))]
-        self._undone: list[Stand] = []
+        self._done = [Revision(model, "", tuple(e.name for e in model.effects))]
+        self._undone: list[Revision] = []
         self._saved = model
         found, self.notes = predictors(model, (), gp, cutoff)
         self._given, self._given_predictor = model, found[-1]
-        self._data: dict[str, Dataset] = {}
+        self._data: dict[tuple[str, ...], Dataset] = {}
         self._kept: dict[tuple[str, ...], object] = {}
 
     # ------------------------------------------------------------ the model
 
     @property
     def model(self) -> Model:
-        """The model as it stands."""
+        """The current model."""
         return self._done[-1].model
 
     @property
@@ -75,7 +75,7 @@ class Bench:
         return self._given
 
     @property
-    def stands(self) -> tuple[Stand, ...]:
+    def revisions(self) -> tuple[Revision, ...]:
         """The model as it was opened, and after every change since."""
         return tuple(self._done)
 
@@ -94,12 +94,12 @@ class Bench:
         """Whether a file says the same as the model."""
         return self.model is self._saved
 
-    def change(self, stand: Stand, *, instead: bool = False) -> None:
-        """Let another model stand; `instead` of the last change where that was a part of this one."""
+    def change(self, revision: Revision, *, instead: bool = False) -> None:
+        """Make another model the current one; `instead` of the last change where that was a part of this one."""
         with self.lock:
             if instead and len(self._done) > 1:
                 self._done.pop()
-            self._done.append(stand)
+            self._done.append(revision)
             if len(self._done) > DEPTH:
                 del self._done[1]
             self._undone.clear()
@@ -109,7 +109,7 @@ class Bench:
         """Take the last change back. Raises UsageError where there is none."""
         with self.lock:
             if len(self._done) < 2:
-                raise UsageError("there is nothing to undo: the model stands as it was opened")
+                raise UsageError("there is nothing to undo: the model is as it was opened")
             self._undone.append(self._done.pop())
             self._tell()
 
@@ -122,7 +122,7 @@ class Bench:
             self._tell()
 
     def was_saved(self, model: Model) -> None:
-        """The model as it stands is in a file now: `model`, with its path and history."""
+        """The current model is in a file now: `model`, with its path and history."""
         with self.lock:
             self._done[-1] = replace(self._done[-1], model=model)
             self._saved = model
@@ -139,12 +139,12 @@ class Bench:
         """The open flight of this name."""
         return self.opened[name]
 
-    def data(self, flight: str) -> Dataset:
-        """A flight's records, stacked; evaluators of it remember what models have in common."""
+    def data(self, *flights: str) -> Dataset:
+        """The records of flights, stacked; evaluators of it remember what models have in common."""
         with self.lock:
-            if flight not in self._data:
-                self._data[flight] = dataset(self.opened[flight].records, self._given)
-            return self._data[flight]
+            if flights not in self._data:
+                self._data[flights] = dataset([r for f in flights for r in self.opened[f].records], self._given)
+            return self._data[flights]
 
     def kept(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
         """The value under `key`, made if it is not there since the model changed."""
@@ -159,24 +159,25 @@ class Bench:
         kept = tuple(e for e in model.effects if inapplicable(e.name, model, records) is None)
         return WrenchModel(model.vehicle, kept)
 
-    def lacking(self, flight: str) -> list[str]:
-        """A sentence for every effect of the model that cannot be evaluated on a flight."""
-        reasons = (inapplicable(e.name, self.model, self.opened[flight].records) for e in self.model.effects)
-        return [f"left out on {flight}: {reason}" for reason in reasons if reason is not None]
+    def lacking(self, flight: str) -> tuple[Untried, ...]:
+        """Effects of the model that cannot be evaluated on a flight."""
+        records = self.opened[flight].records
+        reasons = (inapplicable(e.name, self.model, records) for e in self.model.effects)
+        return tuple(reason for reason in reasons if reason is not None)
 
-    def left_by(self, model: Model, flight: str) -> Array:
+    def left_of(self, model: Model, flight: str) -> Array:
         """Measured wrench minus the model's prediction (K, 6), without any GP."""
         with self.lock:
             data = self.data(flight)
             return data.measured - data.predict(self.usable(model, flight))
 
     def residual(self, flight: str) -> Array:
-        """What the model as it stands leaves of the measured wrench (K, 6), with its GP where it has one."""
+        """What the current model leaves of the measured wrench (K, 6), with its GP where it has one."""
 
         def make() -> Array:
             predictor = self.predictor
             if predictor.gp is None:
-                return self.left_by(self.model, flight)
+                return self.left_of(self.model, flight)
             data, body = self.data(flight), self.model.vehicle.body
             base = self.usable(replace(self.model, effects=predictor.model.effects), flight)
             usable = replace(predictor, model=base)
@@ -186,7 +187,7 @@ class Bench:
 
     @property
     def name(self) -> str:
-        """The model as it stands, in words: the opened one's name, and what is in it now."""
+        """The current model's name: that of the opened one, or what is in it now."""
         names = [e.name for e in self.model.effects]
         given = [e.name for e in self._given.effects]
         if self.model is self._given or names == given:
@@ -195,7 +196,7 @@ class Bench:
 
     @property
     def predictor(self) -> Predictor:
-        """What predicts: the model as it stands. A GP sits on the model as it was opened, and counts only there."""
+        """What predicts: the current model. A GP sits on the model as it was opened, and counts only there."""
         if self.model is self._given:
             return self._given_predictor
         return Predictor(self.name, self.model.wrench_model)

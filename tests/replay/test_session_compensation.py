@@ -46,7 +46,7 @@ def test_without_a_process_there_is_nothing_to_set(logs):
 def test_replay_is_that_of_the_engine_and_joins_the_scene(session, gp):
     assert series(session, "correction") is None
     found = session.compensations.replay("test", silent)
-    direct = replay(session.bench.flight("test"), MODEL, gp)
+    direct = replay(session.working.flight("test"), MODEL, gp)
     drawn = series(session, "correction, torque")
     assert drawn.unit == "Nm"
     for k, axis in enumerate("xyz"):

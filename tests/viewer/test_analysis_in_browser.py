@@ -17,7 +17,7 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(autouse=True)
 def as_opened(page):
     """Every test begins with the model as it was opened, the first flight at its start."""
-    while page.session.bench.undoable:
+    while page.session.working.undoable:
         page.session.effects.undo()
     page.open("train")
     yield

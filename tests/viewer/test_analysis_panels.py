@@ -60,7 +60,7 @@ def follow(panel, uuid):
 @pytest.fixture
 def page(page):
     """The page of the module, its model as it was opened, the first flight at its start; `told` keeps the errors."""
-    while page.session.bench.undoable:
+    while page.session.working.undoable:
         page.session.effects.undo()
     page.open("train")
     page.told = []

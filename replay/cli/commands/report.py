@@ -7,128 +7,68 @@ from typing import Annotated
 
 import typer
 
-from wrenchgap.replay.cli.options import (
-    Between,
-    Cutoff,
-    Force,
-    JsonFile,
-    Logs,
-    ModelOption,
-    OwnEffects,
-    Quiet,
-    Shift,
-    Topics,
-    command_line,
-    common_options,
-    many,
-    parse_between,
-    parse_shifts,
-    parse_topics,
-)
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, load_gp, show_result, write_result
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("report", cls=many("--validate"))(report)
+    app.command("report", cls=o.many("--validate"))(report)
 
 
 def report(
     ctx: typer.Context,
-    logs: Logs,
-    model: ModelOption,
+    logs: o.Logs,
+    model: o.ModelOption,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="HTML", help="Page to write (.html).", show_default=False)
     ],
-    validate: Annotated[
-        list[Path] | None,
-        typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted."),
-    ] = None,
-    gp: Annotated[Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`, on MODEL.")] = None,
-    topic: Topics = None,
-    shift: Shift = None,
-    cutoff: Cutoff = 8.0,
-    between: Between = None,
-    own: OwnEffects = None,
-    json: JsonFile = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    validate: o.Validate = None,
+    gp: o.GpOption = None,
+    topic: o.Topics = None,
+    shift: o.Shift = None,
+    cutoff: o.Cutoff = 8.0,
+    between: o.Between = None,
+    own: o.OwnEffects = None,
+    json: o.JsonFile = None,
+    force: o.Force = False,
+    quiet: o.Quiet = False,
 ) -> None:
-    """Write one page that says which effect is missing, how sure that is, and how the error falls.
+    """Write one page that says which effect is missing, with what confidence, and how far the error is reduced.
 
-    The page needs nothing else: verdict, error step by step on time and flights that were not fitted, ranking,
-    parameters, where the model fails before and after, what is left, what to fly next, and how to repeat it all.
+    The page needs nothing else: verdict, error step by step on held-out time and unseen flights, ranking, parameters,
+    where the model fails before and after, residual, what to fly next, and how to repeat it all.
 
     Example: `wrenchgap report train.mcap -m tilt_hexarotor --validate test.mcap -o report.html`
     """
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.learn.data import comparison
-    from wrenchgap.learn.data.opening import open_flights
-    from wrenchgap.learn.process import store
-    from wrenchgap.plant import model_file
+    from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present import explanation
-    from wrenchgap.replay.present.documents import (
-        atomic,
-        claim,
-        document,
-        file_input,
-        log_input,
-        model_input,
-        write_json,
-    )
-    from wrenchgap.replay.present.report.page import page
-    from wrenchgap.replay.report.contents import gather
+    from wrenchgap.replay.present.documents import atomic, claim
+    from wrenchgap.replay.present.report import Repetition, Request, page, to_json
 
     unseen = validate or []
-    inputs: list[str | Path] = [*logs, *unseen, model, *([gp] if gp else [])]
-    claim({"--output": output, "--json": json}, force=force, inputs=inputs)
+    read: list[Path | str] = [*logs, *unseen, model, *([gp] if gp else [])]
+    claim({"--output": output, "--json": json}, force=force, inputs=read)
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--output {output}: the report is a web page; expected a name that ends in .html")
-    base = model_file.load(model)
-    process = store.load(gp) if gp is not None else None
-    hz = comparison.cutoff_checked(cutoff)
+    base, process, reading = api.load_model(model), load_gp(gp), Reading.of(topic, shift, cutoff, between)
+    said = {"between": between, "topics": ", ".join(topic or []), "shift": ", ".join(shift or [])}
+    options = {key: value for key, value in said.items() if value}
     with progress("reporting", quiet) as told:
         told(0.0, "reading logs")
-        topics = parse_topics(topic)
-        every = open_flights(
-            [*logs, *unseen],
-            base,
-            topics=topics,
-            cutoff_hz=hz,
-            between=parse_between(between),
-            shifts=parse_shifts(shift),
-        )
+        every = reading.open([*logs, *unseen], base)
         flights, tests = every[: len(logs)], every[len(logs) :]
-        said = {
-            "between": between,
-            "topics": ", ".join(topic or []) or None,
-            "shift": ", ".join(shift or []) or None,
-        }
-        contents = gather(
-            flights,
-            tests,
-            base,
-            model_name=model,
-            gp=process,
-            gp_file=gp,
-            command=command_line(ctx),
-            common=common_options(ctx),
-            options={key: value for key, value in said.items() if value},
-            cutoff_hz=hz,
-            progress=told,
-        )
+        found = api.report(flights, base, validate=tests, gp=process, progress=told)
         told(1.0, "writing the page")
-        text = page(contents)
+        request = Request(model, o.command_line(ctx), o.common_options(ctx), options, gp)
+        repetition = Repetition.of(found, request)
+        text = page(found, repetition)
     with atomic(output) as partial:
         partial.write_text(text, encoding="utf-8")
     printer = Printer(quiet)
-    printer.line(explanation.sentence(contents.found), style="bold")
-    for case in contents.staircases:
-        first, last = case.falling[0], case.falling[-1]
-        printer.line(f"{case.title}: {100 * last.in_all / max(first.in_all, 1e-30):.3g} % of the nominal error remain")
-    if json is not None:
-        read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in tests)]
-        read += [model_input(base), *([file_input(gp, "gp")] if gp else [])]
-        body = {**contents.to_json(), "page": str(output)}
-        write_json(json, document("report", body, read), force=force)
+    show_result(printer, found)
+    body = {**to_json(found, repetition), "page": str(output)}
+    model_read, gp_read = [(base, "model")], [(gp, "gp")]
+    write_result(json, "report", body, force=force, flights=flights, validation=tests, models=model_read, files=gp_read)
     printer.wrote(report=output, result=json)

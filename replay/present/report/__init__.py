@@ -1,5 +1,11 @@
-"""The report of a search: one self-contained HTML page.
+"""The report of a search: a few lines, JSON, and one self-contained HTML page.
 
-`contents` finds everything out, `staircase` the error step by step, `charts` draws, `page` writes the HTML with
-`markup`, which escapes whatever it is given.
+`page` fills the templates of templates/ with the tables and figures of `sections`; `words` has the sentences that are
+the page's own, `repetition` what is needed to come to the same numbers again, `summary` lines, JSON and frame.
 """
+
+from wrenchgap.replay.present.report.page import page
+from wrenchgap.replay.present.report.repetition import Repetition, Request
+from wrenchgap.replay.present.report.summary import parts, to_frame, to_json
+
+__all__ = ["Repetition", "Request", "page", "parts", "to_frame", "to_json"]

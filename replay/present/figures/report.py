@@ -1,9 +1,10 @@
-"""Charts of the report, as data that a page carries inside itself."""
+"""Figures of a report: the error step by step, the ranking of the effects, the residual before and after.
+
+Every function returns a matplotlib figure that belongs to nobody (no pyplot state).
+"""
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,24 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.learn.identify.explain import Candidate
-from wrenchgap.learn.identify.staircase import Staircase
+from wrenchgap.learn.identify.search import Candidate
+from wrenchgap.learn.identify.staircase import Basis, Staircase
+from wrenchgap.replay.present.numbers import UNIT_HEADS
+from wrenchgap.replay.present.staircase import label, remains
+from wrenchgap.replay.report.contents import Report
 
 Array = NDArray[np.float64]
 
 COLOURS = ("#4c72b0", "#dd8452", "#55a868")
-AXIS_NAMES = ("force x [N]", "force y [N]", "force z [N]", "torque x [Nm]", "torque y [Nm]", "torque z [Nm]")
+TITLES = {Basis.HELD_OUT: "held-out time", Basis.UNSEEN: "unseen flights"}
 MOST_POINTS = 4000
 """Samples drawn of a flight at most."""
-
-
-def inline(figure: Any, form: str = "png", dpi: int = 110) -> str:
-    """A figure as a data URI."""
-    stream = io.BytesIO()
-    metadata = {"Date": None} if form == "svg" else None
-    figure.savefig(stream, format=form, dpi=dpi, metadata=metadata)
-    kind = "svg+xml" if form == "svg" else form
-    return f"data:image/{kind};base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
 
 
 def figure_of(width: float, height: float) -> Any:
@@ -39,6 +34,14 @@ def figure_of(width: float, height: float) -> Any:
     made = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(made)
     return made
+
+
+def plot(report: Report, axes: Any = None) -> Any:
+    """The error in all, step by step, into `axes` (new ones where none are given), which are returned."""
+    if axes is None:
+        axes = figure_of(6.0, 4.8).subplots()
+    _in_all(axes, report.staircases)
+    return axes
 
 
 def staircase_figure(cases: Sequence[Staircase]) -> Any:
@@ -53,24 +56,25 @@ def staircase_figure(cases: Sequence[Staircase]) -> Any:
 
 
 def _labels(case: Staircase) -> list[str]:
-    return [s.name for s in case.falling]
+    return [label(s) for s in case.falling]
 
 
 def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
-    labels = [*_labels(cases[0]), "noise floor"]
+    """Bars, as shares of the nominal error; the noise dashed, beside them where a case has fewer steps."""
+    labels = [*_labels(cases[0]), "sensor noise"]
     place = np.arange(len(labels))
     width = 0.8 / len(cases)
     for k, case in enumerate(cases):
-        start = max(case.stairs[0].in_all, 1e-30)
-        heights = [100.0 * s.in_all / start for s in case.falling]
+        stairs = (*case.falling, case.noise)
+        heights = [100.0 * case.share(s) for s in stairs]
         shift = (k - (len(cases) - 1) / 2) * width
-        title = "held-out time" if k == 0 else "unseen flights"
-        heights.append(100.0 * case.noise.in_all / start)
-        bars = panel.bar(place[: len(heights)] + shift, heights, 0.95 * width, color=COLOURS[k], label=title)
-        panel.bar_label(bars, [f"{h:.0f}" if h >= 9.5 else f"{h:.1f}" for h in heights], fontsize=8, padding=1)
+        bars = panel.bar(
+            place[: len(heights)] + shift, heights, 0.95 * width, color=COLOURS[k], label=TITLES[case.basis]
+        )
+        panel.bar_label(bars, [remains(case, s).removesuffix(" %") for s in stairs], fontsize=8, padding=1)
         bars[-1].set(facecolor="white", edgecolor=COLOURS[k], linestyle="--")
     panel.set_xticks(place, labels, rotation=25, ha="right", fontsize=9)
-    panel.set_ylabel("error in all [% of nominal]")
+    panel.set_ylabel("RMS error, all axes [% of nominal]")
     panel.margins(y=0.12)
     panel.legend(fontsize=8, frameon=False)
     _light(panel)
@@ -85,7 +89,7 @@ def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
         panel.axhline(float(case.noise.rms[axis]), color=COLOURS[k], lw=0.9, ls="--")
     labels = _labels(cases[0])
     panel.set_xticks(np.arange(len(labels)), labels, rotation=35, ha="right", fontsize=7)
-    panel.set_title(AXIS_NAMES[axis], fontsize=9, loc="left")
+    panel.set_title(UNIT_HEADS[axis], fontsize=9, loc="left")
     panel.set_yscale("log")
     low, high = panel.get_ylim()
     panel.set_ylim(low / 1.2, max(high * 1.2, low * 10.0))
@@ -97,7 +101,7 @@ def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
 
 
 def ranking_figure(candidates: Sequence[Candidate], chosen: Sequence[str]) -> Any:
-    """Share of the error energy that each effect alone takes off held-out time."""
+    """Share of the error energy on held-out time that is gone with each effect alone."""
     shown = list(candidates)[::-1]
     figure = figure_of(8.0, 0.9 + 0.27 * len(shown))
     panel = figure.subplots()
@@ -107,7 +111,7 @@ def ranking_figure(candidates: Sequence[Candidate], chosen: Sequence[str]) -> An
     marks = [f"{v:.1f}" + (" (implausible)" if c.implausible else "") for v, c in zip(values, shown, strict=True)]
     panel.bar_label(bars, marks, fontsize=8, padding=3)
     panel.set_xlim(0.0, 118.0)
-    panel.set_xlabel("error energy gone on held-out time [%]; dark: named")
+    panel.set_xlabel("reduction of the error energy on held-out time [%]; dark: named")
     _light(panel, "x")
     return figure
 
@@ -128,7 +132,7 @@ def residual_figure(comparison: Comparison, first: int, last: int, names: tuple[
                 panel.plot(record.time[keep], residual[keep], color=colour, lw=0.8, label=name if k == 0 else None)
         noise = 2.0 * float(comparison.noise[axis])
         panel.axhspan(-noise, noise, color=COLOURS[2], alpha=0.25, lw=0, label="2 sigma of the sensors")
-        panel.set_ylabel(AXIS_NAMES[axis], fontsize=8)
+        panel.set_ylabel(UNIT_HEADS[axis], fontsize=8)
         panel.margins(x=0.01)
         _light(panel)
     for panel in panels[2]:

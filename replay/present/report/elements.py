@@ -1,0 +1,64 @@
+"""What the templates are given: tables, images and files to save. Texts are escaped by the templates, never here."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of texts; the first `left` columns and those of `texts` are texts, the others numbers.
+
+    Rows of `beside` are in italics, columns of `code` are code.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    left: int = 1
+    texts: Sequence[int] = ()
+    caption: str = ""
+    beside: Sequence[int] = ()
+    code: Sequence[int] = ()
+
+    def numeric(self, column: int) -> bool:
+        """Whether a column is aligned as numbers are."""
+        return column >= self.left and column not in self.texts
+
+
+@dataclass(frozen=True)
+class Image:
+    """A chart inside the page, a text for those who do not see it, and a caption."""
+
+    src: str
+    alt: str
+    caption: str
+
+    @classmethod
+    def of(cls, figure: Any, alt: str, caption: str, form: str = "png") -> Image:
+        """A figure of matplotlib; a dense one as PNG, a sparse one as SVG, which stays sharp on paper."""
+        stream = io.BytesIO()
+        figure.savefig(stream, format=form, dpi=110, metadata={"Date": None} if form == "svg" else None)
+        kind = "svg+xml" if form == "svg" else form
+        return cls(data_uri(stream.getvalue(), f"image/{kind}"), alt, caption)
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A text that the page shows and lets a reader save as a file."""
+
+    name: str
+    text: str
+
+    @property
+    def href(self) -> str:
+        """The file inside a link."""
+        return data_uri(self.text.encode(), "application/toml")
+
+
+def data_uri(content: bytes, kind: str) -> str:
+    """Content as an address that fetches nothing."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

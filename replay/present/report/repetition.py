@@ -1,0 +1,117 @@
+"""What is needed to come to the same numbers again: commands, inputs with their hashes, options, versions."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from wrenchgap.plant.effects import sources
+from wrenchgap.plant.model_file import dumps, next_version, tool_version
+from wrenchgap.replay.present.documents import sha256
+from wrenchgap.replay.report.contents import Report
+
+PACKAGES = ("numpy", "scipy", "GPy", "matplotlib", "mcap", "rosbags", "tomlkit", "kmedoids")
+"""Packages whose versions may change numbers."""
+FITTED = "fitted.toml"
+"""What the fitted model is called in commands and in the page."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """How a report was asked for.
+
+    `model` is what the user called the model, `command` the command that asks for this, `common` those of its options
+    that other commands need as well to come to the same numbers (with a space before them), `options` what they mean.
+    """
+
+    model: str
+    command: str = ""
+    common: str = ""
+    options: Mapping[str, str] = field(default_factory=dict)
+    gp_file: Path | None = None
+
+
+@dataclass(frozen=True)
+class Input:
+    """A file that went in."""
+
+    role: str
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """Everything that is needed to repeat a report; `fitted_model` is the text of its model file, with history."""
+
+    date: str
+    commands: tuple[str, ...]
+    inputs: tuple[Input, ...]
+    options: tuple[tuple[str, str], ...]
+    versions: tuple[tuple[str, str], ...]
+    fitted_model: str
+
+    @classmethod
+    def of(cls, report: Report, request: Request) -> Repetition:
+        """That of a report."""
+        cutoff = f"{report.flights[0].records[0].cutoff_hz:g} Hz"
+        return cls(
+            datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            _commands(report, request),
+            _inputs(report, request.gp_file),
+            tuple({"cut-off": cutoff, **request.options}.items()),
+            _versions(),
+            _fitted_model(report, request.command),
+        )
+
+
+def _commands(report: Report, request: Request) -> tuple[str, ...]:
+    """The command that was given, and those that lead to the same numbers one by one."""
+    logs, unseen = (shlex.join(str(f.flight.path) for f in group) for group in (report.flights, report.unseen))
+    target = fitted = shlex.quote(request.model)
+    listed = [f"wrenchgap explain {logs} -m {target}" + (f" --validate {unseen}" if unseen else "")]
+    if names := report.explanation.effects:
+        fitted = FITTED
+        listed.append(f"wrenchgap add {' '.join(names)} -m {target} --from {logs} -o {fitted}")
+        listed.append(f"wrenchgap compare {unseen or logs} -m {target} --against {fitted}")
+    listed.append(f"wrenchgap where {unseen or logs} -m {fitted}")
+    if request.gp_file is None:
+        listed.append(f"wrenchgap learn {logs} -m {fitted} -o rest.gp")
+    given = (request.command,) if request.command else ()
+    return (*given, *(f"{line}{request.common}" for line in listed))
+
+
+def _inputs(report: Report, gp_file: Path | None) -> tuple[Input, ...]:
+    listed = [Input("log", str(f.flight.path), f.flight.content_hash) for f in report.flights]
+    listed += [Input("unseen log", str(f.flight.path), f.flight.content_hash) for f in report.unseen]
+    files = (("model", report.model.path), ("GP", gp_file))
+    listed += [Input(role, str(path), sha256(path)) for role, path in files if path is not None]
+    listed += [Input(f"effect {name}", source.file, source.sha256) for name, source in sources().items()]
+    return tuple(listed)
+
+
+def _versions() -> tuple[tuple[str, str], ...]:
+    listed = [("wrenchgap", tool_version()), ("Python", platform.python_version()), ("system", platform.platform())]
+    for name in PACKAGES:
+        try:
+            listed.append((name, version(name)))
+        except PackageNotFoundError:
+            continue
+    return tuple(listed)
+
+
+def _fitted_model(report: Report, command: str) -> str:
+    """The text of the model file that `wrenchgap add` would write; the given one's where nothing was named."""
+    if not report.explanation.effects:
+        return dumps(report.model)
+    added = report.addition
+    return dumps(
+        next_version(
+            report.model, added.model, command=command, path=Path(FITTED), flights=added.logs, trial=added.trial
+        )
+    )

@@ -1,0 +1,327 @@
+"""What each section of the page shows: one function a section, its values by name for the template of that section."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
+from wrenchgap.learn.diagnose.where import Where
+from wrenchgap.learn.identify.explain import Explanation, Verdict
+from wrenchgap.learn.identify.least_squares import MISFIT
+from wrenchgap.learn.identify.search import LIKE, Candidate, Member, Step
+from wrenchgap.learn.identify.staircase import Staircase
+from wrenchgap.plant import trajectory_file
+from wrenchgap.plant.effects import find
+from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
+from wrenchgap.replay.present.figures import report as charts
+from wrenchgap.replay.present.figures import where as where_figures
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import (
+    AXIS_HEADS,
+    UNIT_HEADS,
+    change,
+    number,
+    parameters_in_words,
+    row,
+    separation,
+    share,
+    unit,
+)
+from wrenchgap.replay.present.report import words
+from wrenchgap.replay.present.report.elements import Image, Saved, Table
+from wrenchgap.replay.present.report.repetition import FITTED, Repetition
+from wrenchgap.replay.report.contents import NextFlight, Report
+
+INTERVAL = 1.96
+"""Half-width of a 95 % interval in standard deviations."""
+MOST_CANDIDATES, MOST_LATER = 12, 6
+"""Candidates that are listed of the first step of the search, and of later ones."""
+MOST_RIVALS = 4
+MOST_INPUTS = 8
+SHOWN_BY = ("effect", "what shows it")
+
+Content = Mapping[str, Any]
+
+
+def of_timing(report: Report, _: Repetition) -> Content:
+    """Offsets between the topics of each flight, and what to do about them."""
+    return {
+        "flights": [
+            (one.flight, Table(("offset",), [[text] for text in timing.sentences(one)]), timing.warnings(one))
+            for one in report.explanation.timing
+        ]
+    }
+
+
+def of_error(report: Report, _: Repetition) -> Content:
+    """The error step by step."""
+    said = " ".join(map(staircase.sentence, report.staircases))
+    caption = (
+        "Each step adds one effect; all effects up to there are fitted together. Left: all axes on one scale, newton "
+        "metres divided by a length of the vehicle's size. Right: RMS by axis, logarithmic; dashed: sensor noise "
+        "behind the filter. Held-out time is predicted by parameters that were fitted without it; on unseen flights "
+        "the accelerometer's bias is not estimated."
+    )
+    absorbed = report.rest.absorption
+    absorbs = "" if absorbed is None else learning.absorption_in_words(absorbed) or "the GP absorbs no known effect."
+    return {
+        "chart": Image.of(charts.staircase_figure(report.staircases), f"Error step by step. {said}", caption, "svg"),
+        "tables": [_steps(case) for case in report.staircases],
+        "rest": words.rest(report.rest),
+        "residual": _residual(report),
+        "absorbs": absorbs[:1].upper() + absorbs[1:],
+    }
+
+
+def _steps(case: Staircase) -> Table:
+    stairs = (*case.stairs, case.noise)
+    names = [staircase.label(s) + (" (learnt on these logs: in-sample)" if s.learnt_here else "") for s in stairs]
+    rows = [[name, staircase.remains(case, s), *row(s.rms)] for name, s in zip(names, stairs, strict=True)]
+    beside = [k for k, s in enumerate(stairs) if s.beside]
+    caption = f"RMS on {staircase.title(case)}. All axes: share of the nominal error."
+    caption += " In italics: no step, for comparison." if beside else ""
+    return Table(("", "all axes", *UNIT_HEADS), rows, caption=caption, beside=beside)
+
+
+def _residual(report: Report) -> Image | None:
+    """The residual over time before and after all steps, on the first unseen flight."""
+    compared, case = report.comparison, report.staircases[-1]
+    if compared is None or len(case.falling) < 2:
+        return None
+    last = case.stairs.index(case.falling[-1])
+    figure = charts.residual_figure(compared, 0, last, ("nominal", "with all steps"))
+    alt = f"Measured minus predicted wrench over time on {compared.flights[0]}, before and after."
+    return Image.of(figure, alt, "Residual: measured minus predicted wrench. The table above has its RMS.")
+
+
+def of_ranking(report: Report, _: Repetition) -> Content:
+    """Candidates, the steps of the search, the members of the set."""
+    found = report.explanation
+    shown = found.ranking[:MOST_CANDIDATES]
+    if not shown:
+        return {"chart": None}
+    alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
+    caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
+    return {
+        "chart": Image.of(charts.ranking_figure(shown, found.effects), alt, caption, "svg"),
+        "first": _candidates("First step, each effect alone", shown),
+        "later": [(_step_title(s), _candidates("", s.candidates[:MOST_LATER])) for s in found.steps if s.on],
+        "members": _members(found),
+        "groups": "; ".join(" or ".join(group) for group in found.groups),
+        "dropped": ", ".join(found.dropped),
+    }
+
+
+def _step_title(step: Step) -> str:
+    then = f"{step.chosen} is next" if step.chosen else "no further effect stands out"
+    return f"On top of {', '.join(step.on)}: {then}"
+
+
+def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
+    rows = [
+        [
+            c.name,
+            parameters_in_words(c.values) + (" (implausible: at its limit)" if c.implausible else ""),
+            share(c.score),
+            *(change(-float(v)) for v in c.reduction),
+            f"{c.evidence:.2f}",
+            f"{c.significance:.1f}",
+        ]
+        for c in candidates
+    ]
+    legend = (
+        "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: "
+        f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANT:g}."
+    )
+    heads = ("effect", "parameters", "score", *AXIS_HEADS, "evidence", "t")
+    return Table(heads, rows, left=2, caption=f"{title}. {legend}" if title else legend)
+
+
+def _members(found: Explanation) -> Table | None:
+    if not found.members:
+        return None
+    rows = [
+        [m.name, f"{100 * found.confidence(m):.0f} %", share(m.share), f"{m.significance:.1f}", _rivals(m)]
+        for m in found.members
+    ]
+    caption = (
+        "Each named effect was taken out again, and others were tried in its place; two effects with a separation "
+        f"below {INDISTINCT:g} and a cosine above {LIKE:g} are indistinguishable on these flights. Confidence: the "
+        "empirical hit rate of names at this strength of evidence, on hidden effects of an independent engine. Share: "
+        "of the error energy that returns without the effect; a small one may still be certain. t: of the set with it "
+        "against the set without it."
+    )
+    heads = ("effect", "confidence", "share", "t", "tried in its place (separation)")
+    return Table(heads, rows, texts=(4,), caption=caption)
+
+
+def _rivals(member: Member) -> str:
+    listed = [f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in member.rivals[:MOST_RIVALS]]
+    return ", ".join(listed) or "none near"
+
+
+def of_parameters(report: Report, _: Repetition) -> Content:
+    """The fitted parameters with intervals, and what each effect is."""
+    fitted = report.addition.fit
+    rows: list[list[str]] = []
+    last = ""
+    for (name, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):
+        low, high = (number(float(value + side * INTERVAL * std)) for side in (-1.0, 1.0))
+        limits = f"{number(p.low)} to {number(p.high)}" + (" !" if f"{name}.{p.name}" in fitted.at_bound else "")
+        first = name if name != last else ""
+        rows.append([first, p.name, unit(p.unit), number(float(value), 4), f"{low} to {high}", limits])
+        last = name
+    caption = (
+        "All effects of the model, fitted together to all given logs. The intervals follow from the scatter between "
+        "blocks of time, as neighbouring samples are not independent; a standard deviation is never below "
+        f"{100 * MISFIT:.0f} % of the value, because the forms of effects are right to a few per cent only."
+    )
+    heads = ("effect", "parameter", "unit", "value", "95 % interval", "plausible")
+    names = dict.fromkeys(name for name, _ in fitted.parameters)
+    return {
+        "table": Table(heads, rows, left=3, caption=caption) if rows else None,
+        "at_bound": ", ".join(fitted.at_bound),
+        "effects": [(name, inspect.cleandoc(find(name).__class__.__doc__ or "")) for name in names],
+    }
+
+
+def of_where(report: Report, _: Repetition) -> Content:
+    """Where the given and the fitted model fail."""
+    pair = [("Given model", report.before)]
+    if report.after is not report.before:
+        pair.append(("Fitted model", report.after))
+    return {"on": words.where_on(report), "models": [{"title": title, **_maps(found)} for title, found in pair]}
+
+
+def _maps(found: Where) -> dict[str, Any]:
+    shown = found.failure_map.dependences[: where_figures.MOST]
+    alt = f"Error of {found.name} against {', '.join(d.label for d in shown)}."
+    caption = "RMS of the force and of the torque residual against what the vehicle did; pale: sensor noise."
+    rows = [[d.label, where.dependence_in_words(d), f"{d.p:.2g}", "yes" if d.significant else "no"] for d in shown]
+    worst = [[s.flight, f"{s.start:.1f} - {s.stop:.1f} s", s.axis.replace("_", " "), *row(s.rms)] for s in found.worst]
+    grid = found.failure_map.grid
+    over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where hardly flown."
+    return {
+        "summary": where.summary(found),
+        "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
+        "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
+        "grid": Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale.")
+        if grid
+        else None,
+        "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
+    }
+
+
+def of_residual(report: Report, _: Repetition) -> Content:
+    """What the nominal error is made of, and what the residual of the fitted model looks like."""
+    found, shares, names = report.after, report.after.budget.whole(), where_figures.NAMES
+    rows = [
+        [names[part].capitalize(), share(shares[part]), *(share(float(v)) for v in values)]
+        for part, values in found.budget.shares().items()
+    ]
+    alt = "Of the nominal error energy: " + ", ".join(f"{r[0]} {r[1]}" for r in rows)
+    white = [
+        [
+            a.axis.replace("_", " "),
+            where.autocorrelation_in_words(a),
+            where.crosscorrelation_in_words(found.whiteness.strongest(a.axis)),
+        ]
+        for a in found.whiteness.autocorrelation
+    ]
+    inputs = [
+        [g.label, "yes" if g.chosen else "no", share(g.alone), share(g.lost), f"{g.significance:.1f}"]
+        for g in found.relevance.groups[:MOST_INPUTS]
+    ]
+    return {
+        "budget": Image.of(
+            where_figures.budget_figure(found), alt, "What the nominal error energy is made of, by axis."
+        ),
+        "shares": Table(("part", "all axes", *AXIS_HEADS), rows),
+        "white": Table(("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
+        "correlations": Image.of(
+            where_figures.correlation_figure(found),
+            "Autocorrelation of the residual, and its strongest correlation with an input.",
+            "Grey: what filtered sensor noise would show, and its band.",
+        ),
+        "inputs": Table(
+            ("input", "chosen", "alone", "lost without it", "t"),
+            inputs,
+            left=2,
+            caption="Shares of the residual's variance on held-out time that the inputs predict.",
+        ),
+    }
+
+
+def of_next(report: Report, _: Repetition) -> Content:
+    """Flights that would separate what is indistinguishable, and what these flights cannot show."""
+    unknown = report.explanation.verdict is Verdict.UNKNOWN
+    chosen = report.after.relevance.chosen if unknown else ()
+    return {
+        "flights": [_next_flight(flight, place) for place, flight in enumerate(report.next_flights, 1)],
+        "unshown": _shown_by(report.unshown) if report.unshown else None,
+        "depends": ", ".join(g.label for g in chosen),
+    }
+
+
+def _shown_by(names: Sequence[str]) -> Table:
+    return Table(SHOWN_BY, [[name, find(name).excited_by] for name in names], left=2)
+
+
+def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
+    """The designed flight, its expected gain, and a file to save."""
+    title, shown_by = f"To separate {' from '.join(flight.names)}", _shown_by(flight.names)
+    found = flight.design
+    if found is None:
+        return {"title": title, "shown_by": shown_by, "file": None, "why_not": words.why_not(flight)}
+    heads = ("effect in the vehicle", "effect in the model", "separation", "largest tilt [deg]", "speed [m/s]")
+    caption = "The same flight on the simulated vehicle."
+    return {
+        "title": title,
+        "shown_by": shown_by,
+        "file": Saved(f"next-flight-{place}.toml", trajectory_file.dumps(found.file)),
+        "words": words.designed(found),
+        "table": Table(heads, words.rehearsal(found), left=2, caption=caption) if found.flown else None,
+        "advice": () if found.separable else design.advice(found),
+    }
+
+
+def of_not_tried(report: Report, _: Repetition) -> Content:
+    """Effects that these logs or this model do not allow, by reason."""
+    reasons = explanation.not_tried(report.explanation.untried)
+    return {"reasons": [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]}
+
+
+def of_repetition(report: Report, repetition: Repetition) -> Content:
+    """Commands, inputs, options, versions, the fitted model."""
+    model = report.model
+    versions = [
+        [str(v.number), v.date or "-", history.words(v, changed), ", ".join(file for file, _ in v.flights) or "-"]
+        for v, changed in history.steps(model)
+    ]
+    heads = ("version", "date", "what changed", "fitted to")
+    inputs = [[i.role, i.file, i.sha256] for i in repetition.inputs]
+    return {
+        "commands": "\n".join(repetition.commands),
+        "inputs": Table(("input", "file", "SHA-256"), inputs, left=3, code=(2,)),
+        "options": Table(("option", "value"), repetition.options, left=2),
+        "versions": Table(("package", "version"), repetition.versions, left=2),
+        "history": Table(heads, versions, left=4, caption=f"Versions of {model.name}.") if versions else None,
+        "fitted": Saved(FITTED, repetition.fitted_model),
+        "notes": sentences(report.notes),
+    }
+
+
+SECTIONS: tuple[tuple[str, str, Callable[[Report, Repetition], Content]], ...] = (
+    ("timing", "Timing", of_timing),
+    ("error", "Error step by step", of_error),
+    ("ranking", "Which effect is missing", of_ranking),
+    ("parameters", "Parameters", of_parameters),
+    ("where", "Where the model fails", of_where),
+    ("left", "Residual", of_residual),
+    ("fly", "What to fly next", of_next),
+    ("not-tried", "What was not tried", of_not_tried),
+    ("repeat", "How to repeat this", of_repetition),
+)
+"""Anchor, which is also the name of the template, title and content of each section."""

@@ -1,0 +1,80 @@
+"""A report in a few lines, in plain types and as a table of pandas."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.plant import trajectory_file
+from wrenchgap.replay.present import explanation, learning, staircase, timing, where
+from wrenchgap.replay.present.design import advice
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.report.repetition import Repetition, Request
+from wrenchgap.replay.present.report.words import where_on, why_not
+from wrenchgap.replay.present.tables import Line, Part
+from wrenchgap.replay.report.contents import NextFlight, Report
+
+
+def parts(report: Report) -> list[Part]:
+    """The verdict, and by how much the error is reduced."""
+    return [
+        Line(explanation.summary(report.explanation), "bold"),
+        *(Line(staircase.sentence(case)) for case in report.staircases),
+    ]
+
+
+def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, Any]:
+    """The body of the `report` schema; without a `repetition`, one is made with the model's own name."""
+    repetition = repetition or Repetition.of(report, Request(str(report.model.path or report.model.name)))
+    absorbed = report.rest.absorption
+    return {
+        "axes": list(AXES),
+        "summary": explanation.summary(report.explanation),
+        "explain": explanation.to_json(report.explanation),
+        "staircases": [staircase.to_json(case) for case in report.staircases],
+        "absorbs": None if absorbed is None else learning.absorption_json(absorbed),
+        "where": {
+            "on": where_on(report),
+            "before": where.to_json(report.before),
+            "after": where.to_json(report.after),
+        },
+        "next_flights": [_next_flight_json(flight) for flight in report.next_flights],
+        "fitted_model": repetition.fitted_model,
+        "commands": list(repetition.commands),
+        "options": dict(repetition.options),
+        "packages": dict(repetition.versions),
+        "notes": sentences(report.notes),
+        "timing": [timing.to_json(one) for one in report.explanation.timing],
+    }
+
+
+def _next_flight_json(flight: NextFlight) -> dict[str, Any]:
+    design = flight.design
+    if design is None:
+        return {"effects": list(flight.names), "trajectory": None, "why_not": why_not(flight)}
+    return {
+        "effects": list(flight.names),
+        "trajectory": trajectory_file.dumps(design.file),
+        "segments": [str(s) for s in design.segments],
+        "separable": design.separable,
+        "separation_before": design.before.separation,
+        "separation_expected": design.expected.separation,
+        "advice": list(advice(design)),
+    }
+
+
+def to_frame(report: Report) -> pd.DataFrame:
+    """One row for each step of each staircase: time, step, error in all and by axis."""
+    rows = [
+        {
+            "on": str(case.basis),
+            "step": staircase.label(stair),
+            "in_all": stair.in_all,
+            **{f"rms.{axis}": float(v) for axis, v in zip(AXES, stair.rms, strict=True)},
+        }
+        for case in report.staircases
+        for stair in (*case.stairs, case.noise)
+    ]
+    return pd.DataFrame(rows)
