@@ -94,8 +94,9 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
     return lines
 
 
-def to_json(replay: Replay, summary: Summary) -> dict[str, Any]:
+def to_json(replay: Replay) -> dict[str, Any]:
     """The content of the command's JSON; see docs/json.md."""
+    summary = summarise(replay)
     numbers = asdict(summary) | {
         "sigma": dict(zip(("p5", "p50", "p95", "max"), summary.sigma.tolist(), strict=True)),
         "beta": dict(zip(("p5", "p50", "p95", "max"), summary.beta.tolist(), strict=True)),

@@ -22,10 +22,11 @@ from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.cli.main import app
+from wrenchgap.replay.counterfactual.change import believed_vehicle, changed_gains
+from wrenchgap.replay.counterfactual.change import change as asked_change
 from wrenchgap.replay.counterfactual.counterfactual import Change, WeakLaw, counterfactual, read_recording
 from wrenchgap.replay.counterfactual.reflight import refly
-from wrenchgap.replay.present.counterfactual import believed_vehicle, changed_gains, notes, to_json
-from wrenchgap.replay.present.counterfactual import change as asked_change
+from wrenchgap.replay.present.counterfactual import notes, to_json
 
 MODEL = model_file.load("tilt_hexarotor")
 COM = make_effect(MODEL.vehicle, "com_offset", {"x": -0.004, "y": 0.007, "z": -0.005})

@@ -23,7 +23,7 @@ from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion
 from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.present.counterfactual import change
+from wrenchgap.replay.counterfactual.change import change
 
 NAME = "tilt_hexarotor"
 MODEL = model_file.load(NAME)

@@ -22,7 +22,9 @@ from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.cli.main import app
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.compensation.source import checked
-from wrenchgap.replay.present import replay as replay_report
+from wrenchgap.replay.compensation.summary import summarise
+from wrenchgap.replay.present.documents import write_csv
+from wrenchgap.replay.present.replay import notes, warnings, write_files, write_log
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
 
@@ -90,14 +92,14 @@ def test_measured_and_predicted_agree_where_there_is_a_measurement(result):
 def test_two_runs_give_the_same_bytes(flown, model, gp, tmp_path):
     for name in ("a", "b"):
         again = replayed_on(flown, model, gp)
-        replay_report.write_log(again, tmp_path / f"{name}.mcap", force=False)
-        replay_report.write_csv(again, tmp_path / f"{name}.csv")
+        write_log(again, tmp_path / f"{name}.mcap", force=False)
+        write_csv(again.to_frame(), tmp_path / f"{name}.csv", digits=None)
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
 
 
 def test_log_is_the_flown_flight_with_the_replay_beside_it(result, flown, tmp_path):
-    path = replay_report.write_log(result, tmp_path / "r.mcap", force=False)
+    path = write_log(result, tmp_path / "r.mcap", force=False)
     back = flight.load(path)
     assert {role: s.topic for role, s in back.series().items()} == {role: s.topic for role, s in flown.series().items()}
     assert np.array_equal(back.commanded.wrench_B, flown.commanded.wrench_B)
@@ -107,8 +109,7 @@ def test_log_is_the_flown_flight_with_the_replay_beside_it(result, flown, tmp_pa
 
 
 def test_table_holds_every_step(result, tmp_path):
-    replay_report.write_parquet(result, tmp_path / "r.parquet")
-    replay_report.write_csv(result, tmp_path / "r.csv")
+    write_files(result, None, tmp_path / "r.csv", tmp_path / "r.parquet", None)
     table = pd.read_parquet(tmp_path / "r.parquet")
     assert len(table) == len(result)
     assert np.array_equal(table["commanded.torque_y"], result.steps.commanded[:, 4])
@@ -142,7 +143,7 @@ def test_log_with_actuators_only_gives_the_same_commands(flown, model, gp):
     assert actuators.source == "commanded"
     assert actuators.wrench == pytest.approx(wrench.wrench, abs=1e-9)
     assert actuators.steps.commanded == pytest.approx(wrench.steps.commanded, abs=1e-6)
-    assert any("computed from" in note for note in replay_report.notes(actuators))
+    assert any("computed from" in note for note in notes(actuators))
 
 
 def test_sign_of_rotor_speeds_does_not_matter(flown, model, gp):
@@ -168,7 +169,7 @@ def test_filter_off_takes_the_optimum(flown, model, gp):
     free = replayed_on(flown, model, gp, settings)
     held = replayed_on(flown, model, gp, replace(settings, filter_uncertain=True))
     assert np.array_equal(free.steps.correction, free.steps.optimum)
-    assert replay_report.summarise(free).held_back == 0
+    assert summarise(free).held_back == 0
     assert np.abs(held.steps.correction).max() < np.abs(free.steps.correction).max()
 
 
@@ -177,9 +178,9 @@ def test_gp_that_cancels_the_command_is_told(flown, model, gp):
     slope = np.zeros((3, 7))
     slope[:, 4:] = -np.eye(3) * gp.input_scale[3:] / gp.output_scale
     trapped = replace(gp, mean_coefficients=slope, residuals=np.zeros_like(gp.residuals))
-    summary = replay_report.summarise(replayed_on(flown, model, trapped))
+    summary = summarise(replayed_on(flown, model, trapped))
     assert summary.eigenvalue_min == pytest.approx(0.0, abs=1e-6)
-    assert any("nearly singular" in words for words in summary.warnings())
+    assert any("nearly singular" in words for words in warnings(summary))
 
 
 def test_saturation_of_the_new_commands_is_counted(flown, model, gp):
