@@ -10,19 +10,22 @@ import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data import comparison
+from wrenchgap.learn.data.errors import Errors
 from wrenchgap.learn.data.measurement import predict
 from wrenchgap.learn.data.opening import distinct, open_flights
+from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.identify.validation import ranges
+from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Body
-from wrenchgap.replay.present.explanation import ranges
 
 
 def test_errors_of_a_known_residual() -> None:
     residual = np.zeros((4, 6))
     residual[:, 0] = [3.0, -3.0, 5.0, -1.0]
-    errors = comparison.Errors.of(residual)
+    errors = Errors.of(residual)
     assert errors.mean_abs[0] == 3.0
     assert errors.std_abs[0] == pytest.approx(np.sqrt(2.0))
     assert errors.rms[0] == pytest.approx(np.sqrt(11.0))
@@ -49,7 +52,7 @@ def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(
     model = editing.set_by_hand(model_file.load("tilt_hexarotor"), ["com_offset=x:0.01", "servo_lag=0.03"])
     (opened,) = open_flights([logs.test], model)
     record = opened.records[0]
-    ours = comparison.Predictor("m", model.wrench_model).predict(record, model.vehicle.body)
+    ours = Predictor("m", model.wrench_model).predict(record, model.vehicle.body)
     np.testing.assert_allclose(ours, predict(record, model.wrench_model), atol=1e-12)
 
 
@@ -61,7 +64,7 @@ def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
     body = model.vehicle.body
     heavy = replace(model.vehicle, body=Body(2.0 * body.mass, body.inertia, body.com_B))
     light_force, heavy_force = (
-        comparison.Predictor("m", replace(model, vehicle=v).wrench_model).predict(record, body)[:, :3]
+        Predictor("m", replace(model, vehicle=v).wrench_model).predict(record, body)[:, :3]
         for v in (model.vehicle, heavy)
     )
     np.testing.assert_allclose(heavy_force, 0.5 * light_force, rtol=1e-9, atol=1e-9)
@@ -69,7 +72,7 @@ def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
 
 def test_models_of_another_shape_cannot_be_compared() -> None:
     with pytest.raises(ModelError, match="one vehicle"):
-        comparison.predictors(model_file.load("tilt_hexarotor"), [model_file.load("crazyflie")])
+        predictors(model_file.load("tilt_hexarotor"), [model_file.load("crazyflie")])
 
 
 def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:

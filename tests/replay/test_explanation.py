@@ -15,43 +15,45 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
-from wrenchgap.learn.diagnose.resonance import Swing
-from wrenchgap.learn.identify.explain import Explanation, explain
+from wrenchgap.learn.diagnose.resonance import Oscillation
+from wrenchgap.learn.identify.explain import Explanation, Verdict, explain
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find
-from wrenchgap.replay.present import tables
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.explanation import not_tried, sentence, to_json, what_next
+from wrenchgap.replay.present.explanation import members, not_tried, oscillation_in_words, summary, to_json, what_next
+from wrenchgap.replay.present.numbers import share
+from wrenchgap.replay.present.tables import Line
 
 MODEL = "tilt_hexarotor"
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "json.md"
 
 
-def data_of(path: Path) -> Dataset:
+def explained(path: Path, *names: str) -> Explanation:
     model = model_file.load(MODEL)
-    return dataset([r for f in open_flights([path], model) for r in f.records], model)
+    return explain(open_flights([path], model), model, names=names, jobs=1)
 
 
 @pytest.fixture(scope="module")
 def named(logs: Any) -> Explanation:
     """A centre-of-mass offset of (-4, 7, -5) mm."""
-    return explain(data_of(logs.train), model_file.load(MODEL), names=("com_offset", "mass", "battery_sag"))
+    return explained(logs.train, "com_offset", "mass", "battery_sag")
 
 
 @pytest.fixture(scope="module")
 def grouped(logs: Any) -> Explanation:
     """6 % less of everything: thin air, or lower rotors that lose 12 %."""
-    data = data_of(logs.ideal)
-    less = replace(data, measured=0.94 * data.measured)
-    return explain(less, model_file.load(MODEL), names=("thrust_scale", "coaxial_loss", "com_offset"))
+    model = model_file.load(MODEL)
+    (flight,) = open_flights([logs.ideal], model)
+    less = [replace(r, measured=0.94 * r.measured) for r in flight.records]
+    names = ("thrust_scale", "coaxial_loss", "com_offset")
+    return explain([replace(flight, records=tuple(less))], model, names=names, jobs=1)
 
 
 @pytest.fixture(scope="module")
 def nothing(logs: Any) -> Explanation:
-    return explain(data_of(logs.ideal), model_file.load(MODEL), names=("com_offset", "mass"))
+    return explained(logs.ideal, "com_offset", "mass")
 
 
 def heading(explained: float) -> Relevance:
@@ -61,18 +63,18 @@ def heading(explained: float) -> Relevance:
 
 
 def swinging(found: Explanation) -> Explanation:
-    return replace(found, verdict="unknown", swing=Swing(0.724, 0.012, "E", 0.75, 2.3))
+    return replace(found, verdict=Verdict.UNKNOWN, oscillation=Oscillation(0.724, 0.012, "E", 0.75, 2.3))
 
 
 # ---------------------------------------------------------------- words
 
 
 def test_an_effect_is_told_with_its_values_and_how_sure(named: Explanation) -> None:
-    words = sentence(named)
+    words = summary(named)
     assert named.verdict == "effect"
     told = {axis: float(value) for axis, value in re.findall(r"\b([xyz]) (-?[\d.]+) m\b", words)}
     assert told == pytest.approx({"x": -0.004, "y": 0.007, "z": -0.005}, abs=2e-4)
-    assert f"{100 * named.probability(named.members[0]):.0f} % sure" in words
+    assert f"confidence {100 * named.confidence(named.members[0]):.0f} %" in words
 
 
 def test_of_many_parameters_the_ones_that_stand_out_are_told(named: Explanation) -> None:
@@ -82,22 +84,22 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named: Explanation)
     loss[[3, 8]] = -0.2, -0.1
     fitted = replace(named.fit, parameters=tuple(rotors), theta=loss, covariance=1e-6 * np.eye(12))
     member = replace(named.members[0], name="rotor_thrust")
-    assert "rotor_thrust (rotor_3 -0.2, rotor_8 -0.1)," in sentence(replace(named, members=(member,), fit=fitted))
+    assert "rotor_thrust (rotor_3 -0.200, rotor_8 -0.100)," in summary(replace(named, members=(member,), fit=fitted))
 
 
 def test_the_largest_remaining_error_is_counted_in_noise(named: Explanation) -> None:
     """0.5 N is little beside 0.1 Nm where the gyroscope is a hundred times better."""
     noise = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3])
     one = replace(named, noise=noise, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 0.1, 1e-3]))
-    assert "torque_y, 0.1 Nm rms (sensor noise 0.001)" in sentence(one)
+    assert "torque_y, 0.1 Nm rms (sensor noise 0.001)" in summary(one)
     two = replace(one, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 1e-3, 1e-3]))
-    assert "force_x, 0.5 N rms (sensor noise 0.1)" in sentence(two)
+    assert "force_x, 0.5 N rms (sensor noise 0.1)" in summary(two)
 
 
 def test_a_group_is_told_with_all_its_members(grouped: Explanation) -> None:
     assert grouped.verdict == "group"
     assert set(grouped.groups[0]) == {"thrust_scale", "coaxial_loss"}
-    assert all(name in sentence(grouped) for name in grouped.groups[0])
+    assert all(name in summary(grouped) for name in grouped.groups[0])
 
 
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing: Explanation) -> None:
@@ -107,11 +109,11 @@ def test_where_nothing_is_missing_there_is_nothing_to_do(nothing: Explanation) -
 
 def test_what_is_unknown_is_told_with_the_number_of_every_clue(named: Explanation, nothing: Explanation) -> None:
     found = replace(swinging(named), depends=heading(0.62), concentrated=0.81)
-    words = sentence(found)
+    words = summary(found)
     for clue in ("com_offset", "0.72 Hz", "0.012", "75 %", "heading", "62 %", "81 %"):
         assert clue in words
     assert "height" not in words  # looked at, and not chosen
-    without = sentence(replace(nothing, verdict="unknown"))
+    without = summary(replace(nothing, verdict=Verdict.UNKNOWN))
     assert "Hz" not in without
     assert "heading" not in without
 
@@ -119,9 +121,9 @@ def test_what_is_unknown_is_told_with_the_number_of_every_clue(named: Explanatio
 # ---------------------------------------------------------------- what next
 
 
-def commands(lines: list[str]) -> list[list[str]]:
+def commands(lines: list[Line]) -> list[list[str]]:
     """The commands in these lines, as arguments."""
-    return [shlex.split(re.sub(r".*?\bwrenchgap ", "", line, count=1)) for line in lines]
+    return [shlex.split(re.sub(r".*?\bwrenchgap ", "", line.text, count=1)) for line in lines]
 
 
 def test_the_command_that_is_told_adds_what_was_found(
@@ -148,11 +150,11 @@ def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named: Expl
     look, add = commands(what_next(swinging(named), MODEL, "a.mcap"))
     assert look[:2] == ["where", "a.mcap"]
     assert add[:2] == ["add", "com_offset"]
-    assert [c[0] for c in commands(what_next(replace(nothing, verdict="unknown"), MODEL, "a.mcap"))] == ["where"]
+    assert [c[0] for c in commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), MODEL, "a.mcap"))] == ["where"]
 
 
 def test_what_could_not_be_tried_is_listed_by_reason(named: Explanation) -> None:
-    ((reason, names),) = not_tried(named).items()
+    ((reason, names),) = not_tried(named.untried).items()
     assert names == ["battery_sag"]
     assert "--topic battery=" in reason
     assert "effect battery_sag" not in reason
@@ -165,15 +167,15 @@ def test_what_could_not_be_tried_is_listed_by_reason(named: Explanation) -> None
 def test_table_of_members_fits_a_terminal(which: str, request: pytest.FixtureRequest) -> None:
     found = request.getfixturevalue(which)
     out = io.StringIO()
-    Console(file=out, width=100, color_system=None).print(tables.members(found))
+    Console(file=out, width=100, color_system=None).print(members(found))
     text = out.getvalue()
     assert max(map(len, text.splitlines())) <= 100
     for member in found.members:
         (line,) = [line for line in text.splitlines() if line.split()[:1] == [member.name]]
-        assert f"{100 * found.probability(member):.0f} %" in line
-        assert f"{100 * member.share:.0f} %" in line
+        assert f"{100 * found.confidence(member):.0f} %" in line
+        assert share(member.share) in line
         for other in member.alike:
-            assert f"{other.name} (cos {other.cosine:.2f})" in line
+            assert f"{other.name} (cosine {other.cosine:.2f})" in line
 
 
 # ---------------------------------------------------------------- JSON
@@ -199,7 +201,7 @@ def test_json_has_the_keys_that_are_documented_and_no_others(
 
 
 def test_json_tells_what_the_explanation_holds(grouped: Explanation) -> None:
-    body = json.loads(json.dumps(to_json(grouped, None), default=np.ndarray.tolist))
+    body = json.loads(json.dumps(to_json(grouped), default=np.ndarray.tolist))
     _, section = documented()
     assert [m["effect"] for m in body["members"]] == body["effects"] == list(grouped.effects)
     shares = [m["share"] for m in body["members"]]
@@ -211,20 +213,20 @@ def test_json_tells_what_the_explanation_holds(grouped: Explanation) -> None:
         for rival in listed["rivals"]:
             assert set(rival) <= words(section)
     assert body["groups"] == [m["group"] for m in body["members"] if len(m["group"]) > 1]
-    assert body["summary"] == sentence(grouped)
+    assert body["summary"] == summary(grouped)
     assert body["left"]["over_noise"] == grouped.left
     assert set(body["left"]) <= words(section)
 
 
 def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named: Explanation) -> None:
     found = replace(swinging(named), depends=heading(0.62))
-    left = json.loads(json.dumps(to_json(found, None), default=np.ndarray.tolist))["left"]
+    left = json.loads(json.dumps(to_json(found), default=np.ndarray.tolist))["left"]
     _, section = documented()
     assert left["swing"]["frequency_hz"] == 0.724
-    assert left["swing"]["words"] == found.swing.words  # type: ignore[union-attr]
+    assert left["swing"]["words"] == oscillation_in_words(found.oscillation)  # type: ignore[arg-type]
     assert set(left["swing"]) <= words(section)
     assert [g["name"] for g in left["depends_on"]["groups"] if g["chosen"]] == ["heading"]
-    assert to_json(named, None)["left"]["swing"] is None
+    assert to_json(named)["left"]["swing"] is None
 
 
 def words(text: str) -> set[str]:
