@@ -26,7 +26,7 @@ def test_names_the_hidden_effect_with_its_size(fly, hexarotor):
     assert found.effects == ("com_offset",)
     assert found.first.share > 0.9
     assert found.first.cosine > 0.95
-    values = {name: value for name, value, _, _ in found.first.values()}
+    values = {v.name: v.value for v in found.first.values}
     assert values == pytest.approx(truth.parameters["com_offset"], abs=3e-4)
     assert [a.share for a in found.tried] == sorted((a.share for a in found.tried), reverse=True)
     assert np.isnan(found.size[:3]).all()

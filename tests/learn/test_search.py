@@ -185,7 +185,7 @@ def test_a_lag_too_small_for_a_name_is_not_called_backlash(searched, trajectory)
     tried = {c.name: c for c in found.search.steps[0].candidates}
     assert tried["servo_lag"].beyond_chance
     assert not tried["servo_lag"].material
-    assert tried["servo_lag"].values()[0][1] == pytest.approx(0.0025, abs=0.001)
+    assert tried["servo_lag"].values[0].value == pytest.approx(0.0025, abs=0.001)
     assert tried["backlash"].worthy
     assert found.names == []
 
