@@ -25,6 +25,7 @@ from typing import IO, Any, TypeVar
 
 import cloudpickle
 from joblib.externals import loky
+from joblib.externals.loky.backend import resource_tracker
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
@@ -122,6 +123,7 @@ def ctrl_c_stays_here() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
+    resource_tracker.ensure_running()  # which unblocks SIGINT when it has started
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
