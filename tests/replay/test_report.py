@@ -251,7 +251,7 @@ def test_prints_tabulates_and_draws_itself(made: Report) -> None:
     frame = made.to_frame()
     assert len(frame) == sum(len(case.stairs) + 1 for case in made.staircases)
     np.testing.assert_allclose(frame["in_all"][0], made.staircases[0].stairs[0].in_all)
-    assert len(made.plot().patches) == sum(len(case.falling) + 1 for case in made.staircases)
+    assert len(made.plot()[0].patches) == sum(len(case.falling) + 1 for case in made.staircases)
     body = made.to_json()
     assert model_file.loads(body["fitted_model"]).effects[0].name == "com_offset"
     assert body["staircases"][0]["stairs"][0]["name"] == "nominal"

@@ -16,6 +16,7 @@ from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
+from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
@@ -67,7 +68,7 @@ def of_error(report: Report, _: Repetition) -> Content:
     absorbed = report.rest.absorption
     absorbs = "" if absorbed is None else learning.absorption_in_words(absorbed) or "the GP absorbs no known effect."
     return {
-        "chart": Image.of(charts.staircase_figure(report.staircases), f"Error step by step. {said}", caption, "svg"),
+        "chart": Image.of(style.figure_of(charts.picture(report)), f"Error step by step. {said}", caption, "svg"),
         "tables": [_steps(case) for case in report.staircases],
         "rest": words.rest(report.rest),
         "residual": _residual(report),
@@ -91,7 +92,7 @@ def _residual(report: Report) -> Image | None:
     if compared is None or len(case.falling) < 2:
         return None
     last = case.stairs.index(case.falling[-1])
-    figure = charts.residual_figure(compared, 0, last, ("nominal", "with all steps"))
+    figure = style.figure_of(charts.residuals(compared, 0, last))
     alt = f"Measured minus predicted wrench over time on {compared.flights[0]}, before and after."
     return Image.of(figure, alt, "Residual: measured minus predicted wrench. The table above has its RMS.")
 
@@ -105,7 +106,7 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     return {
-        "chart": Image.of(charts.ranking_figure(shown, found.effects), alt, caption, "svg"),
+        "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
         "first": _candidates("First step, each effect alone", shown),
         "later": [(_step_title(s), _candidates("", s.candidates[:MOST_LATER])) for s in found.steps if s.on],
         "members": _members(found),
