@@ -58,19 +58,14 @@ def plot(result: Comparison, axes: Any = None) -> Any:
 
 def _title(result: Comparison) -> str:
     flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
-    longest = max(result.records, key=len)
-    share = _share(result, longest.time)
-    step = (longest.time[-1] - longest.time[0]) / (share * style.COLUMNS)
-    shaded = f"; shaded from smallest to largest in {step:.1f} s" if style.crowded(len(longest), share) else ""
-    return f"{flights}: wrench measured, commanded and predicted, filtered at {longest.cutoff_hz:g} Hz{shaded}"
+    return f"{flights}: wrench measured, commanded and predicted, filtered at {result.records[0].cutoff_hz:g} Hz"
 
 
 def _draw(result: Comparison, axes: Any) -> None:
-    starts = _starts(result)
+    starts, shaded = _starts(result), False
     for axis in range(6):
         wrench, residual = axes[2 * (axis % 3) : 2 * (axis % 3) + 2, axis // 3]
-        _wrenches(wrench, result, starts, axis)
-        _residuals(residual, result, starts, axis)
+        shaded |= _wrenches(wrench, result, starts, axis) | _residuals(residual, result, starts, axis)
         name, unit = style.QUANTITIES[axis]
         for panel, label in ((wrench, name), (residual, "residual")):
             style.labelled(panel, label, unit)
@@ -78,7 +73,10 @@ def _draw(result: Comparison, axes: Any) -> None:
             panel.margins(x=0.005)
     for column, panel in enumerate(axes[5]):
         several = len(result.flights) > 1
-        style.labelled(panel, "time, flight after flight" if several else "time", "s", "x")
+        words = "time, flight after flight" if several else "time"
+        style.labelled(panel, words, "s", "x")
+        if shaded:
+            panel.set_xlabel(f"{panel.get_xlabel()}; shaded: from the smallest to the largest value")
         style.legend(axes[0, column], above=several)
         style.legend(axes[1, column])
     for panel, part in zip(axes[6:].ravel(), (0, 1), strict=False):
@@ -112,43 +110,41 @@ def _share(result: Comparison, time: Array) -> float:
     return float(time[-1] - time[0]) / max(whole, 1e-9)
 
 
-def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) -> None:
+def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) -> bool:
     """Commanded, measured, and what every model predicts; the first is left out where it is the command."""
     hidden = {result.evaluations[0].name} if _is_command(result) else set()
-    last = result.evaluations[-1]
+    last, shaded = result.evaluations[-1], False
     for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
-        time, label = record.time + start, index == 0
-        share = _share(result, time)
-
-        def draw(values: Array, colour: str, name: str, width: float = 0.9) -> None:
-            style.curve(panel, time, values, colour, name if label else "", width, share=share)  # noqa: B023
-
-        draw(record.commanded[:, axis], style.COMMANDED, "commanded", 1.2)
-        draw(record.measured[:, axis], style.MEASURED, "measured", 1.7)
+        time, share = record.time + start, _share(result, record.time)
+        drawn = [
+            (record.commanded, style.COMMANDED, "commanded", 1.2),
+            (record.measured, style.MEASURED, "measured", 1.7),
+        ]
         for place, e in enumerate(result.evaluations):
             if e.name not in hidden:
-                draw(e.predictions[index][:, axis], _colour(place), f"predicted by {e.name}")
+                drawn.append((e.predictions[index], _colour(place), f"predicted by {e.name}", 0.9))
+        for values, colour, name, width in drawn:
+            shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
             centre, half = last.predictions[index][:, axis], PREDICTION_SIGMAS * last.sigma[index][:, axis]
-            words = f"± {PREDICTION_SIGMAS:g} sigma of {last.name}" if label else None
-            colour = _colour(len(result.evaluations) - 1)
+            words = None if index else f"± {PREDICTION_SIGMAS:g} sigma of {last.name}"
             panel.fill_between(
-                time, centre - half, centre + half, color=colour, alpha=0.15, lw=0, label=words, zorder=1
+                time, centre - half, centre + half, color=drawn[-1][1], alpha=0.15, lw=0, label=words, zorder=1
             )
+    return shaded
 
 
-def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -> None:
+def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -> bool:
     """Measured minus predicted of every model, the last on top, and the noise of the sensors as a band."""
+    shaded = False
     for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
-        time = record.time + start
-        share = _share(result, time)
+        time, share = record.time + start, _share(result, record.time)
         for place, e in enumerate(result.evaluations):
-            label = e.name if index == 0 else ""
             residual = record.measured[:, axis] - e.predictions[index][:, axis]
-            style.curve(panel, time, residual, _colour(place), label, share=share)
-        half = NOISE_SIGMAS * float(record.noise[axis])
-        words = f"± {NOISE_SIGMAS:g} sigma of the sensor noise" if index == 0 else ""
-        style.band(panel, [float(time[0]), float(time[-1])], half, words)
+            shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
+        words = "" if index else f"± {NOISE_SIGMAS:g} sigma of the sensor noise"
+        style.band(panel, [float(time[0]), float(time[-1])], NOISE_SIGMAS * float(record.noise[axis]), words)
+    return shaded
 
 
 def _colour(place: int) -> str:
@@ -185,7 +181,7 @@ def _flights(panel: Any, result: Comparison, starts: list[float], *, named: bool
 
 
 def _bars(panel: Any, result: Comparison, part: int) -> None:
-    """Root mean square residual by flight, over the three axes of force (part 0) or torque (1), with the noise floor."""
+    """Root mean square residual by flight, over the three axes of force (part 0) or torque (1), and the noise floor."""
     place, count = np.arange(len(result.flights)), len(result.evaluations)
     for index, one in enumerate(result.evaluations):
         heights = [float(force_and_torque(e.rms)[part]) for e in one.by_flight]

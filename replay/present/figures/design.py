@@ -83,7 +83,7 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
     style.band(panel, [cut, design.trajectory.duration - cut], float(d.noise[d.telling]), "± 1 sigma of the noise")
     style.labelled(panel, *style.QUANTITIES[d.telling])
     found = f"separation {d.separation:.1f} expected, {design.simulated(d.truth, d.imitator):.1f} simulated"
-    panel.set_title(f"{d.truth} or {d.imitator}? {found}", loc="right", fontsize=style.SMALL)
+    panel.set_title(f"{d.truth} or {d.imitator}? {found}", loc="left", fontsize=style.USUAL, pad=18)
     style.legend(panel)
 
 

@@ -56,7 +56,7 @@ def _rate(panel: Any, series: Series, duration: float) -> None:
     count = max(1, min(WINDOWS, int(duration / SHORTEST)))
     found, edges = np.histogram(series.time, bins=np.linspace(0.0, max(duration, 1e-3), count + 1))
     rate = found / np.diff(edges)
-    panel.stairs(rate, edges, color=style.MODELS[0], lw=1.0)
+    panel.stairs(rate, edges, baseline=None, color=style.MODELS[0], lw=1.0)
     for k, gap in enumerate(series.gaps):
         panel.axvspan(gap.start, gap.stop, color=style.WARNING, alpha=0.3, lw=0, label="gap" if k == 0 else None)
     words = f"{len(series.gaps)} gaps" if len(series.gaps) != 1 else "1 gap"

@@ -49,6 +49,10 @@ def _draw(learnt: Learnt, axes: Any) -> None:
         bars_by_axis(panels[:2], rows, compared.noise)
         flights = style.shortened(", ".join(compared.flights), 40)
         for panel, kind in zip(panels, ("force", "torque"), strict=False):
+            if not any(output.startswith(kind) for output in learnt.gp.outputs):
+                panel.set_title(
+                    "not among the outputs of the GP", loc="right", fontsize=style.SMALL, color="0.4", pad=4
+                )
             style.labelled(panel, f"{name} ({flights})\n{kind} error, rms", "N" if kind == "force" else "Nm")
         _calibration(panels[2], learnt, *learnt.coverage[name])
 
@@ -56,11 +60,11 @@ def _draw(learnt: Learnt, axes: Any) -> None:
 def _calibration(panel: Any, learnt: Learnt, before: Coverage, after: Coverage) -> None:
     place = np.arange(len(learnt.gp.outputs))
     for (expected, name, marker, words), colour in zip(EXPECTED, (style.MODELS[0], style.MODELS[1]), strict=True):
-        panel.axhline(expected, color=colour, lw=0.9, ls="--", label=f"expected in {words}: {expected:g} %")
-        for one, shift, fill, when in ((before, -0.12, "none", "before"), (after, 0.12, colour, "after")):
-            shares = 100.0 * getattr(one, name)
-            look = {"marker": marker, "ls": "", "ms": 6, "mec": colour, "mfc": fill}
-            panel.plot(place + shift, shares, **look, label=f"{when} calibration")
+        panel.axhline(expected, color=colour, lw=0.9, ls="--", label=f"{expected:g} % in {words}")
+        for one, shift, fill in ((before, -0.12, "none"), (after, 0.12, colour)):
+            panel.plot(place + shift, 100.0 * getattr(one, name), marker, ms=6, mec=colour, mfc=fill)
+    for fill, words in (("none", "before calibration"), ("0.4", "after")):
+        panel.plot([], [], "o", ms=6, mec="0.4", mfc=fill, label=words)
     lowest = min(float(getattr(one, name).min()) for one in (before, after) for _, name, _, _ in EXPECTED)
     panel.set_ylim(max(0.0, min(90.0, 100.0 * lowest - 3.0)), 101.0)
     panel.set_xlim(-0.6, len(place) - 0.4)

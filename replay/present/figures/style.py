@@ -29,8 +29,9 @@ SMALL, USUAL = 8, 9
 
 COLUMNS = 450
 """Columns of time that a panel tells apart, about the pixels of its width."""
-CROWDED = 8
-"""Samples in a column from which on a curve is drawn as the band between its smallest and largest values."""
+CROWDED, ROUGH = 8, 0.05
+"""A curve is drawn as the band between its smallest and largest values where a column holds more than so many samples,
+and these span on average more than this share of its whole range."""
 PREFIXES = ((0.1, 1.0, ""), (1e-4, 1e3, "m"), (0.0, 1e6, "µ"))
 """(smallest of the largest values, factor, SI prefix)."""
 PREFIXED = ("N", "Nm", "m")
@@ -164,38 +165,24 @@ def legend(panel: Any, *, above: float = 0.0) -> None:
 
 
 def curve(
-    panel: Any, time: Array, values: Array, colour: str, label: str = "", width: float = 0.9, **style: Any
-) -> None:
-    """One series (N,) over time (N,): a line, or where it is crowded the band between its extremes.
+    panel: Any, time: Array, values: Array, colour: str, label: str = "", width: float = 0.9, **more: Any
+) -> bool:
+    """One series (N,) over time (N,): a line, or the band between its extremes where it would be a block of ink.
 
     No column of the panel loses a smallest or largest value. `width` is that of the line, `share` the part of the
-    panel's width that the series takes; `style` is passed on to the line.
+    panel's width that the series takes; `more` is passed on to the line. Returns whether it is a band.
     """
-    share = style.pop("share", 1.0)
-    x, y = envelope(time, values[None], float(time[0]), float(time[-1]), _columns(share))
-    name = label or None
-    if not crowded(len(time), share):
-        panel.plot(x, y[0], color=colour, lw=width, label=name, **style)
-        return
-    pairs = y[0].reshape(-1, 2)
-    panel.fill_between(
-        x.reshape(-1, 2).mean(axis=1),
-        pairs.min(axis=1),
-        pairs.max(axis=1),
-        color=colour,
-        alpha=0.45,
-        lw=0.3,
-        label=name,
-    )
-
-
-def crowded(count: int, share: float = 1.0) -> bool:
-    """Whether so many samples, over this share of a panel's width, are drawn as a band."""
-    return count > CROWDED * _columns(share)
-
-
-def _columns(share: float) -> int:
-    return max(8, round(COLUMNS * share))
+    columns = max(8, round(COLUMNS * more.pop("share", 1.0)))
+    x, y = envelope(time, values[None], float(time[0]), float(time[-1]), columns)
+    if len(time) > CROWDED * columns:
+        low, high = np.sort(y[0].reshape(-1, 2), axis=1).T
+        whole = float(np.nanmax(high) - np.nanmin(low)) if np.isfinite(high).any() else 0.0
+        if whole > 0 and float(np.nanmean(high - low)) > ROUGH * whole:
+            middle = x.reshape(-1, 2).mean(axis=1)
+            panel.fill_between(middle, low, high, color=colour, alpha=0.45, lw=0.3, label=label or None)
+            return True
+    panel.plot(x, y[0], color=colour, lw=width, label=label or None, **more)
+    return False
 
 
 def band(panel: Any, ends: Sequence[float], half: float, label: str = "") -> None:

@@ -131,7 +131,7 @@ def _draw_maps(panels: Any, where: Where) -> None:
 
 
 def _draw_map(panel: Any, dependence: Dependence) -> None:
-    """Rms over the bins, force on the left scale, torque on the right, the noise floors as thin lines of their colours."""
+    """Rms over the bins, force on the left scale, torque on the right, noise floors as thin lines."""
     b = dependence.binned
     other = panel.twinx()
     known = np.isfinite(b.low)
