@@ -153,7 +153,7 @@ def report(
     gp: GaussianProcess | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """All of it: what is missing, the error step by step, where the model fails, what to fly next; `gp` is on `model`."""
+    """All of it: what is missing, the error step by step, where the model fails, what to fly next; `gp` on `model`."""
     return reporting.report(
         listed(flights), model_of(model), names=names, validation=listed(validate), gp=gp, progress=progress
     )

@@ -11,8 +11,8 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.add import Addition
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.present.explanation import values_json
 from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import values_json
 from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, parameters
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +47,12 @@ ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
     (("tether",), "fly the same moves without cable or contact"),
     (("imu_misalignment", "imu_lever_arm"), "check the IMU's place and alignment on the bench"),
 )
+
+
+def design_command(names: Sequence[str], model: str, paths: Sequence[str]) -> str:
+    """The command that designs a flight to separate `names`, for the logs at `paths`."""
+    line = ["wrenchgap", "design", *names, "-m", model, *(["--from", *paths] if paths else []), "-o", "separate.toml"]
+    return shlex.join(line)
 
 
 def advice(design: Design) -> tuple[str, ...]:

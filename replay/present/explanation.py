@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,8 +20,9 @@ from wrenchgap.learn.identify.search import Candidate, Member, Step
 from wrenchgap.learn.identify.validation import Validation
 from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import comparison, timing, where
+from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of
+from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of, values_json
 from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, parameters, reductions, table
 
 Array = NDArray[np.float64]
@@ -157,9 +159,10 @@ def _largest_residual(found: Explanation) -> str:
     return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
 
 
-def what_next(found: Explanation, model: str, logs: str) -> list[Line]:
+def what_next(found: Explanation, model: str, paths: Sequence[str]) -> list[Line]:
     """The commands that follow from the verdict, for the model and the logs as the user named them."""
-    out = [f"to separate {' from '.join(g)}: {design_command(g, model, logs)}" for g in found.groups]
+    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths)}" for g in found.groups]
+    model, logs = shlex.quote(model), shlex.join(paths)
     if found.full:
         out.append("the search ended at its limit of effects: add these, then explain with the new model, for more")
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
@@ -169,11 +172,6 @@ def what_next(found: Explanation, model: str, logs: str) -> list[Line]:
     elif found.effects:
         out.append(f"next: {add}")
     return [Line(text) for text in out]
-
-
-def design_command(names: Sequence[str], model: str, logs: str = "") -> str:
-    """The command that designs a flight to separate `names`."""
-    return f"wrenchgap design {' '.join(names)} -m {model}{f' --from {logs}' if logs else ''} -o separate.toml"
 
 
 def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
@@ -318,11 +316,6 @@ def _candidate_json(candidate: Candidate) -> dict[str, Any]:
         "significance": candidate.significance,
         "implausible": list(candidate.implausible),
     }
-
-
-def values_json(values: Sequence[Value]) -> list[dict[str, Any]]:
-    """Parameters by name."""
-    return [{"name": v.name, "value": v.value, "std": v.std, "unit": v.unit} for v in values]
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:

@@ -19,9 +19,8 @@ from wrenchgap.learn.process.alternatives import Alternatives
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.present import comparison
-from wrenchgap.replay.present.explanation import values_json
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, quantity, row
+from wrenchgap.replay.present.numbers import UNIT_HEADS, quantity, row, values_json
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
 
 

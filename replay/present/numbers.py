@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,3 +80,8 @@ def parameters_in_words(values: Sequence[Value]) -> str:
     shown = values if len(values) <= 3 else clearest[:2]
     more = f", ... ({len(values)})" if len(values) > 3 else ""
     return ", ".join(f"{v.name} {quantity(v.value, v.unit)}" for v in shown) + more
+
+
+def values_json(values: Sequence[Value]) -> list[dict[str, Any]]:
+    """Parameters by name."""
+    return [{"name": v.name, "value": v.value, "std": v.std, "unit": v.unit} for v in values]

@@ -9,7 +9,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.learn.design import designer as search
 from wrenchgap.plant.trajectory_file import load
-from wrenchgap.replay.present.design import next_flight
+from wrenchgap.replay.present.design import design_command
 
 
 @pytest.fixture(autouse=True)
@@ -119,5 +119,5 @@ def test_simulate_refuses_what_a_file_does_not_allow(run, tmp_path):
 
 
 def test_the_command_for_the_next_flight_is_one_that_can_be_typed():
-    line = next_flight(("tether", "constant_wrench"), "hexa.toml", ("a.mcap", "b.mcap"))
-    assert line == "wrenchgap design tether constant_wrench -m hexa.toml --from a.mcap b.mcap -o separate.toml"
+    line = design_command(("tether", "constant_wrench"), "hexa.toml", ("a.mcap", "day 2.mcap"))
+    assert line == "wrenchgap design tether constant_wrench -m hexa.toml --from a.mcap 'day 2.mcap' -o separate.toml"

@@ -104,7 +104,7 @@ def test_a_group_is_told_with_all_its_members(grouped: Explanation) -> None:
 
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing: Explanation) -> None:
     assert nothing.verdict == "nothing"
-    assert what_next(nothing, MODEL, "a.mcap") == []
+    assert what_next(nothing, MODEL, ["a.mcap"]) == []
 
 
 def test_what_is_unknown_is_told_with_the_number_of_every_clue(named: Explanation, nothing: Explanation) -> None:
@@ -129,7 +129,7 @@ def commands(lines: list[Line]) -> list[list[str]]:
 def test_the_command_that_is_told_adds_what_was_found(
     named: Explanation, logs: Any, run: Callable[..., Any], result_of: Callable[..., dict[str, Any]]
 ) -> None:
-    (command,) = commands(what_next(named, MODEL, str(logs.train)))
+    (command,) = commands(what_next(named, MODEL, [str(logs.train)]))
     assert run(*command).exit_code == 0
     (effect,) = model_file.load("fitted.toml").effects
     assert effect.name == "com_offset"
@@ -139,7 +139,7 @@ def test_the_command_that_is_told_adds_what_was_found(
 
 
 def test_a_group_is_told_the_flight_that_separates_it_first(grouped: Explanation) -> None:
-    design, add = commands(what_next(grouped, MODEL, "a.mcap b.mcap"))
+    design, add = commands(what_next(grouped, MODEL, ["a.mcap", "b.mcap"]))
     assert design[0] == "design"
     assert set(design[1:3]) == {"thrust_scale", "coaxial_loss"}
     assert design[3:] == ["-m", MODEL, "--from", "a.mcap", "b.mcap", "-o", "separate.toml"]
@@ -147,10 +147,12 @@ def test_a_group_is_told_the_flight_that_separates_it_first(grouped: Explanation
 
 
 def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named: Explanation, nothing: Explanation) -> None:
-    look, add = commands(what_next(swinging(named), MODEL, "a.mcap"))
+    look, add = commands(what_next(swinging(named), MODEL, ["a.mcap"]))
     assert look[:2] == ["where", "a.mcap"]
     assert add[:2] == ["add", "com_offset"]
-    assert [c[0] for c in commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), MODEL, "a.mcap"))] == ["where"]
+    assert [c[0] for c in commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), MODEL, ["a.mcap"]))] == [
+        "where"
+    ]
 
 
 def test_what_could_not_be_tried_is_listed_by_reason(named: Explanation) -> None:

@@ -56,7 +56,7 @@ def explain(
         found = api.explain(flights, base, names=names, validate=tests, progress=report)
     printer = Printer(quiet)
     show_result(printer, found)
-    printer.show(*what_next(found, model, " ".join(map(str, logs))))
+    printer.show(*what_next(found, str(model), [str(p) for p in logs]))
     printer.notes([*base.notes, *(note for f in tests for note in f.notes)])
     body = found.to_json()
     write_result(
