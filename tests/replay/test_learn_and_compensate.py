@@ -15,7 +15,7 @@ from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.identify.learning import TORQUE, Learnt, learn_process
 from wrenchgap.learn.process import store
-from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.learn.process.gp import CautionKind, FitSettings
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
@@ -24,6 +24,7 @@ from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.counterfactual.change import change
+from wrenchgap.replay.present.learning import caution
 
 NAME = "tilt_hexarotor"
 MODEL = model_file.load(NAME)
@@ -91,8 +92,8 @@ def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_p
     lever = np.cross(OFFSET, wanted.wrench_B[:, :3])
     assert np.abs(correction - lever).max() < 0.02 * np.abs(lever).max()
     (said,) = on_physics.gp.provenance.warnings
-    assert said.startswith("on unseen flights the GP is not worth it for torque_x, torque_y, torque_z")
-    assert f"learn said of this GP: {said}" in result["notes"]
+    assert (said.kind, said.axes) == (CautionKind.NOT_WORTH_IT, TORQUE)
+    assert any(caution(said) in note for note in result["notes"])
 
 
 def test_counterfactual_flies_with_the_physics_in_the_compensation(
@@ -105,7 +106,7 @@ def test_counterfactual_flies_with_the_physics_in_the_compensation(
     before, after = (tracking[k]["attitude_error"]["mean_abs"] for k in ("uncompensated", "counterfactual"))
     assert after[0] < 0.6 * before[0]
     assert after[1] < 0.6 * before[1]
-    assert f"learn said of this GP: {on_physics.gp.provenance.warnings[0]}" in result["notes"]
+    assert any(caution(on_physics.gp.provenance.warnings[0]) in note for note in result["notes"])
 
 
 def test_another_version_of_the_physics_is_told(on_physics: Learnt) -> None:
@@ -144,7 +145,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
         lambda: replay(opened(blind, sag), sag, gp),
         lambda: learn_process([opened(blind, sag)], sag, ("force_z",), replace(QUICK, mean="physics")),
     ):
-        with pytest.raises(FitError, match="battery_sag needs the battery voltage; map it with --topic battery="):
+        with pytest.raises(FitError, match="battery_sag: needs the battery voltage; map it with --topic battery="):
             attempt()
 
 
@@ -217,7 +218,7 @@ def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, res
     assert (rms["constant offset"] > 5 * rms["linear in the command"]).all()
     (said,) = [w for w in result["warnings"] if "not worth it" in w]
     assert "torque_x, torque_y, torque_z" in said
-    assert said in store.load("zero.gp").provenance.warnings
+    assert said in [caution(one) for one in store.load("zero.gp").provenance.warnings]
 
 
 # --- what is asked of a compensation ----------------------------------------------------------------------------------
