@@ -389,7 +389,10 @@ class Search:
         return Member(name, share, needed, gained, tuple(sorted(rivals, key=lambda r: r.separation)))
 
     def rivals_of(self, name: str) -> list[str]:
-        """Effects outside the set that did a good part of what this one did, or are known to look like it."""
+        """Effects outside the set that did a good part of what this one did, or are known to look like it.
+
+        The one that did most comes first, known or not: a table's best candidate must be tried in a member's place.
+        """
         known = {n for n in self.names if name in find(n).confused_with} | set(find(name).confused_with)
         close: dict[str, float] = {}
         for step in self.steps:
@@ -400,7 +403,8 @@ class Search:
                 if c.name in known or (own.evidence > 0 and c.evidence > RIVAL * own.evidence):
                     close[c.name] = max(close.get(c.name, -np.inf), c.evidence / max(own.evidence, 1e-9))
         free = [n for n in close if n not in self.chosen and n in self.names]
-        return sorted(free, key=lambda n: (n not in known, -close[n]))[:MOST_RIVALS]
+        most = max((close[n] for n in free), default=0.0)
+        return sorted(free, key=lambda n: (close[n] < most, n not in known, -close[n]))[:MOST_RIVALS]
 
     def tell(self, words: str, k: int, count: int) -> None:
         """Progress."""
