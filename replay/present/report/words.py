@@ -55,9 +55,10 @@ def why_not(flight: NextFlight) -> str:
 def designed(found: Design) -> str:
     """The designed flight, and what to expect of it."""
     moves = ", then ".join(str(s) for s in found.segments)
+    expected, before = separation(found.expected.separation), separation(found.before.separation)
     said = (
-        f"Fly {found.file.trajectory.duration:.0f} s: {moves}. Expected separation {separation(found.expected.separation)}, "
-        f"on the given logs {separation(found.before.separation)}; the effects are separable above {INDISTINCT:g}."
+        f"Fly {found.file.trajectory.duration:.0f} s: {moves}. Expected separation {expected}, on the given logs "
+        f"{before}; the effects are separable above {INDISTINCT:g}."
     )
     return said if found.separable else f"{said} No flight that was tried separates them reliably."
 
