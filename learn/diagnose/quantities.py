@@ -78,7 +78,7 @@ def quantities(data: Dataset) -> tuple[tuple[Quantity, ...], dict[str, str]]:
         speed = np.linalg.norm(_stacked(data, lambda r: r.state_kept.velocity_E), axis=1)
         found[:0] = [
             Quantity("tilt", "tilt", "deg", tilt),
-            Quantity("direction", "side that is down", "deg", side, circular=True),
+            Quantity("direction", "tilt direction", "deg", side, circular=True),
             Quantity("heading", "heading", "deg", np.degrees(heading(quat)), circular=True),
         ]
         found += [

@@ -68,7 +68,7 @@ def quantity(value: float, unit_name: str, digits: int = 3) -> str:
 
 def separation(value: float) -> str:
     """A separation in standard errors."""
-    return f"{value:.1f}" if value < CAP else f"> {CAP:.0f}"
+    return f"{round(value, 1) + 0.0:.1f}" if value < CAP else f"> {CAP:.0f}"  # + 0.0: no minus before a zero
 
 
 def parameters_in_words(values: Sequence[Value]) -> str:

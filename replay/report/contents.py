@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import Lack
+from wrenchgap.learn.data.applicable import Lack, inapplicable
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
@@ -120,8 +120,9 @@ class Report(Result):
     @property
     def unshown(self) -> tuple[str, ...]:
         """Effects that the model allows and these flights cannot show."""
-        lacking = (Lack.EXCITATION, Lack.FEEDBACK)
-        return tuple(u.effect for u in self.explanation.untried if u.lack in lacking)
+        records = [r for f in self.flights for r in f.records]
+        hidden = [u.effect for u in self.explanation.untried if u.lack in (Lack.EXCITATION, Lack.FEEDBACK)]
+        return tuple(name for name in hidden if inapplicable(name, self.model, records) is None)
 
     @property
     def notes(self) -> tuple[object, ...]:

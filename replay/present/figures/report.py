@@ -15,7 +15,7 @@ from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.identify.search import Candidate
 from wrenchgap.learn.identify.staircase import Basis, Staircase
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.numbers import UNIT_HEADS
+from wrenchgap.replay.present.numbers import AXIS_HEADS, unit_of
 from wrenchgap.replay.present.staircase import label, remains
 from wrenchgap.replay.report.contents import Report
 
@@ -70,6 +70,8 @@ def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
     """Rms on a logarithmic scale; dashed: the noise."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+    unit = unit_of(axis)
+    factor, prefix = style.prefixed(max(float(s.rms[axis]) for case in cases for s in case.falling), unit)
     for case in cases:
         values = [float(s.rms[axis]) for s in case.falling]
         colour = COLOURS[case.basis]
@@ -77,13 +79,13 @@ def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
         panel.axhline(float(case.noise.rms[axis]), color=colour, lw=0.9, ls="--")
     names = [*map(label, cases[0].falling)]
     panel.set_xticks(np.arange(len(names)), names, rotation=35, ha="right", fontsize=7)
-    panel.set_title(UNIT_HEADS[axis], fontsize=style.USUAL, loc="left")
+    panel.set_title(f"{AXIS_HEADS[axis]} [{prefix}{unit}]", fontsize=style.USUAL, loc="left")
     panel.set_yscale("log")
     low, high = panel.get_ylim()
     panel.set_ylim(low / 1.2, max(high * 1.2, low * 10.0))
     panel.yaxis.set_major_locator(LogLocator(10.0, (1.0, 3.0)))
     panel.yaxis.set_minor_locator(NullLocator())
-    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value * factor:.3g}"))
     panel.tick_params(axis="y", labelsize=style.SMALL)
     style.grid(panel)
 

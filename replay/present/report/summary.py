@@ -12,7 +12,7 @@ from wrenchgap.replay.present import explanation, learning, staircase, timing, w
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.report.repetition import Repetition, Request
-from wrenchgap.replay.present.report.words import where_on, why_not
+from wrenchgap.replay.present.report.words import rest, where_on, why_not
 from wrenchgap.replay.present.tables import Line, Part
 from wrenchgap.replay.report.contents import NextFlight, Report
 
@@ -45,7 +45,7 @@ def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, A
         "commands": list(repetition.commands),
         "options": dict(repetition.options),
         "packages": dict(repetition.versions),
-        "notes": sentences(report.notes),
+        "notes": [*([rest(report.rest)] if report.rest.absent else []), *sentences(report.notes)],
         "timing": [timing.to_json(one) for one in report.explanation.timing],
     }
 

@@ -7,6 +7,7 @@ import numpy as np
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.design.designed import Design
 from wrenchgap.replay.present.notes import sentence
+from wrenchgap.replay.present.numbers import separation
 from wrenchgap.replay.report.contents import Absent, NextFlight, OnNominal, OnOtherModel, Report, Rest
 
 ABSENT = {
@@ -54,9 +55,10 @@ def why_not(flight: NextFlight) -> str:
 def designed(found: Design) -> str:
     """The designed flight, and what to expect of it."""
     moves = ", then ".join(str(s) for s in found.segments)
+    expected, before = separation(found.expected.separation), separation(found.before.separation)
     said = (
-        f"Fly {found.file.trajectory.duration:.0f} s: {moves}. Expected separation {found.expected.separation:.1f}, on "
-        f"the given logs {found.before.separation:.1f}; the effects are separable above {INDISTINCT:g}."
+        f"Fly {found.file.trajectory.duration:.0f} s: {moves}. Expected separation {expected}, on the given logs "
+        f"{before}; the effects are separable above {INDISTINCT:g}."
     )
     return said if found.separable else f"{said} No flight that was tried separates them reliably."
 
@@ -64,7 +66,7 @@ def designed(found: Design) -> str:
 def rehearsal(found: Design) -> list[list[str]]:
     """The designed flight on the simulated vehicle, a row for each effect in the vehicle and each in the model."""
     return [
-        [f.truth, imitator, f"{value:.1f}", f"{np.degrees(f.tilt_max):.0f}", f"{f.speed_max:.1f}"]
+        [f.truth, imitator, separation(value), f"{np.degrees(f.tilt_max):.0f}", f"{f.speed_max:.1f}"]
         for f in found.flown
         for imitator, value in f.separation.items()
     ]
