@@ -52,6 +52,7 @@ class Replay(Result):
     source               which logged wrench went in, `input_topic` where it comes from
     wrench               (K, 6) that wrench: to the compensator it is the desired one
     logged               (K, 6) logged command (the plant's input), nan where unknown; `wrench` if that is the command
+    logged_filtered      (K, 6) the same as `measured` is filtered
     measured             (K, 6) from the IMU, filtered
     predicted            (K, 6) model and GP at the logged command, filtered
     predicted_new        (K, 6) model and GP at the new command in the state that was flown, filtered
@@ -74,6 +75,7 @@ class Replay(Result):
     time: Array
     wrench: Array
     logged: Array
+    logged_filtered: Array
     measured: Array
     predicted: Array
     predicted_new: Array
@@ -139,6 +141,9 @@ def replay(
         time=series.time,
         wrench=series.wrench_B,
         logged=at_stamps(series.time, [] if logged is None else pieces(logged)),
+        logged_filtered=at_stamps(
+            series.time, [] if logged is None else [(r.time, r.commanded) for r in opened.records]
+        ),
         measured=wrenches.measured,
         predicted=wrenches.predicted,
         predicted_new=wrenches.predicted_new,

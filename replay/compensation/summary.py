@@ -22,7 +22,8 @@ class Summary:
     """A replay in numbers. Arrays are (6,) over `AXES` or (L,) over the outputs of the GP, in N and Nm.
 
     `sigma` and `beta` are the `PERCENTILES`; `held_back`, `accepted` and `near_singular` are shares of the steps.
-    `measured_minus_logged` and `measured_minus_predicted` are mean absolute errors, nan where nothing was measured.
+    `measured_minus_logged` and `measured_minus_predicted` are mean absolute errors behind the
+    filter on both sides, nan where nothing was measured.
     """
 
     source: str
@@ -78,7 +79,7 @@ def summarise(replay: Replay) -> Summary:
         error_after_mean_abs=after.mean(axis=0),
         error_before_max_abs=before.max(axis=0),
         error_after_max_abs=after.max(axis=0),
-        measured_minus_logged=_mean_abs(replay.measured - replay.logged),
+        measured_minus_logged=_mean_abs(replay.measured - replay.logged_filtered),
         measured_minus_predicted=_mean_abs(replay.measured - replay.predicted),
         eigenvalue_min=float(replay.conditioning.real_min.min()),
         near_singular=float((replay.conditioning.real_min < NEARLY_SINGULAR).mean()),

@@ -12,8 +12,8 @@ from wrenchgap.learn.identify.add import Addition
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import values_json
-from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, parameters
+from wrenchgap.replay.present.numbers import change, values_json
+from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
 def parts(added: Addition) -> list[Part]:
@@ -23,7 +23,7 @@ def parts(added: Addition) -> list[Part]:
         out.append(Line(f"already in {added.given.name}, fitted anew: {', '.join(added.refitted)}"))
     if added.together:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
-    out.append(parameters(added.fit.snapshot, f"effects of {added.model.name}"))
+    out += [parameters(added.fit.snapshot, f"effects of {added.model.name}"), Line(INTERVAL_LEGEND + "\n", "dim")]
     rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
     if added.trial is None:
         out.append(before_after("on the fitted logs", rows, added.reduction))
@@ -41,7 +41,7 @@ OUTCOMES = {Outcome.BETTER: "better", Outcome.WORSE: "worse", Outcome.UNCLEAR: "
 
 def verdict(trial: Trial) -> str:
     """What a change of the model did on time that was not fitted."""
-    return f"{OUTCOMES[trial.outcome]}: error energy {100 * trial.change:+.0f} %, t {trial.t:.1f}"
+    return f"{OUTCOMES[trial.outcome]}: error energy {change(trial.change)}, t {trial.t:.1f}"
 
 
 def limits(added: Addition) -> list[str]:

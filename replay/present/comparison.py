@@ -29,7 +29,7 @@ def errors(comparison: Comparison) -> Table:
     """Errors by model and axis, and the noise floor."""
     flights = comparison.flights
     where = flights[0] if len(flights) == 1 else f"{len(flights)} flights"
-    out = table(f"|measured - predicted| on {where}", "model", "", *UNIT_HEADS, left=2)
+    out = table(f"|measured - predicted| on {where}, {filtered(comparison)}", "model", "", *UNIT_HEADS, left=2)
     for index, one in enumerate(comparison.evaluations):
         e = one.pooled
         out.add_row(f"[bold]{escape(one.name)}[/]", "mean", *row(e.mean_abs))
@@ -42,9 +42,14 @@ def errors(comparison: Comparison) -> Table:
     return out
 
 
+def filtered(comparison: Comparison) -> str:
+    """Behind which filter the errors are: both sides, the same."""
+    return f"both filtered at {comparison.records[0].cutoff_hz:g} Hz"
+
+
 def by_flight(comparison: Comparison) -> Table:
     """Root mean square by flight."""
-    out = table("rms by flight", "flight", "model", *UNIT_HEADS, left=2)
+    out = table("rms of |measured - predicted| by flight", "flight", "model", *UNIT_HEADS, left=2)
     for index, flight in enumerate(comparison.flights):
         for place, one in enumerate(comparison.evaluations):
             last = place == len(comparison.evaluations) - 1

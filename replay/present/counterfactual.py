@@ -32,7 +32,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     WeakLaw,
 )
 from wrenchgap.replay.present import compensation as of_process
-from wrenchgap.replay.present.numbers import UNIT_HEADS, row
+from wrenchgap.replay.present.numbers import UNIT_HEADS, row, share
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def parts(result: Counterfactual) -> list[Part]:
     above = f"rms above {FAST_HZ:g} Hz"
     for values, name in ((size.mean, "mean"), (size.rms, "rms"), (size.rms_fast, above), (size.largest, "max")):
         second.add_row(f"disturbance, {name}", *row(values))
-    shares = [f"{100 * s:.0f} %" if np.isfinite(s) else "-" for s in result.inference.explained]
+    shares = [share(float(s)) for s in result.inference.explained]
     second.add_row("command explained by the control law", *shares)
 
     words = "; ".join(result.change.words)

@@ -23,7 +23,7 @@ from wrenchgap.replay.present import comparison, timing, where
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of, values_json
-from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, parameters, reductions, table
+from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters, reductions, table
 
 Array = NDArray[np.float64]
 
@@ -197,10 +197,6 @@ MEMBERS_LEGEND = (
 RANKING_LEGEND = (
     "* chosen   = indistinguishable from it   score: share of the error energy that is gone   F, M: change of rms on "
     "held-out time   t: paired over blocks of time, significant above 3"
-)
-INTERVAL_LEGEND = (
-    "+-: one standard deviation. It never falls below 3 % of the value, because the forms of effects are right to a "
-    "few per cent only (docs/decisions/0009-honest-intervals.md)"
 )
 
 

@@ -20,7 +20,7 @@ from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.present import comparison
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, quantity, row, values_json
+from wrenchgap.replay.present.numbers import UNIT_HEADS, quantity, row, share, values_json
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
 
 
@@ -58,7 +58,7 @@ def parts(learnt: Learnt) -> list[Part]:
 
 def _prediction(title: str, result: Comparison) -> Table:
     """The paper's prediction table: mean and std of absolute errors, and the change of the mean."""
-    name = f"{title}: {', '.join(result.flights)}, |measured - predicted|"
+    name = f"{title}: {', '.join(result.flights)}, |measured - predicted|, {comparison.filtered(result)}"
     out = table(name, "model", "", *UNIT_HEADS, left=2)
     for e in result.evaluations:
         out.add_row(f"[bold]{escape(e.name)}[/]", "mean", *row(e.pooled.mean_abs))
@@ -74,7 +74,7 @@ def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
             ", ".join(("command", *one.settings.inputs)),
             one.settings.inference,
             *row(one.rms),
-            f"{100 * one.gain:.0f} %" if k else "asked for",
+            share(one.gain) if k else "asked for",
             "best" if one.settings == found.best else "",
         )
         for k, one in enumerate(found.tried)
@@ -126,9 +126,9 @@ def absorption_in_words(found: Absorption) -> str:
     if len(found.effects) == 1:
         listed = ", ".join(f"{v.name} {quantity(v.value, v.unit)}" for v in first.values)
         values = f"; {listed}" if len(first.values) <= 3 else ""
-        what = f"{first.name} ({100 * first.share:.0f} % of its correction{values})"
+        what = f"{first.name} ({share(first.share)} of its correction{values})"
         return f"the GP absorbs {what}: consider `wrenchgap add {first.name}` {rest}."
-    alike = ", ".join(f"{name} ({100 * shares[name]:.0f} %)" for name in found.effects)
+    alike = ", ".join(f"{name} ({share(shares[name])})" for name in found.effects)
     return (
         f"the GP absorbs one of {alike}: these reproduce its correction equally well; see `wrenchgap explain`, then "
         f"consider `wrenchgap add` {rest}."
@@ -144,7 +144,7 @@ def better_inputs(learnt: Learnt) -> str:
     options = [f"--inputs {','.join(better.settings.inputs)}"] if better.settings.inputs != asked.inputs else []
     if better.settings.inference != asked.inference:
         options.append(f"--inference {better.settings.inference}")
-    return f"with {' '.join(options)} the error on held-out time would be {100 * better.gain:.0f} % smaller."
+    return f"with {' '.join(options)} the error on held-out time would be {share(better.gain)} smaller."
 
 
 def to_json(learnt: Learnt) -> dict[str, Any]:

@@ -14,6 +14,10 @@ Array = NDArray[np.float64]
 
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
+LEAST = 5e-4
+"""Share below which only its bound is printed."""
+UNCHANGED = 1e-9
+"""Relative change that is rounding."""
 CAP = 100.0
 """Separations beyond which no digit says anything."""
 
@@ -36,19 +40,23 @@ def row(values: Iterable[float], digits: int = 3) -> list[str]:
 
 
 def share(value: float) -> str:
-    """A part of a whole: whole per cent from 10 % on, a digit more below; what is there never reads as nothing."""
+    """A part of a whole: whole per cent from 10 % on, a digit more below; 0 % is said of zero only."""
     if not np.isfinite(value):
         return "-"
-    if 0 < abs(value) < 5e-4:
-        return "< 0.1 %"
+    if 0 < abs(value) < LEAST:
+        return "< 0.1 %" if value > 0 else "> -0.1 %"
     return f"{100 * value:.0f} %" if abs(value) >= 0.095 or value == 0 else f"{100 * value:.1f} %"
 
 
 def change(value: float) -> str:
-    """A relative change in whole per cent with its sign, zero without one."""
+    """A relative change with its sign in whole per cent, a digit more below 1 %; 0 % is said of zero only."""
     if not np.isfinite(value):
         return "-"
-    return f"{100 * value:+.0f} %".replace("-0 %", "0 %").replace("+0 %", "0 %")
+    if abs(value) < UNCHANGED:
+        return "0 %"
+    if abs(value) < LEAST:
+        return "< 0.1 %" if value > 0 else "> -0.1 %"
+    return f"{100 * value:+.0f} %" if abs(value) >= 0.0095 else f"{100 * value:+.1f} %"
 
 
 def unit_of(axis: int) -> str:

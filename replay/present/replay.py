@@ -22,7 +22,7 @@ from wrenchgap.replay.present.compensation import sentences
 from wrenchgap.replay.present.documents import atomic, write_csv
 from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences as sentences_of
-from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row
+from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share
 from wrenchgap.replay.present.tables import Part, note_lines, table
 
 Array = NDArray[np.float64]
@@ -42,8 +42,8 @@ def parts(replay: Replay) -> list[Part]:
         cells = np.full(len(AXES), np.nan)
         cells[known] = values
         wrenches.add_row(name, *row(cells))
-    wrenches.add_row("measured - logged command", *row(summary.measured_minus_logged))
-    wrenches.add_row("measured - model and GP", *row(summary.measured_minus_predicted))
+    wrenches.add_row("measured - logged command, filtered", *row(summary.measured_minus_logged))
+    wrenches.add_row("measured - model and GP, filtered", *row(summary.measured_minus_predicted))
     steps = table("Steps", "what", "value", left=2)
     for what, value in _lines(summary):
         steps.add_row(what, value)
@@ -56,12 +56,12 @@ def warnings(summary: Summary) -> tuple[str, ...]:
     out = []
     if summary.near_singular > 0:
         out.append(
-            f"I + dmu/dW is nearly singular in {100 * summary.near_singular:.1f} % of the commands (smallest real "
+            f"I + dmu/dW is nearly singular in {share(summary.near_singular)} of the commands (smallest real "
             f"eigenvalue {summary.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP claims that more "
             "command gives no more wrench; excite the command on its own in the training flight."
         )
     if summary.accepted < 0.99:
-        out.append(f"in {100 * (1 - summary.accepted):.1f} % of the steps no correction solves the problem.")
+        out.append(f"in {share(1 - summary.accepted)} of the steps no correction solves the problem.")
     for message, count in summary.trouble.items():
         out.append(f"{count} step(s): {message}")
     if summary.saturation is not None and summary.saturation_logged is not None:
@@ -76,10 +76,10 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
     sigma, beta = (" / ".join(number(float(v)) for v in values) for values in (summary.sigma, summary.beta))
     lines = [
         ("steps, duration, restarts after gaps", f"{summary.steps}, {summary.duration:.2f} s, {summary.restarts}"),
-        ("accepted", f"{100 * summary.accepted:.1f} %"),
+        ("accepted", share(summary.accepted)),
         ("sigma 5 / 50 / 95 / 100 %", f"{sigma}, threshold {number(summary.sigma_threshold)}"),
         ("beta 5 / 50 / 95 / 100 %", beta),
-        ("filter held back (beta > 0.5)", f"{100 * summary.held_back:.1f} % of the time"),
+        ("filter held back (beta > 0.5)", f"{share(summary.held_back)} of the time"),
         ("smallest real eigenvalue of I + dmu/dW", number(summary.eigenvalue_min)),
         (
             "solve time mean / p99 / max",

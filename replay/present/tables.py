@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 
 COLOURED = 0.1
 """Reduction from which on it is coloured."""
+INTERVAL_LEGEND = (
+    "+-: one standard deviation. It never falls below 3 % of the value, because the forms of effects are right to a "
+    "few per cent only (docs/decisions/0009-honest-intervals.md)"
+)
+"""What stands below tables of `parameters`."""
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ def budget_table(budget: Budget) -> Table:
     shares, whole = budget.shares(), budget.whole()
     for part in PARTS:
         if part != "physics" or budget.physics.any():
-            out.add_row(names.get(part, part), *(f"{100 * v:.1f} %" for v in [*shares[part], whole[part]]))
+            out.add_row(names.get(part, part), *(share(float(v)) for v in [*shares[part], whole[part]]))
     return out
 
 

@@ -27,7 +27,7 @@ QUANTITIES = tuple((f"{kind} {axis}", unit) for kind, unit in (("force", "N"), (
 SMALL, USUAL = 8, 9
 """Sizes of text [points]."""
 
-COLUMNS = 450
+COLUMNS = 900
 """Columns of time that a panel tells apart, about the pixels of its width."""
 CROWDED, ROUGH = 8, 0.05
 """A curve is drawn as the band between its smallest and largest values where a column holds more than so many samples,
