@@ -30,7 +30,7 @@ SAME = 0.01
 
 
 def picture(result: Comparison) -> style.Picture:
-    """Six pairs of panels, and bars where there are several flights."""
+    """Six pairs of panels with one legend, a model in one colour in both; bars where there are several flights."""
     rows = 6 + (len(result.flights) > 1)
     return style.Picture(
         (rows, 2),
@@ -58,7 +58,7 @@ def plot(result: Comparison, axes: Any = None) -> Any:
 
 def _title(result: Comparison) -> str:
     flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
-    return f"{flights}: wrench measured, commanded and predicted, filtered at {result.records[0].cutoff_hz:g} Hz"
+    return f"{flights}: wrench measured, commanded and predicted by each model, and its residual, filtered at {result.records[0].cutoff_hz:g} Hz"
 
 
 def _draw(result: Comparison, axes: Any) -> None:
@@ -77,8 +77,7 @@ def _draw(result: Comparison, axes: Any) -> None:
         style.labelled(panel, words, "s", "x")
         if shaded:
             panel.set_xlabel(f"{panel.get_xlabel()}; shaded: from the smallest to the largest value")
-        style.legend(axes[0, column], above=several)
-        style.legend(axes[1, column])
+        style.legend(axes[0, column], axes[1, column], above=several)
     for panel, part in zip(axes[6:].ravel(), (0, 1), strict=False):
         _bars(panel, result, part)
     style.grid(axes)
@@ -122,7 +121,7 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) ->
         ]
         for place, e in enumerate(result.evaluations):
             if e.name not in hidden:
-                drawn.append((e.predictions[index], _colour(place), f"predicted by {e.name}", 0.9))
+                drawn.append((e.predictions[index], _colour(place), e.name, 0.9))
         for values, colour, name, width in drawn:
             shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():

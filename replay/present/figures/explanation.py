@@ -61,7 +61,7 @@ def _draw(found: Explanation, panel: Any) -> None:
     panel.set_yticks(range(len(shown)), [c.name for c in shown], fontsize=style.SMALL)
     panel.set_ylim(-0.6, len(shown) - 0.4)
     panel.set_xlim(0.0, 125.0)
-    style.labelled(panel, "error energy explained on held-out time, alone and on top of the given model", "%", "x")
+    style.labelled(panel, "error energy explained on held-out time", "%", "x")
     panel.set_xticks(range(0, 101, 20))
     style.grid(panel)
     panel.grid(visible=False, axis="y")

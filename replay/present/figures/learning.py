@@ -50,9 +50,7 @@ def _draw(learnt: Learnt, axes: Any) -> None:
         flights = style.shortened(", ".join(compared.flights), 40)
         for panel, kind in zip(panels, ("force", "torque"), strict=False):
             if not any(output.startswith(kind) for output in learnt.gp.outputs):
-                panel.set_title(
-                    "not among the outputs of the GP", loc="right", fontsize=style.SMALL, color="0.4", pad=4
-                )
+                panel.set_xlabel("no output of this GP: as without it", fontsize=style.SMALL, color="0.4")
             style.labelled(panel, f"{name} ({flights})\n{kind} error, rms", "N" if kind == "force" else "Nm")
         _calibration(panels[2], learnt, *learnt.coverage[name])
 

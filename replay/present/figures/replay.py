@@ -18,7 +18,7 @@ from wrenchgap.replay.present.figures import style
 
 Array = NDArray[np.float64]
 
-REPLAYED, AS_FLOWN, WITH = "tab:orange", "tab:blue", "tab:green"
+REPLAYED, AS_FLOWN, WITH, SIGMA = "tab:orange", "tab:blue", "tab:green", "tab:red"
 
 
 def picture(replay: Replay) -> style.Picture:
@@ -75,11 +75,11 @@ def _wrenches(panel: Any, replay: Replay, k: int) -> None:
 def _correction(panel: Any, replay: Replay, k: int, std: Array | None) -> None:
     """The optimum, and what the filter lets through of it with the standard deviation of the prediction."""
     correction = replay.steps.correction[:, k]
-    if std is not None:
-        low, high = correction - std, correction + std
-        panel.fill_between(replay.time, low, high, color=REPLAYED, alpha=0.2, lw=0, label="± sigma of the GP")
     style.curve(panel, replay.time, replay.steps.optimum[:, k], "0.3", "optimum", 1.4)
     style.curve(panel, replay.time, correction, REPLAYED, "correction (optimum after the uncertainty filter)")
+    if std is not None:
+        low, high = correction - std, correction + std
+        panel.fill_between(replay.time, low, high, color=SIGMA, alpha=0.25, lw=0, label="± sigma of the GP", zorder=1)
     name, unit = style.QUANTITIES[k]
     style.labelled(panel, f"correction of\n{name}", unit)
 

@@ -139,10 +139,15 @@ def grid(panels: Any) -> None:
             panel.spines[side].set_visible(False)
 
 
-def legend(panel: Any, *, above: float = 0.0) -> None:
-    """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once."""
-    handles, labels = panel.get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
+def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
+    """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once.
+
+    It is for `others` as well, which have the same colours.
+    """
+    once: dict[str, Any] = {}
+    for one in (panel, *others):
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            once.setdefault(label, handle)
     if not once:
         return
     figure = panel.get_figure(root=True)
