@@ -58,7 +58,8 @@ def plot(result: Comparison, axes: Any = None) -> Any:
 
 def _title(result: Comparison) -> str:
     flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
-    return f"{flights}: wrench measured, commanded and predicted by each model, and its residual, filtered at {result.records[0].cutoff_hz:g} Hz"
+    cutoff = result.records[0].cutoff_hz
+    return f"{flights}: wrench measured, commanded and predicted, and residual by model; filtered at {cutoff:g} Hz"
 
 
 def _draw(result: Comparison, axes: Any) -> None:

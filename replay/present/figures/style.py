@@ -153,7 +153,7 @@ def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
     figure = panel.get_figure(root=True)
     room = panel.get_position().width * figure.get_size_inches()[0] * 72.0
     widths = np.array([(0.55 * len(name) + 3.4) * SMALL for name in once])
-    fitting = [n for n in range(1, len(once) + 1) if sum(max(widths[k::n]) for k in range(n)) <= 1.2 * room]
+    fitting = [n for n in range(1, len(once) + 1) if sum(max(widths[k::n]) for k in range(n)) <= 1.25 * room]
     panel.legend(
         once.values(),
         once.keys(),

@@ -24,7 +24,7 @@ MOST = 8
 """Quantities drawn at most."""
 COLOURS = {"noise": "0.7", "physics": "tab:green", "process": "tab:blue", "unexplained": "tab:red"}
 NAMES = {"noise": "sensor noise", "physics": "effects", "process": "Gaussian process", "unexplained": "unexplained"}
-SIDES = ((-180, -90, 0, 90, 180), ("back", "right", "front", "left", "back"))
+SIDES = ((-180, -90, 0, 90), ("back", "right", "front", "left"))
 """Tilt directions [deg] and their names."""
 HARMFUL = -100.0
 """Share [%] below which the budget's axis becomes logarithmic: effects that do great harm."""
