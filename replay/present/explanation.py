@@ -23,7 +23,16 @@ from wrenchgap.replay.present import comparison, timing, where
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of, values_json
-from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters, reductions, table
+from wrenchgap.replay.present.tables import (
+    INTERVAL_LEGEND,
+    Line,
+    Part,
+    before_after,
+    note_lines,
+    parameters,
+    reductions,
+    table,
+)
 
 Array = NDArray[np.float64]
 
