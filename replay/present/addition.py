@@ -24,13 +24,14 @@ def parts(added: Addition) -> list[Part]:
     if added.together:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
     out += [parameters(added.fit.snapshot, f"effects of {added.model.name}"), Line(INTERVAL_LEGEND + "\n", "dim")]
+    behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
     rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
     if added.trial is None:
-        out.append(before_after("on the fitted logs", rows, added.reduction))
+        out.append(before_after(f"on the fitted logs, {behind}", rows, added.reduction))
     else:
         rows = [("rms before", added.trial.before), ("rms after", added.trial.after)]
         rows.append(("sensor noise", added.trial.noise))
-        out.append(before_after("on time of these logs that was not fitted", rows, added.trial.fall))
+        out.append(before_after(f"on time of these logs that was not fitted, {behind}", rows, added.trial.fall))
         worse = added.trial.outcome is Outcome.WORSE
         out.append(Line(verdict(added.trial), "yellow" if worse else ""))
     return [*out, *note_lines(limits(added), "warning"), *note_lines(notes(added))]

@@ -63,7 +63,8 @@ def parts(found: Explanation) -> list[Part]:
     if found.fit.snapshot:
         out += [parameters(found.fit.snapshot, "fitted together"), Line(INTERVAL_LEGEND + "\n", "dim")]
     rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
-    out.append(before_after("held-out time of the given logs", rows, found.reduction))
+    behind = "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
+    out.append(before_after(f"held-out time of the given logs{behind}", rows, found.reduction))
     out += _validation_parts(found.validation)
     if found.dropped:
         out.append(Line(f"found on the way, then dropped or replaced: {', '.join(found.dropped)}"))

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
@@ -22,7 +23,7 @@ from wrenchgap.replay.present.compensation import sentences
 from wrenchgap.replay.present.documents import atomic, write_csv
 from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences as sentences_of
-from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share
+from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
 
 Array = NDArray[np.float64]
@@ -45,10 +46,18 @@ def parts(replay: Replay) -> list[Part]:
     wrenches.add_row("measured - logged command, filtered", *row(summary.measured_minus_logged))
     wrenches.add_row("measured - model and GP, filtered", *row(summary.measured_minus_predicted))
     steps = table("Steps", "what", "value", left=2)
-    for what, value in _lines(summary):
+    for what, value in _lines(summary, sigma_unit(replay)):
         steps.add_row(what, value)
     lines = [*note_lines(notes(replay)), *note_lines(warnings(summary), "warning")]
     return [wrenches, steps, *lines]
+
+
+def sigma_unit(replay: Replay) -> str:
+    """Unit of `Steps.sigma`: that of the outputs, or relative where it is the largest of forces and torques."""
+    chosen = default_filter(replay.gp, 1.0, None, None, replay.settings.normalise)
+    if np.any(chosen.scale != 1.0):
+        return "0: at the data, 1: far from it"
+    return " or ".join(dict.fromkeys(unit_of(int(k)) for k in output_indices(replay.outputs)))
 
 
 def warnings(summary: Summary) -> tuple[str, ...]:
@@ -72,12 +81,12 @@ def warnings(summary: Summary) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _lines(summary: Summary) -> list[tuple[str, str]]:
+def _lines(summary: Summary, unit: str) -> list[tuple[str, str]]:
     sigma, beta = (" / ".join(number(float(v)) for v in values) for values in (summary.sigma, summary.beta))
     lines = [
         ("steps, duration, restarts after gaps", f"{summary.steps}, {summary.duration:.2f} s, {summary.restarts}"),
         ("accepted", share(summary.accepted)),
-        ("sigma 5 / 50 / 95 / 100 %", f"{sigma}, threshold {number(summary.sigma_threshold)}"),
+        (f"sigma [{unit}] 5 / 50 / 95 / 100 %", f"{sigma}, threshold {number(summary.sigma_threshold)}"),
         ("beta 5 / 50 / 95 / 100 %", beta),
         ("filter held back (beta > 0.5)", f"{share(summary.held_back)} of the time"),
         ("smallest real eigenvalue of I + dmu/dW", number(summary.eigenvalue_min)),

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.present.figures import style
+from wrenchgap.replay.present.replay import sigma_unit
 
 Array = NDArray[np.float64]
 
@@ -92,17 +92,12 @@ def _std(replay: Replay) -> Array | None:
 
 def _sigma(panel: Any, replay: Replay) -> None:
     """The number that decides: largest standard deviation of the outputs, in their unit or relative to the prior."""
-    gp = replay.gp
-    chosen = default_filter(gp, 1.0, None, None, replay.settings.normalise)
-    relative = bool(np.any(chosen.scale != 1.0))
     style.curve(panel, replay.time, replay.steps.sigma, style.MEASURED, "sigma, the largest of the outputs")
     if np.isfinite(replay.sigma_threshold):
         label = "threshold: half of the optimum is withheld"
         panel.axhline(replay.sigma_threshold, color=style.WARNING, lw=1.0, ls="--", label=label)
     panel.set_ylim(min(0.0, float(replay.steps.sigma.min())), None)
-    units = {style.QUANTITIES[k][1] for k in output_indices(replay.outputs)}
-    unit = "0: at the data, 1: far from it" if relative else " or ".join(sorted(units))
-    style.labelled(panel, "sigma", unit)
+    style.labelled(panel, "sigma", sigma_unit(replay))
 
 
 def _beta(panel: Any, replay: Replay) -> None:
