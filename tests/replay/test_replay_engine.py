@@ -89,6 +89,13 @@ def test_measured_and_predicted_agree_where_there_is_a_measurement(result):
     assert (asked < 0.1 * nominal.max()).all(), "the new command would give what the controller wanted"
 
 
+def test_the_error_of_the_command_is_the_one_that_compare_prints(result, flown, model):
+    """Filtered on both sides in both commands; compare looks at fewer of the same samples."""
+    (record,) = opened(flown, model).records
+    printed = np.abs(record.measured - record.commanded).mean(axis=0)
+    assert summarise(result).measured_minus_logged == pytest.approx(printed, rel=0.02)
+
+
 def test_two_runs_give_the_same_bytes(flown, model, gp, tmp_path):
     for name in ("a", "b"):
         again = replayed_on(flown, model, gp)
