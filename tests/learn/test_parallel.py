@@ -10,7 +10,8 @@ import pytest
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn import parallel
-from wrenchgap.learn.identify.explain import explain
+from wrenchgap.learn.identify.candidates import candidates
+from wrenchgap.learn.identify.explain import search_dataset
 from wrenchgap.learn.parallel import each
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import find
@@ -123,7 +124,8 @@ def test_own_effects_are_those_of_the_workers_too(tmp_path):
 def test_explain_finds_the_same_on_two_cores(fly, hexarotor):
     data, _ = fly("com_offset", None, "train", seed=21, seconds=25)
     names = ("com_offset", "mass", "servo_lag", "command_delay", "tether")
-    one, two = (explain(data, hexarotor, names=names, jobs=jobs) for jobs in (1, 2))
+    chosen = candidates(data.records, hexarotor, names)
+    one, two = (search_dataset(data, hexarotor, chosen, jobs=jobs) for jobs in (1, 2))
     assert one.effects == two.effects
     np.testing.assert_array_equal(one.fit.theta, two.fit.theta)
     np.testing.assert_array_equal(one.rms_after, two.rms_after)
