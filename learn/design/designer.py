@@ -28,7 +28,7 @@ from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.designed import Design, Flown, Segment, rounded
 from wrenchgap.learn.design.manoeuvres import Limits, available, space, usual
-from wrenchgap.learn.design.rehearsal import broken, rehearse, rotor_use, tracking
+from wrenchgap.learn.design.rehearsal import broken, lost_after, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.screening import Piece, Screen
 from wrenchgap.learn.design.separability import (
     LEAST_SHARE,
@@ -145,7 +145,7 @@ class _Search:
         effect = self.model.effect(name) or sized(name, self.base, data, also=self.also)
         hover = Moves(HOVER, self.room.home, (), not self.room.tilts)
         for _ in range(HALVED):
-            if not any("control was lost" in n for n in self._flight(hover, effect).notes):
+            if lost_after(self._flight(hover, effect), hover) is None:
                 break
             effect = replace(effect, theta=0.5 * effect.theta)
         return effect
@@ -255,13 +255,15 @@ class _Search:
         for _ in range(ATTEMPTS):
             self.report(0.86, "checking the flight on the plant")
             file = self._file(segments)
-            reasons = broken(self._flight(file.trajectory), file.trajectory, self.model, self.limits)
+            found = self._flight(file.trajectory)
+            reasons = broken(found, file.trajectory, self.model, self.limits, believed=True)
             flown: list[Flown] = []
             wide = replace(self.limits, tilt=float(np.pi), speed=1e3)
             for k, truth in enumerate([] if reasons else self.effects):
                 self.report(0.9 + 0.1 * k / len(self.effects), f"flying with {truth.name} hidden")
                 flight = self._flight(file.trajectory, truth)
-                reasons = [f"with {truth.name} {r}" for r in broken(flight, None, self.model, wide)]
+                beyond = broken(flight, file.trajectory, self.model, wide, believed=False)
+                reasons = [f"with {truth.name} {r}" for r in beyond]
                 if reasons:
                     break
                 flown.append(self._measure(flight, file.trajectory, truth))

@@ -82,28 +82,37 @@ def tracking(flight: Flight, trajectory: Trajectory) -> tuple[float, float]:
     return float(position.max()), float(np.linalg.norm(off, axis=1).max())
 
 
-def broken(flight: Flight, trajectory: Trajectory | None, model: Model, limits: Limits) -> list[str]:
+def lost_after(flight: Flight, trajectory: Trajectory) -> float | None:
+    """Time [s] at which control was lost: there the plant ends a flight, before its trajectory ends. None if it held."""
+    assert flight.odometry is not None
+    last, gap = float(flight.odometry.time[-1]), 2.0 * flight.odometry.period
+    return last if last + gap < trajectory.duration else None
+
+
+def broken(flight: Flight, trajectory: Trajectory, model: Model, limits: Limits, *, believed: bool) -> list[str]:
     """What a flight on the plant did beyond the limits, in words.
 
-    With a trajectory also where it lost it, and where the actuators were at their limits.
+    Where the model is `believed` to be the vehicle, also where it was far from the trajectory, and where the actuators
+    were at their limits.
     """
     odometry, actuators = flight.odometry, flight.actuators
     assert odometry is not None
     assert odometry.velocity_E is not None
     commands, dt = Commands(np.zeros((0, 6))), 1.0
-    if actuators is not None and trajectory is not None:
+    if actuators is not None and believed:
         commands = Commands(np.zeros((0, 6)), actuators.tilt, actuators.rotor_speed)
         dt = actuators.period
     velocity = odometry.velocity_E
     found = violations(model.vehicle, limits, odometry.position_E, odometry.quat_EB, velocity, commands, dt)
-    position, attitude = (0.0, 0.0) if trajectory is None else tracking(flight, trajectory)
+    position, attitude = tracking(flight, trajectory) if believed else (0.0, 0.0)
     if position > LARGEST_ERROR[0]:
         found.append(f"is {position:.2f} m from the reference, allowed are {LARGEST_ERROR[0]:g} m")
     if attitude > LARGEST_ERROR[1]:
         found.append(
             f"is {np.degrees(attitude):.0f} deg from the reference, allowed are {np.degrees(LARGEST_ERROR[1]):.0f} deg"
         )
-    return found + [note for note in flight.notes if "control was lost" in note]
+    lost = lost_after(flight, trajectory)
+    return found if lost is None else [*found, f"loses control after {lost:.1f} s"]
 
 
 def rotor_use(flight: Flight, model: Model) -> float:

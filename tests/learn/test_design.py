@@ -8,7 +8,7 @@ from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.design import designer as search
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.design.manoeuvres import Limits, available, extent, space, usual, violations
-from wrenchgap.learn.design.rehearsal import rehearse
+from wrenchgap.learn.design.rehearsal import lost_after, rehearse
 from wrenchgap.learn.design.separability import separability
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
@@ -188,3 +188,14 @@ def _parameters(model):
     from wrenchgap.plant.effects import find
 
     return find("constant_wrench").parameters(model.vehicle)
+
+
+def test_the_moment_at_which_control_is_lost_is_read_off_the_flight(hexarotor):
+    """9 Nm are more than the arms hold; an unhindered hover ends where its trajectory does."""
+    trajectory = Moves(3.0, (0.0, 0.0, 1.5))
+    pushed = hexarotor.with_effects([make_effect(hexarotor.vehicle, "constant_wrench", {"torque_x": 9.0})])
+    flights = [simulate(m, hexarotor, trajectory, rng=np.random.default_rng(1)) for m in (hexarotor, pushed)]
+    held, lost = (lost_after(flight, trajectory) for flight in flights)
+    assert held is None
+    assert lost is not None
+    assert 0.05 < lost < 2.0
