@@ -69,7 +69,7 @@ def write_result(
         return
     from wrenchgap.replay.present.documents import document, write_json
 
-    read = [*inputs_of(flights, models, files, validation), *inputs]
+    read = [*inputs_of(flights, (), (), validation), *inputs, *inputs_of((), models, files)]
     write_json(path, document(command, body, read), force=force)
 
 

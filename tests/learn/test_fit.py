@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.learn.data.applicable import inapplicable
+from wrenchgap.learn.data.applicable import Lack, inapplicable
 from wrenchgap.learn.identify.fit import fit, held_out, with_fit
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
@@ -82,8 +82,8 @@ def test_effects_that_the_log_cannot_carry_say_why(fly, hexarotor):
             replace(r, has_pose=False, commands=replace(r.commands, tilt=None, rotor_speed=None)) for r in data.records
         ),
     )
-    assert "rotor commands" in inapplicable("rotor_thrust", hexarotor, bare.records)
-    assert "--topic odometry" in inapplicable("body_drag", hexarotor, bare.records)
+    assert inapplicable("rotor_thrust", hexarotor, bare.records).lack is Lack.ROTORS
+    assert inapplicable("body_drag", hexarotor, bare.records).lack is Lack.POSE
     assert inapplicable("com_offset", hexarotor, bare.records) is None
     with pytest.raises(FitError, match="rotor commands"):
         fit(bare, hexarotor, ["rotor_thrust"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, LogSource, Provenance
+from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 from wrenchgap.learn.process.store import load, save
 from wrenchgap.learn.process.train import fit
 
@@ -181,7 +181,7 @@ def sparse():
     wrench = rng.normal(size=(300, 12))
     settings = FitSettings(points=20, restarts=0, inputs=("past",), inference="sparse", mean="linear")
     made = fit(wrench, np.sin(wrench[:, :2]), ("torque_x", "torque_z"), settings)
-    said = Provenance("voliro_x", warnings=("nearly singular", "not worth it for torque_z"))
+    said = Provenance("voliro_x", warnings=(Caution(CautionKind.NOT_WORTH_IT, ("torque_z",), (0.2,), (0.19,)),))
     return replace(made, sigma_scale=np.array([1.5, 0.8]), provenance=said)
 
 

@@ -31,7 +31,7 @@ def test_a_group_is_told_apart_by_the_flight_that_is_designed_for_it(run, tmp_pa
     outputs = ("-o", "fly.toml", "--json", "d.json", "--csv", "fly.csv", "--figure", "fly.png")
     done = run("design", *pair, *hexa, "--from", "hover.mcap", "--duration", "9", *outputs)
     assert done.exit_code == 0, done.output
-    assert "tells tether and constant_wrench apart" in done.output
+    assert "separates tether and constant_wrench" in done.output
     assert "The given logs: " in " ".join(done.output.split())
 
     import json
@@ -71,7 +71,7 @@ def test_where_no_flight_helps_that_is_said_and_nothing_is_written(run, tmp_path
     done = run(*arguments, "--json", "no.json")
     assert done.exit_code == 0, done.output
     words = " ".join(done.output.split())
-    assert "No reference trajectory within these limits tells mass and thrust_scale apart" in words
+    assert "No reference trajectory within these limits separates mass and thrust_scale" in words
     assert "weigh the vehicle" in words
     assert not (tmp_path / "no.toml").exists()
     assert kept[0].expected.share < 0.03  # an exact alias

@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
         json: JsonFile = None,
         force: Force = False,
     ) -> None:
-        """Run the whole loop on two simulated flights: find a hidden effect, add it, learn it, compensate it.
+        """Run the whole loop on two simulated flights: find what is hidden, add it, learn the rest, compensate.
 
         The steps are command lines; each is printed, then run, on the logs alone.
 
@@ -64,7 +64,7 @@ def run(root: Any, output: Path, json: Path | None, force: bool) -> None:
         found = demo.run(Path(), execute)
     printer.line()
     printer.line("What came of it, on the test flight, which nothing was fitted to", style="bold")
-    printer.line(f"hidden: {found['hidden']}      found: {', '.join(found['found'])}")
+    printer.line(f"hidden: {', '.join(found['hidden'])}      found: {', '.join(found['found'])}")
     errors = tables.table("torque error, rms [Nm]", "", "x", "y", "z", "x", "y", "z")
     first = found["torque_rms"]["nominal"]
     for name, values in found["torque_rms"].items():
@@ -77,8 +77,8 @@ def run(root: Any, output: Path, json: Path | None, force: bool) -> None:
         values = found["tracking"][name]["attitude_error"]["mean_abs"]
         label = {
             "recorded": "recorded",
-            "null_run": "flown again unchanged",
-            "counterfactual": "flown again compensated",
+            "null_run": "re-simulated unchanged",
+            "counterfactual": "re-simulated with compensation",
         }
         tracking.add_row(label[name], *(f"{v:.4f}" for v in values))
     printer.show(errors, tracking)
