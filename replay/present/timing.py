@@ -164,8 +164,8 @@ def _(warning: LateResponse) -> str:
 def _(warning: FeedbackDominated) -> str:
     return (
         f"On {', '.join(warning.axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
-        "and a lag that is fitted would be the controller's own phase. To tell, log actuator speeds and tilts, or add a "
-        "known signal to the commanded wrench on these axes."
+        "and a lag that is fitted would be the controller's own phase. To tell, log actuator speeds and tilts, or add "
+        "a known signal to the commanded wrench on these axes."
     )
 
 
