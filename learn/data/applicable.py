@@ -46,7 +46,7 @@ class Untried:
 
 
 REASONS = {
-    Lack.ARMS: "needs rotors: the model file has no [[arms]]",
+    Lack.ARMS: "needs rotors: the model file has no [[vehicle.arms]]",
     Lack.TILT: "needs arms that tilt, and none does",
     Lack.COAXIAL: "needs two rotors on one arm, and no arm has them",
     Lack.ROTORS: "needs rotor commands: the log has none and the model file no arms to allocate to",

@@ -57,7 +57,7 @@ def chosen(flight: Flight, logged: WrenchSeries | None, source: Source | None) -
     played = ", ".join(flight.series()) or "none"
     raise LogError(
         f"{flight.path.name}: neither a desired or commanded wrench, nor actuators from which the model could compute "
-        f"one; roles played: {played}. Map one with --topic commanded=/your/topic, or use a model with [[arms]]"
+        f"one; roles played: {played}. Map one with --topic commanded=/your/topic, or use a model with [[vehicle.arms]]"
     )
 
 
