@@ -30,7 +30,7 @@ from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify import explain as explaining
 from wrenchgap.learn.identify import learning
-from wrenchgap.learn.identify.add import Addition
+from wrenchgap.learn.identify.add import Addition, labels
 from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process import store
@@ -112,8 +112,8 @@ def compare(
     flights: Flights, model: Model | Addition, *others: Model | Addition, gp: GaussianProcess | None = None
 ) -> Comparison:
     """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`."""
-    opened, base = listed(flights), model_of(model)
-    found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz)
+    opened, base, names = listed(flights), model_of(model), labels(model, *others)
+    found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz, names)
     result = comparison.compare(opened, base, found)
     return replace(result, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes))))
 
