@@ -64,16 +64,9 @@ def parts(design: Design) -> list[Part]:
     """The result, separations by direction, the assumed sizes of the effects, how the flight went on the plant."""
     out = [Line(sentence(design), "bold")]
     out += [Line(f"  instead: {words}") for words in ([] if design.separable else advice(design))]
-    heads = (
-        "effect in the vehicle",
-        "effect in the model",
-        "cosine",
-        design.baseline,
-        "cosine",
-        "this flight",
-        "simulated",
-    )
-    separations = plain("separation of the two explanations", (*heads, "separable on"), directions(design), left=2)
+    before = (f"{design.baseline}:\ncosine", "\nseparation")
+    heads = ("in the\nvehicle", "in the\nmodel", *before, "this flight:\ncosine", "\nseparation", "\nsimulated")
+    separations = plain("separation of the two effects", (*heads, "separable\non"), directions(design), left=2)
     return [
         *out,
         Line(),
