@@ -301,7 +301,7 @@ def counterfactual(
     """A recorded flight, re-simulated with something changed; the null run bounds the accuracy.
 
     `gp` compensates in the loop; `without` these effects of the model, `having` others ("servo_lag=tau:0.05"); other
-    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` re-simulates those too.
+    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` are those of a GP.
     """
     base, process = model_of(model), None if gp is None else gp_of(gp)
     recording = read_recording(flight, base.vehicle, start=start, duration=duration)

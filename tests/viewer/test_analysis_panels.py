@@ -320,7 +320,7 @@ def test_a_group_leads_to_the_flight_that_tells_it_apart(page, effects, eventual
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
     effects.rankings["train"] = UNKNOWN
     effects.opened(page.scene)
-    link = next(uuid for uuid, _, letters in links(effects.found.content) if "tell servo_lag" in letters)
+    link = next(uuid for uuid, _, letters in links(effects.found.content) if "separate servo_lag" in letters)
     follow(effects, link)
     eventually(lambda: not effects.design.running)
     assert asked == [(("servo_lag", "command_delay"), "train")]
