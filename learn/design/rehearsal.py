@@ -83,7 +83,7 @@ def tracking(flight: Flight, trajectory: Trajectory) -> tuple[float, float]:
 
 
 def lost_after(flight: Flight, trajectory: Trajectory) -> float | None:
-    """Time [s] at which control was lost: there the plant ends a flight, before its trajectory. None if it held."""
+    """Time [s] at which control was lost: the plant ends a flight there, before its trajectory ends."""
     assert flight.odometry is not None
     last, gap = float(flight.odometry.time[-1]), 2.0 * flight.odometry.period
     return last if last + gap < trajectory.duration else None

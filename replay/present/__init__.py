@@ -42,7 +42,7 @@ def text(result: Any) -> str:
 
     from wrenchgap.replay.present.tables import show
 
-    console = Console(width=WIDTH, highlight=False, file=StringIO(), color_system=None)
+    console = Console(width=WIDTH, highlight=False, file=StringIO(), color_system=None, force_jupyter=False)
     for part in parts(result):
         show(console, part)
     printed: str = console.file.getvalue()  # type: ignore[attr-defined]

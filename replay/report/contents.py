@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.flight.flight import AXES
-from wrenchgap.flight.result import Result
+from wrenchgap.flight.result import PRESENTATION, Result
 from wrenchgap.learn.data.applicable import Lack, inapplicable
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -111,6 +113,10 @@ class Report(Result):
     after: Where
     next_flights: tuple[NextFlight, ...]
     unseen: tuple[OpenFlight, ...]
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write it as one HTML page. Raises UsageError where the file exists and `force` is not given."""
+        import_module(f"{PRESENTATION}.report").save(self, Path(path), force=force)
 
     @property
     def flights(self) -> tuple[OpenFlight, ...]:

@@ -44,8 +44,8 @@ def report(
     from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present.documents import atomic, claim
-    from wrenchgap.replay.present.report import Repetition, Request, page, to_json
+    from wrenchgap.replay.present.documents import claim
+    from wrenchgap.replay.present.report import Repetition, Request, save, to_json
 
     unseen = validate or []
     read: list[Path | str] = [*logs, *unseen, model, *([gp] if gp else [])]
@@ -63,9 +63,7 @@ def report(
         told(1.0, "writing the page")
         request = Request(model, o.command_line(ctx), o.common_options(ctx), options, gp)
         repetition = Repetition.of(found, request)
-        text = page(found, repetition)
-    with atomic(output) as partial:
-        partial.write_text(text, encoding="utf-8")
+        save(found, output, force=force, repetition=repetition)
     printer = Printer(quiet)
     show_result(printer, found)
     body = {**to_json(found, repetition), "page": str(output)}

@@ -6,12 +6,24 @@ Templates (templates/) escape whatever they are given, so that nothing of a log 
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wrenchgap.replay.present import explanation, staircase
-from wrenchgap.replay.present.report.repetition import Repetition
+from wrenchgap.replay.present.documents import atomic, claim
+from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
 from wrenchgap.replay.report.contents import Report
+
+
+def save(report: Report, path: Path, *, force: bool = False, repetition: Repetition | None = None) -> None:
+    """Write the page. Raises UsageError where the file exists and `force` is not given."""
+    claim({"report": path}, force=force, inputs=[str(f.flight.path) for f in (*report.flights, *report.unseen)])
+    model = str(report.model.path or report.model.name)
+    text = page(report, repetition or Repetition.of(report, Request(model)))
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def page(report: Report, repetition: Repetition) -> str:
