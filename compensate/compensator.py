@@ -186,7 +186,7 @@ class Compensator:
             sigma = self.uncertainty.sigma(here[-1].std((wrench + optimum.correction)[None])[0])
         trouble, beta = optimum.trouble, self.uncertainty.beta(sigma)
         if not math.isfinite(sigma):
-            beta, trouble = 1.0, trouble or "the model's standard deviation is not finite: correction distrusted"
+            beta, trouble = 1.0, trouble or "the model's standard deviation is not finite: correction withheld"
         self._optimum = optimum.correction
         self._correction = self.uncertainty.filtered(optimum.correction - self._known, self._correction, beta)
         correction = self._known + self._correction

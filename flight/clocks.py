@@ -152,7 +152,7 @@ def _in_log_clock(
         else:
             stamps[topic] = table.header_ns
     if stamped_alone and foreign:
-        notes.append(f"Header stamps are used; they run apart from log time: {_describe(relations[foreign[0]])}.")
+        notes.append(f"Header stamps are used; they differ from log time: {_describe(relations[foreign[0]])}.")
     return stamps, notes
 
 
@@ -171,12 +171,12 @@ def _in_clock_of(
             stamps[topic] = to_base(_log_times(table, relations.get(topic)))
             mapped.append(topic)
     then = f"; mapped to it: {', '.join(mapped)}." if mapped else "."
-    notes = [f"Two clocks: {base} {_describe(relations[base])}. The flight is told in that clock{then}"]
+    notes = [f"Two clocks: {base} {_describe(relations[base])}. All times are given in that clock{then}"]
     residual = relations[base].residual
     if residual > STRAIGHT and mapped:
         notes.append(
-            f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map follows its "
-            f"bends every {EDGE_WINDOW} s; expect tens of ms of error between topics of different clocks."
+            f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map is "
+            f"piecewise linear, {EDGE_WINDOW} s each; expect tens of ms of error between topics of different clocks."
         )
     return stamps, notes
 

@@ -76,7 +76,7 @@ def trajectory_file(plan: Plan) -> TrajectoryFile | None:
     file = load(Path(text))
     if plan.duration is not None or plan.excitation:
         option = "--duration" if plan.duration is not None else "--excitation"
-        raise UsageError(f"{option}: {file_name(text)} says itself how long and how to fly; leave {option} out")
+        raise UsageError(f"{option}: {file_name(text)} sets its own duration and excitation; leave {option} out")
     if pushes_along_z_only(plan.believed.vehicle) and not file.trajectory.follows_thrust:
         raise UsageError(
             f"{file_name(text)}: asks for an attitude of its own, but {plan.believed.vehicle.name} can only push along "

@@ -210,7 +210,7 @@ class _File:
         if trial.steps is not None:
             single = self.call("apply", lambda: trial.one_by_one(typical))
             if not all(np.allclose(a, b, rtol=1e-6, atol=1e-9) for a, b in zip(whole, single, strict=True)):
-                self.fail("says something else for one sample at a time than for all at once", "apply")
+                self.fail("gives other results for one sample at a time than for all at once", "apply")
         return True
 
     def check_parameters(self, parameters: Any) -> None:

@@ -30,7 +30,7 @@ from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify import explain as explaining
 from wrenchgap.learn.identify import learning
-from wrenchgap.learn.identify.add import Addition
+from wrenchgap.learn.identify.add import Addition, labels
 from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process import store
@@ -112,8 +112,8 @@ def compare(
     flights: Flights, model: Model | Addition, *others: Model | Addition, gp: GaussianProcess | None = None
 ) -> Comparison:
     """Errors of the nominal vehicle, of `model`, of `others` and of a process on flights opened for `model`."""
-    opened, base = listed(flights), model_of(model)
-    found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz)
+    opened, base, names = listed(flights), model_of(model), labels(model, *others)
+    found, notes = predictors(base, [model_of(o) for o in others], gp, opened[0].records[0].cutoff_hz, names)
     result = comparison.compare(opened, base, found)
     return replace(result, notes=tuple(dict.fromkeys((*base.notes, *notes, *result.notes))))
 
@@ -188,7 +188,7 @@ def learn_gp(
     guard: bool = True,
     progress: Progress | None = None,
 ) -> Learnt:
-    """A Gaussian process of what the model leaves, as a function of the command; `.gp` is what compensation needs.
+    """A Gaussian process of the wrench residual, as a function of the command; `.gp` is what compensation needs.
 
     `outputs` are axes out of `flight.AXES`. With physics as its mean where the model has effects, unless `settings`
     say otherwise. With `guard` it is compared with other inputs and with every effect of the catalogue.
@@ -258,7 +258,7 @@ def compensator(
 ) -> Compensator:
     """What goes into a control loop: `compensator(gp, model).step(wrench_des, state)` gives the wrench to command.
 
-    With the effects of the model where the process was learnt on top of them; `lead` [s] leads their lags.
+    With the effects of the model where the process was learnt on top of them; `lead` [s] is the lead time.
     """
     return compensators.compensator(gp_of(gp), model_of(model), settings, lead=lead)
 
@@ -298,10 +298,10 @@ def counterfactual(
     duration: float | None = None,
     progress: Progress | None = None,
 ) -> Counterfactual:
-    """A recorded flight, re-simulated with something changed; the null run says how well the flight is understood.
+    """A recorded flight, re-simulated with something changed; the null run bounds the accuracy.
 
     `gp` compensates in the loop; `without` these effects of the model, `having` others ("servo_lag=tau:0.05"); other
-    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` flies what a GP must beat.
+    `gains` ("integral=0"); controller and allocation `believe` another model; `baselines` are those of a GP.
     """
     base, process = model_of(model), None if gp is None else gp_of(gp)
     recording = read_recording(flight, base.vehicle, start=start, duration=duration)

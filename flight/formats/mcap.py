@@ -147,7 +147,7 @@ class McapReader(Reader):
             self.notes.append(f"{self.path.name} is cut short (no end record): read as far as it goes.")
         if self._damaged_chunks:
             self.notes.append(
-                f"{self._damaged_chunks} chunk(s) of {self.path.name} are damaged (checksum): all in them is left out."
+                f"{self._damaged_chunks} chunk(s) of {self.path.name} are damaged (checksum) and left out."
             )
         if self._broken:
             self.notes.append(f"{self._broken} record(s) of {self.path.name} are damaged: left out.")

@@ -92,7 +92,7 @@ def design(
     this model can show, UsageError for a length or room in which nothing can be flown.
     """
     if len(set(names)) < 2:
-        raise UsageError("design: expected at least two different effects to tell apart")
+        raise UsageError("design: expected at least two different effects to separate")
     if not SHORTEST <= duration <= LONGEST:
         raise UsageError(f"--duration {duration:g}: expected {SHORTEST:g} to {LONGEST:g} s")
     report = progress or (lambda fraction, words: None)
@@ -271,8 +271,8 @@ class _Search:
                 return file, segments, tuple(flown)
             segments = tuple(replace(s, vigour=SOFTER * s.vigour) for s in segments)
         raise FitError(
-            f"design: on the plant the vehicle {'; '.join(reasons)}, even {ATTEMPTS - 1} times softened; give it more "
-            "room or speed, or less tilt"
+            f"design: on the plant the vehicle {'; '.join(reasons)}, even when softened {ATTEMPTS - 1} times; give it "
+            "more room or speed, or less tilt"
         )
 
     def _file(self, segments: Sequence[Segment]) -> TrajectoryFile:

@@ -85,7 +85,7 @@ def examine(
     if gp is not None:
         made = budget(data, nominal, left, left - last, Source.GIVEN)
     else:
-        report(0.05, "a Gaussian process on what is left")
+        report(0.05, "a Gaussian process on the residual")
         process = held_out_process(data, left, progress=lambda k, n: report(0.05 + 0.5 * k / n, "Gaussian process"))
         made = budget(data, nominal, left, process, Source.FITTED)
         if process is None:

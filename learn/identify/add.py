@@ -54,6 +54,20 @@ class Addition(Result):
         return tuple((f.flight.path.name, f.flight.content_hash) for f in self.flights)
 
 
+def labels(model: Model | Addition, *others: Model | Addition) -> list[str]:
+    """Names for tables; of an addition "+ EFFECT", what it adds to `model`, or to nominal where that is one too."""
+    first = set() if isinstance(model, Addition) else {e.name for e in model.effects}
+
+    def label(one: Model | Addition) -> str:
+        if isinstance(one, Model):
+            return one.name
+        names = [e.name for e in one.model.effects]
+        known = first if first <= set(names) else set()
+        return " ".join([*([one.given.name] if known else []), *(f"+ {n}" for n in names if n not in known)])
+
+    return [label(one) for one in (model, *others)]
+
+
 def add(
     model: Model,
     names: Sequence[str],

@@ -261,7 +261,7 @@ class Search:
             try:
                 found = self.candidate(others, name, base, residual)
             except (ModelError, np.linalg.LinAlgError) as error:  # an inertia that no body has, say
-                return f"{name}: could not be fitted ({error})"
+                return str(error).removeprefix(f"effect {name}: ")
             return replace(found, fit=replace(found.fit, effects=()))  # which may not survive pickling
 
         out: list[Candidate] = []

@@ -41,41 +41,44 @@ ProcessNote = WithoutEffects | OtherFilter | OtherPhysics
 
 
 def predictors(
-    model: Model, against: Sequence[Model] = (), gp: GaussianProcess | None = None, cutoff_hz: float | None = None
+    model: Model,
+    against: Sequence[Model] = (),
+    gp: GaussianProcess | None = None,
+    cutoff_hz: float | None = None,
+    labels: Sequence[str] = (),
 ) -> tuple[list[Predictor], list[ProcessNote]]:
     """What to compare, and notes: the nominal vehicle, the model if it has effects, others, the GP on its model.
 
-    The Gaussian process is added to what it was learnt on: the model itself, or the nominal vehicle. Raises ModelError
-    for models of different vehicles, FitError for a process of another one.
+    The Gaussian process is added to what it was learnt on: the model itself, or the nominal vehicle. `labels` name the
+    model and the others. Raises ModelError for models of different vehicles, FitError for a process of another one.
     """
     found = [Predictor(NOMINAL, model.nominal.wrench_model)]
     notes: list[ProcessNote] = []
+    name, *names = labels or [m.name for m in (model, *against)]
+    others = list(zip(against, names, strict=True))
     if model.effects:
-        found.append(Predictor(_fresh(model.name, found), model.wrench_model))
-    for other in against:
+        found.append(Predictor(_fresh(name, found), model.wrench_model))
+    for other, label in others:
         _check_geometry(model, other)
-        found.append(Predictor(_fresh(other.name, found), other.wrench_model))
+        found.append(Predictor(_fresh(label, found), other.wrench_model))
         if not other.effects:
-            notes.append(WithoutEffects(other.name))
+            notes.append(WithoutEffects(label))
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)
-        base, name = _base_of(gp, model, against)
+        base, learnt_on = _base_of(gp, [(model.nominal, NOMINAL), (model, name), *others])
         if base is None:
             notes.append(OtherPhysics(gp.provenance.physics))
         learnt = gp.provenance.cutoff_hz
         if learnt is not None and cutoff_hz is not None and learnt != cutoff_hz:
             notes.append(OtherFilter(learnt, cutoff_hz))
-        found.append(Predictor(f"{name}+GP", (base or model).wrench_model, gp))
+        learnt_on = learnt_on or (name if model.effects else NOMINAL)
+        found.append(Predictor(f"{learnt_on}+GP", (base or model).wrench_model, gp))
     return found, notes
 
 
-def _base_of(gp: GaussianProcess, model: Model, against: Sequence[Model]) -> tuple[Model | None, str]:
-    """The model that a GP was learnt on, None if it is not at hand, and the name of what it is added to."""
-    candidates = [(model.nominal, NOMINAL), (model, model.name), *((other, other.name) for other in against)]
-    for candidate, name in candidates:
-        if content_hash(candidate) == gp.provenance.model_hash:
-            return candidate, name
-    return None, model.name if model.effects else NOMINAL
+def _base_of(gp: GaussianProcess, candidates: Sequence[tuple[Model, str]]) -> tuple[Model | None, str]:
+    """The model that a GP was learnt on, and its name; None and "" if it is not among them."""
+    return next((c for c in candidates if content_hash(c[0]) == gp.provenance.model_hash), (None, ""))
 
 
 def _fresh(name: str, taken: Sequence[Predictor]) -> str:

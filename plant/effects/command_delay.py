@@ -14,7 +14,7 @@ class CommandDelay(CommandEffect):
     """
 
     name = "command_delay"
-    excited_by = "broadband commands; only the phase, axis by axis, tells it from the lags"
+    excited_by = "broadband commands; only the phase, axis by axis, separates it from the lags"
     confused_with = ("servo_lag", "motor_lag")
     order = 0
 

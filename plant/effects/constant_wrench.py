@@ -15,7 +15,7 @@ class ConstantWrench(WrenchEffect):
     """
 
     name = "constant_wrench"
-    excited_by = "always there; tilt separates it from forces fixed in E, thrust changes from gains"
+    excited_by = "always present; tilt separates it from forces fixed in E, thrust changes from gains"
     confused_with = ("tilt_offset", "com_offset", "tether")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:

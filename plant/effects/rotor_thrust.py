@@ -15,7 +15,7 @@ class RotorThrust(ThrustEffect):
     """
 
     name = "rotor_thrust"
-    excited_by = "tilt about two axes; force and torque together tell it from a centre-of-mass offset"
+    excited_by = "tilt about two axes; force and torque together separate it from a centre-of-mass offset"
     confused_with = ("com_offset", "thrust_scale", "coaxial_loss")
     sparse = True
 

@@ -16,7 +16,7 @@ class Wind(WrenchEffect):
     """
 
     name = "wind"
-    excited_by = "flight in several directions, and yaw; the force stays with E"
+    excited_by = "flight in several directions, and yaw: the force is fixed in E"
     confused_with = ("tether", "body_drag", "constant_wrench")
     needs_pose = True
 

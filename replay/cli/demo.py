@@ -45,23 +45,23 @@ def steps(model: str = "tilt_hexarotor") -> list[Step]:
             "simulate -m {model} -t multi_axis --duration 40 --excitation 1 --seed 1 {hidden} -o train.mcap",
         ),
         step(
-            "Fly a test flight that nothing is fitted to",
+            "Fly a test flight, to which nothing is fitted",
             "simulate -m {model} -t multi_axis --duration 20 --seed 2 {hidden} -o test.mcap",
         ),
         step("What is in the log?", "inspect test.mcap -m {model}"),
-        step("How wrong is the model?", "compare test.mcap -m {model} --json before.json"),
+        step("How large is the model's error?", "compare test.mcap -m {model} --json before.json"),
         step("Which effects are missing?", "explain train.mcap -m {model} --validate test.mcap --json explain.json"),
         step("Add one of them", "add {added} -m {model} --from train.mcap -o fitted.toml"),
         step(
-            "How wrong is the model now?",
+            "How large is the error with it?",
             "compare test.mcap -m {model} --against fitted.toml --figure effect.png --json effect.json",
         ),
         step(
-            "Learn what is left as a Gaussian process, as if it had no name",
+            "Learn the residual as a Gaussian process",
             "learn train.mcap -m fitted.toml --points 200 -o torque.gp --json learn.json",
         ),
         step(
-            "How wrong is the model with it?",
+            "How large is the error with the process?",
             "compare test.mcap -m fitted.toml --gp torque.gp --figure torque.png --json gp.json",
         ),
         step(

@@ -121,7 +121,7 @@ Lead = Annotated[
     typer.Option(
         "--lead",
         metavar="S",
-        help="With physics as the GP's mean: lead lags, so that a command is reached in S seconds.",
+        help="Lead time (lag compensation horizon), in seconds, with physics as the GP's mean.",
     ),
 ]
 JsonFile = Annotated[

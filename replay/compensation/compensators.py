@@ -38,14 +38,14 @@ def physics(process: GaussianProcess, model: Model, lead: float | None = None) -
     if process.settings.mean != "physics":
         if lead is not None:
             raise FitError(
-                "--lead: this GP was learnt without physics as its mean, so it knows no lag to lead; add the lag with "
-                "`wrenchgap add`, and learn on that model"
+                "--lead: this GP was learnt without physics as its mean, so it has no lag to compensate; add the lag "
+                "with `wrenchgap add`, and learn on that model"
             )
         return None
     if not model.effects:
         raise FitError(
-            f"{model.name}: has no effects, but the GP is what {process.provenance.physics} left; give the model that "
-            "it was learnt on"
+            f"{model.name}: has no effects, but the GP is the residual of {process.provenance.physics}; give the model "
+            "that it was learnt on"
         )
     return PhysicsMismatch(model.wrench_model, process.outputs, lead)
 

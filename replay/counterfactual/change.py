@@ -69,7 +69,7 @@ def change(
     Raises UsageError, ModelError or FitError for options that ask for nothing that can be.
     """
     if lead is not None and gp is None:
-        raise UsageError(f"--lead {lead:g}: leads the lags in a compensation, and there is none; give one with --gp")
+        raise UsageError(f"--lead {lead:g}: is the lead time of a compensation, and there is none; give one with --gp")
     plant = set_by_hand(model.without(without), with_) if without or with_ else None
     words = [f"without {name}" for name in without] + [f"with {text}" for text in with_]
     words += [f"gains {text}" for text in gains]
@@ -78,7 +78,7 @@ def change(
     compensator = None
     if gp is not None:
         name, process = gp
-        words.append(f"compensated by {name}" + ("" if lead is None else f", lags led by {lead:g} s"))
+        words.append(f"compensated by {name}" + ("" if lead is None else f", lead time {lead:g} s"))
         compensator = compensating.compensator(process, model, Settings(dt=period), lead=lead)
     return Change(
         plant=plant,

@@ -31,7 +31,7 @@ def parts(added: Addition) -> list[Part]:
     else:
         rows = [("rms before", added.trial.before), ("rms after", added.trial.after)]
         rows.append(("sensor noise", added.trial.noise))
-        out.append(before_after(f"on time of these logs that was not fitted, {behind}", rows, added.trial.fall))
+        out.append(before_after(f"on held-out time of these logs, {behind}", rows, added.trial.fall))
         worse = added.trial.outcome is Outcome.WORSE
         out.append(Line(verdict(added.trial), "yellow" if worse else ""))
     return [*out, *note_lines(limits(added), "warning"), *note_lines(notes(added))]

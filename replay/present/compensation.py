@@ -10,7 +10,7 @@ def sentence(caveat: ProcessCaveat) -> str:
     """One sentence."""
     match caveat:
         case LearnWarned(found):
-            return f"learn said of this GP: {caution(found)}"
+            return f"when this GP was learnt: {caution(found)}"
         case OtherVersion(model, physics):
             return (
                 f"the GP was learnt on another version of {model} ({physics}): the physics that is compensated is that "

@@ -62,8 +62,8 @@ def _sentence(caveat: Caveat, flight: str, model: str) -> str:
         case WeakLaw(axes):
             return (
                 f"{flight}: the control law of {model} explains less than {100 * EXPLAINED_GOAL:.0f} % of the recorded "
-                f"{', '.join(axes)}: there the re-simulation's feedback is a guess; set [controller] to the gains that "
-                "flew"
+                f"{', '.join(axes)}: there the re-simulated feedback is unreliable; set [controller] to the gains of "
+                "the flight"
             )
         case CompensationHarms(axes):
             return (

@@ -61,16 +61,17 @@ def advice(design: Design) -> tuple[str, ...]:
 
 
 def parts(design: Design) -> list[Part]:
-    """The result, separations by direction, the sizes that were assumed, how the flight went on the plant."""
+    """The result, separations by direction, the assumed sizes of the effects, how the flight went on the plant."""
     out = [Line(sentence(design), "bold")]
     out += [Line(f"  instead: {words}") for words in ([] if design.separable else advice(design))]
-    heads = ("if it is", "can this imitate it?", "cosine", design.baseline, "cosine", "this flight", "simulated")
-    separations = plain("separation of the two explanations", (*heads, "shows on"), directions(design), left=2)
+    before = (f"{design.baseline}:\ncosine", "\nseparation")
+    heads = ("in the\nvehicle", "in the\nmodel", *before, "this flight:\ncosine", "\nseparation", "\nsimulated")
+    separations = plain("separation of the two effects", (*heads, "separable\non"), directions(design), left=2)
     return [
         *out,
         Line(),
         separations,
-        parameters(sizes(design), "sizes that were assumed"),
+        parameters(sizes(design), "assumed sizes of the effects"),
         Line(f"moves: {', '.join(map(str, design.segments))}"),
         Line(f"on the simulated vehicle: {flown(design)}"),
         *note_lines(sentences(note for f in design.flights for note in f.notes)),
@@ -117,13 +118,13 @@ def sentence(design: Design) -> str:
 def _reason(direction: Direction) -> str:
     """Why a direction cannot be told."""
     if not np.any(direction.added > 0):
-        return f"{direction.truth} of this size does not show at all"
+        return f"{direction.truth} of this size changes nothing that is measured"
     if direction.share < LEAST_SHARE:
         return (
             f"{direction.imitator} can imitate all but {100 * direction.share:.1f} % of what {direction.truth} adds "
             f"(cosine {direction.cosine:.3f})"
         )
-    return f"what {direction.imitator} leaves of {direction.truth} is lost in the noise"
+    return f"what {direction.imitator} leaves of {direction.truth} is below the noise"
 
 
 def directions(design: Design) -> list[tuple[str, ...]]:

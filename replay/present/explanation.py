@@ -89,7 +89,7 @@ def validation_warnings(tested: Validation) -> list[str]:
         before, after = tested.comparison.evaluations[-2].pooled.rms, tested.after
         rows = [(a, AXES.index(a)) for a in tested.worse]
         listed = ", ".join(f"{a} ({before[k]:.2g} to {after[k]:.2g})" for a, k in rows)
-        out.append(f"on the unseen flights the error of {listed} grows with what was named.")
+        out.append(f"on the unseen flights the error of {listed} grows with the named effects.")
     return out + [
         f"{flight} lies outside what was fitted: {r.quantity} {r.percentile:.3g} {r.unit} (fitted up to "
         f"{r.maximum:.3g}); the result may not carry over."
@@ -177,8 +177,8 @@ def what_next(found: Explanation, model: str, paths: Sequence[str]) -> list[Line
         out.append("the search ended at its limit of effects: add these, then explain with the new model, for more")
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN:
-        out.append(f"next: wrenchgap where {logs} -m {model}: something is missing that has no name here")
-        out += [f"what is named can be added all the same: {add}"] if found.effects else []
+        out.append(f"next: wrenchgap where {logs} -m {model}: something is missing that the catalogue does not hold")
+        out += [f"the named effects can be added all the same: {add}"] if found.effects else []
     elif found.effects:
         out.append(f"next: {add}")
     return [Line(text) for text in out]
@@ -200,9 +200,9 @@ def reason(one: Untried) -> str:
 
 
 MEMBERS_LEGEND = (
-    "confidence: how often a name with this much evidence was right on hidden effects (docs/hidden-effects.md)   "
+    "confidence: empirical hit rate at this strength of evidence, on hidden effects (docs/hidden-effects.md)   "
     "share: of the error energy that returns without it   group: indistinguishable from it here   nearest other: and "
-    "by how many standard errors it does worse"
+    "by how many standard errors it fits worse"
 )
 RANKING_LEGEND = (
     "* chosen   = indistinguishable from it   score: share of the error energy that is gone   F, M: change of rms on "

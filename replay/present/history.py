@@ -46,7 +46,7 @@ def table_of_versions(model: Model) -> Table:
         flights = ", ".join(Path(file).stem for file, _ in version.flights) or "-"
         row = (version.date[:10] or "-", escape(words(version, changed)), escape(flights))
         out.add_row(str(version.number), *row, *falls)
-    out.caption = "F, M: change of rms on time that was not fitted"
+    out.caption = "F, M: change of rms on held-out time"
     out.caption_justify = "left"
     return out
 

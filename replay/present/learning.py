@@ -79,7 +79,7 @@ def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
         )
         for k, one in enumerate(found.tried)
     ]
-    heads = ("inputs", "inference", *outputs, "smaller by", "")
+    heads = ("inputs", "inference", *outputs, "reduction", "")
     return plain("rms on held-out time, with other inputs", heads, rows, left=2)
 
 
@@ -90,8 +90,8 @@ def _calibration(learnt: Learnt) -> Table:
             shares = (before.within_95[k], after.within_95[k], before.within_3_sigma[k], after.within_3_sigma[k])
             scale = f"{learnt.gp.sigma_scale[k]:.2f}"
             rows.append((flights, name, scale, *(f"{100 * s:.1f} %" for s in shares)))
-    heads = ("flights", "output", "sigma times", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
-    return plain("calibration: expected 95 % and 99.7 %", heads, rows, left=2)
+    heads = ("flights", "output", "sigma scaled by", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
+    return plain("calibration: expected 95 % within 1.96 sigma, 99.7 % within 3", heads, rows, left=2)
 
 
 def caution(found: Caution) -> str:
@@ -101,15 +101,15 @@ def caution(found: Caution) -> str:
         case CautionKind.NEARLY_SINGULAR:
             return (
                 f"I + dmu/dW is nearly singular on the training flights (smallest eigenvalue {found.eigenvalue:.2f}): "
-                "where little is accelerated the mismatch is minus the command, and the GP has learnt just that; train "
+                "without acceleration the mismatch is minus the command, and the GP has learnt just that; train "
                 "on a flight with excitation on all axes, or add effects first."
             )
         case CautionKind.WORSE:
             listed = ", ".join(f"{axis} (rms {before:.2g} to {after:.2g})" for axis, before, after in rows)
-            return f"on unseen flights the GP makes it worse: {listed}; leave these out with --outputs."
+            return f"on unseen flights the GP increases the error: {listed}; leave these out with --outputs."
         case CautionKind.NOT_WORTH_IT:
             return (
-                f"on unseen flights the GP is not worth it for {', '.join(found.axes)}: the model without it, a "
+                f"on unseen flights the GP has no advantage on {', '.join(found.axes)}: the model without it, a "
                 "constant or a straight line does as well."
             )
         case CautionKind.SAID:

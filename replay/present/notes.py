@@ -34,8 +34,8 @@ def _(note: WithoutEffects) -> str:
 @sentence.register
 def _(note: OtherFilter) -> str:
     return (
-        f"the GP was learnt behind a filter of {note.learnt_hz:g} Hz, this analysis uses {note.used_hz:g} Hz; say "
-        f"--cutoff {note.learnt_hz:g} for like with like."
+        f"the GP was learnt with a low-pass of {note.learnt_hz:g} Hz, this analysis uses {note.used_hz:g} Hz; say "
+        f"--cutoff {note.learnt_hz:g} to use the same one."
     )
 
 

@@ -66,8 +66,8 @@ def warnings(summary: Summary) -> tuple[str, ...]:
     if summary.near_singular > 0:
         out.append(
             f"I + dmu/dW is nearly singular in {share(summary.near_singular)} of the commands (smallest real "
-            f"eigenvalue {summary.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP claims that more "
-            "command gives no more wrench; excite the command on its own in the training flight."
+            f"eigenvalue {summary.eigenvalue_min:.2f}, expected above {NEARLY_SINGULAR:.2f}): the GP predicts no "
+            "more wrench from more command; excite the command on its own in the training flight."
         )
     if summary.accepted < 0.99:
         out.append(f"in {share(1 - summary.accepted)} of the steps no correction solves the problem.")
@@ -88,7 +88,7 @@ def _lines(summary: Summary, unit: str) -> list[tuple[str, str]]:
         ("accepted", share(summary.accepted)),
         (f"sigma [{unit}] 5 / 50 / 95 / 100 %", f"{sigma}, threshold {number(summary.sigma_threshold)}"),
         ("beta 5 / 50 / 95 / 100 %", beta),
-        ("filter held back (beta > 0.5)", f"{share(summary.held_back)} of the time"),
+        ("correction withheld (beta > 0.5)", f"{share(summary.held_back)} of the time"),
         ("smallest real eigenvalue of I + dmu/dW", number(summary.eigenvalue_min)),
         (
             "solve time mean / p99 / max",

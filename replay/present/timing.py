@@ -24,18 +24,18 @@ from wrenchgap.replay.present.tables import Line, note_lines, table
 from wrenchgap.replay.present.tables import Part as Shown
 
 LEGEND = (
-    "delay: positive where the first is stamped later   form: what a late response looks like   matters: error of "
+    "delay: positive where the signal is later than its reference   form: of a late response   consequence: error of "
     "effects that are driven by the odometry; error that a model without the lag leaves"
 )
 PROBLEMS = {
     Problem.STILL: "{about} never changes",
     Problem.SLOW: "too slow a topic ({about})",
     Problem.SHORT: "less than {about} that both have without a gap",
-    Problem.UNRELATED: "nothing in common beyond chance: too little motion, or too much noise",
+    Problem.UNRELATED: "no significant coherence: too little motion, or too much noise",
     Problem.UNMATCHED: "the two do not match at any offset",
     Problem.AMBIGUOUS: "the motion repeats itself: several offsets match equally well",
     Problem.VAGUE: "no better than {about}: too little motion in common",
-    Problem.FEEDBACK: "feedback-dominated: the command answers the motion, not the motion the command",
+    Problem.FEEDBACK: "feedback-dominated: the command follows the motion; actuator dynamics are not identifiable here",
 }
 FORMS = {"delay": "a delay", "lag": "a lag", "either": "a lag or a delay", None: "a lag or a delay"}
 
@@ -50,7 +50,7 @@ def parts(found: FlightTiming) -> list[Shown]:
 
 def offsets_table(found: FlightTiming) -> Table:
     """All offsets, one a row; what cannot be estimated is listed by `problems`."""
-    heads = ("", "behind", "delay [ms]", "drift [ms/min]", "band [Hz]", "form", "matters")
+    heads = ("signal", "reference", "delay [ms]", "drift [ms/min]", "band [Hz]", "form", "consequence")
     out = table(f"timing of {found.flight}", *heads, left=2)
     errors = dict(zip(map(id, found.sensors), found.effect_error, strict=True))
     forms = {id(r.offset): r for r in found.responses}
@@ -91,7 +91,7 @@ def sentence(offset: Offset) -> str:
     if offset.same:
         return f"{offset.second} and {offset.first} are the same series"
     if not offset.certain:
-        return f"{offset.second} and {offset.first} go together: {milliseconds(offset)} ms"
+        return f"{offset.second} and {offset.first} are aligned: {milliseconds(offset)} ms"
     verb = "lags" if offset.seconds > 0 else "leads"
     return f"{offset.second} {verb} {offset.first} by {milliseconds(offset, absolute=True)} ms"
 
@@ -139,7 +139,7 @@ def _(warning: OdometryOffset) -> str:
 @_warning.register
 def _(warning: UnevenOffset) -> str:
     listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in warning.offsets)
-    return f"Not all of it is late by as much ({listed}): an estimator's filter rather than a clock."
+    return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
 
 
 @_warning.register
@@ -156,7 +156,7 @@ def _(warning: LateResponse) -> str:
     listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in warning.responses)
     return (
         f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or the "
-        "clocks of commands and IMU, and `explain` weighs the first three."
+        "clocks of commands and IMU, and `explain` ranks the first three."
     )
 
 
@@ -164,8 +164,8 @@ def _(warning: LateResponse) -> str:
 def _(warning: FeedbackDominated) -> str:
     return (
         f"On {', '.join(warning.axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
-        "and a lag that is fitted would be the controller's own phase. To tell, log actuator speeds and tilts, or add "
-        "a known signal to the commanded wrench on these axes."
+        "and a lag that is fitted would be the controller's own phase. To identify them, log actuator speeds and "
+        "tilts, or add a known signal to the commanded wrench on these axes."
     )
 
 

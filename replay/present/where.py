@@ -62,7 +62,7 @@ def summary(where: Where) -> tuple[str, ...]:
         out.append("The residual is as white as filtered sensor noise on all axes.")
     else:
         named = "any axis" if len(coloured) == len(AXES) else ", ".join(coloured)
-        out.append(f"The residual is not white on {named}: structure is left there.")
+        out.append(f"The residual is not white on {named}: there is structure left to explain.")
     return tuple(out)
 
 
@@ -87,7 +87,7 @@ def _relevant(relevant: Relevance) -> str:
     if not relevant.chosen:
         return "No input predicts the residual on held-out time."
     listed = ", then ".join(_group(g) for g in relevant.chosen)
-    return f"On held-out time {share(relevant.explained)} of the residual follows {listed}."
+    return f"On held-out time {share(relevant.explained)} of the residual is predicted by {listed}."
 
 
 def _group(group: GroupRelevance) -> str:
@@ -108,11 +108,11 @@ def autocorrelation_in_words(auto: Autocorrelation) -> str:
 def crosscorrelation_in_words(cross: CrossCorrelation | None) -> str:
     """What one axis follows most, and how late."""
     if cross is None:
-        return "no input that moves enough"
+        return "no input that varies enough"
     if not cross.outside or abs(cross.peak) < WORTH:
         return "no significant correlation with an input"
     late = "at once" if cross.lag == 0 else f"{abs(cross.lag):.2f} s {'after' if cross.lag > 0 else 'before'}"
-    return f"{cross.peak:+.2f} with {cross.input} {late} (chance {cross.band:.2f})"
+    return f"{cross.peak:+.2f} with {cross.input} {late} (significant above {cross.band:.2f})"
 
 
 def span(name: str, low: float, high: float) -> str:
@@ -172,7 +172,7 @@ def _others(result: Where) -> Table:
         for d in result.failure_map.dependences
     ]
     heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)
-    return plain("share of the error that depends on each quantity, beyond chance", heads, rows)
+    return plain("share of the error that depends on each quantity, in excess of chance", heads, rows)
 
 
 def _whiteness(white: Whiteness) -> Table:
@@ -181,7 +181,9 @@ def _whiteness(white: Whiteness) -> Table:
         (a.axis, autocorrelation_in_words(a), crosscorrelation_in_words(white.strongest(a.axis)))
         for a in white.autocorrelation
     ]
-    return plain("is the residual white?", ("axis", "in itself", "strongest correlation with an input"), rows, left=3)
+    return plain(
+        "whiteness of the residual", ("axis", "autocorrelation", "strongest correlation with an input"), rows, left=3
+    )
 
 
 def _relevance(relevant: Relevance) -> Table:

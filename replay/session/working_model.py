@@ -117,7 +117,7 @@ class WorkingModel:
         """Do again what was taken back last. Raises UsageError where there is nothing."""
         with self.lock:
             if not self._undone:
-                raise UsageError("there is nothing to do again")
+                raise UsageError("there is nothing to redo")
             self._done.append(self._undone.pop())
             self._tell()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,14 @@ from wrenchgap.learn.data.errors import Errors
 from wrenchgap.learn.data.measurement import predict
 from wrenchgap.learn.data.opening import distinct, open_flights
 from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.identify.validation import ranges
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
 from wrenchgap.plant import model_file
-from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.vehicle import Body
+from wrenchgap.replay import api
 
 
 def test_errors_of_a_known_residual() -> None:
@@ -73,6 +76,23 @@ def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
 def test_models_of_another_shape_cannot_be_compared() -> None:
     with pytest.raises(ModelError, match="one vehicle"):
         predictors(model_file.load("tilt_hexarotor"), [model_file.load("crazyflie")])
+
+
+def test_an_addition_is_labelled_by_what_it_adds(logs: Any) -> None:
+    """To the model compared with, or, where that is an addition too or lacks other effects, to the nominal vehicle."""
+    model = model_file.load("tilt_hexarotor")
+    opened = api.open_flights(logs.test, model)
+    found = api.add(model, "com_offset", opened)
+    fitted = replace(found.model, path=Path("fitted.toml"))
+    more = api.add(fitted, "mass", opened)
+
+    def labels(*models: Model | Addition) -> list[str]:
+        return [e.name for e in api.compare(opened, *models).evaluations]
+
+    assert labels(model, found) == ["nominal", "+ com_offset"]
+    assert labels(model, found, more) == ["nominal", "+ com_offset", "+ com_offset + mass"]
+    assert labels(fitted, more) == ["nominal", "fitted", "fitted + mass"]
+    assert labels(more, found) == ["nominal", "+ com_offset + mass", "+ com_offset"]
 
 
 def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:

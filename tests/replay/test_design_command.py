@@ -107,7 +107,7 @@ def test_simulate_refuses_what_a_file_does_not_allow(run, tmp_path):
     (tmp_path / "t.toml").write_text(text + "duration = 4.0\nangle_deg = 20.0\nramp = 1.0\n", encoding="utf-8")
     base = ("simulate", "-t", "t.toml", "-o", "x.mcap")
     for extra, words in (
-        (("-m", "tilt_hexarotor", "--duration", "2"), "--duration: t.toml says itself how long"),
+        (("-m", "tilt_hexarotor", "--duration", "2"), "--duration: t.toml sets its own duration"),
         (("-m", "tilt_hexarotor", "--excitation", "1"), "leave --excitation out"),
         (("-m", "crazyflie"), "can only push along its z axis"),
     ):

@@ -15,10 +15,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.identify.explain import Explanation, Verdict, explain
+from wrenchgap.learn.identify.search import Search
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
@@ -160,6 +162,19 @@ def test_what_could_not_be_tried_is_listed_by_reason(named: Explanation) -> None
     assert names == ["battery_sag"]
     assert "--topic battery=" in reason
     assert "effect battery_sag" not in reason
+
+
+def test_what_could_not_be_fitted_says_so_once(logs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    candidate = Search.candidate
+
+    def refuse(self: Search, others: Any, name: str, *more: Any) -> Any:
+        if name == "mass":
+            raise ModelError("effect mass: the change is too large")
+        return candidate(self, others, name, *more)
+
+    monkeypatch.setattr(Search, "candidate", refuse)
+    untried = explained(logs.ideal, "com_offset", "mass").untried
+    assert not_tried(untried) == {"could not be fitted (the change is too large)": ["mass"]}
 
 
 # ---------------------------------------------------------------- table

@@ -119,7 +119,7 @@ def test_another_version_of_the_physics_is_told(on_physics: Learnt) -> None:
 def test_physics_that_is_not_there_is_refused(files: Path, on_physics: Learnt, run: Any) -> None:
     done = run("replay", files / "short.mcap", "-m", NAME, "--gp", files / "rest.gp")
     assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
-    assert "has no effects, but the GP is what com_offset left" in done.stderr
+    assert "has no effects, but the GP is the residual of com_offset" in done.stderr
     late = run("replay", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp", "--lead", 0)
     assert (late.exit_code, len(late.stderr.splitlines())) == (2, 1)
     assert "lead is 0.0 s" in late.stderr
@@ -184,7 +184,7 @@ def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path,
         rms[name] = {m["name"]: m["rms"][5] for m in result["validation"]["models"]}
     assert result["settings"]["inputs"] == ["past"]
     assert rms["past"]["nominal+GP"] < 0.6 * min(rms["plain"].values())
-    assert not any("torque_z" in w and "not worth it" in w for w in result["warnings"])
+    assert not any("torque_z" in w and "no advantage" in w for w in result["warnings"])
 
     common = (slow / "test.mcap", "-m", NAME, "--gp", "past.gp")
     compared = result_of("compare", *common)
@@ -216,7 +216,7 @@ def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, res
     assert list(rms) == ["nominal", *LINES, "nominal+GP"]
     assert (rms["linear in the command"] < 0.05 * rms["nominal"]).all()
     assert (rms["constant offset"] > 5 * rms["linear in the command"]).all()
-    (said,) = [w for w in result["warnings"] if "not worth it" in w]
+    (said,) = [w for w in result["warnings"] if "no advantage" in w]
     assert "torque_x, torque_y, torque_z" in said
     assert said in [caution(one) for one in store.load("zero.gp").provenance.warnings]
 
@@ -226,5 +226,5 @@ def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, res
 
 def test_lead_is_said_among_the_changes(on_physics: Learnt) -> None:
     asked = change(KNOWN, period=0.005, gp=("rest.gp", on_physics.gp), lead=0.05)
-    assert asked.words == ("compensated by rest.gp, lags led by 0.05 s",)
+    assert asked.words == ("compensated by rest.gp, lead time 0.05 s",)
     assert asked.compensator is not None

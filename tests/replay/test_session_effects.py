@@ -182,7 +182,7 @@ def test_what_cannot_be_is_refused_in_one_line(session):
         session.effects.remove("com_offset")
     with pytest.raises(UsageError, match="nothing to undo"):
         session.effects.undo()
-    with pytest.raises(UsageError, match="nothing to do again"):
+    with pytest.raises(UsageError, match="nothing to redo"):
         session.effects.redo()
     with pytest.raises(UsageError, match="add one first"):
         session.effects.refit("train")

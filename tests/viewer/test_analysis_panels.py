@@ -314,17 +314,17 @@ def test_a_group_leads_to_the_flight_that_tells_it_apart(page, effects, eventual
         asked.append((names, flight))
         report(0.5, "flying")
         return NextFlight(
-            names, True, "This flight tells them apart.", (), "shake", np.arange(50.0), path, quat, "x = 1\n"
+            names, True, "This flight separates them.", (), "shake", np.arange(50.0), path, quat, "x = 1\n"
         )
 
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
     effects.rankings["train"] = UNKNOWN
     effects.opened(page.scene)
-    link = next(uuid for uuid, _, letters in links(effects.found.content) if "tell servo_lag" in letters)
+    link = next(uuid for uuid, _, letters in links(effects.found.content) if "separate servo_lag" in letters)
     follow(effects, link)
     eventually(lambda: not effects.design.running)
     assert asked == [(("servo_lag", "command_delay"), "train")]
-    assert "tells them apart" in effects.plan.content
+    assert "separates them" in effects.plan.content
     assert NEXT in page.drawing._curves
     page.session.effects.folder = tmp_path
     move(effects.plan_path, "next.toml")

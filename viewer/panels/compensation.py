@@ -70,7 +70,7 @@ class CompensationPanel(Panel):
             first * round(setting.kappa_max / first),
             first,
             gating.kappa,
-            hint="How sharply trust turns into distrust around sigma_th.",
+            hint="Gate slope: how sharply the correction fades around sigma_th.",
         )
         self.decay = gui.add_slider(
             "tau_d [s]",
@@ -82,7 +82,7 @@ class CompensationPanel(Panel):
         )
         for handle in (self.on, self.gated, self.threshold, self.kappa, self.decay):
             handle.on_update(self.host.guarded(self._moved))
-        reset = gui.add_button("As the process suggests", color="gray")
+        reset = gui.add_button("Defaults of the process", color="gray")
         reset.on_click(self.host.guarded(lambda _: self._reset()))
 
     def _replay(self) -> None:
@@ -97,7 +97,7 @@ class CompensationPanel(Panel):
         with gui.add_folder("Re-simulate"):
             self.start = gui.add_number("from [s]", 0.0, min=0.0, step=0.1)
             self.seconds = gui.add_number("for [s]", SECONDS, min=1.0, step=1.0)
-            hint = "The recorded flight again, from its recorded start, with the compensation in the loop; the ghost."
+            hint = "Re-simulates the flight from its recorded state, with the compensation in the loop; shown as ghost."
             self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
             self.flown = gui.add_html("")
 
@@ -148,7 +148,7 @@ class CompensationPanel(Panel):
         flight = self.host.scene.name
 
         def done(found: Compensated) -> None:
-            title = "mean absolute error of the wrench, as the process sees it"
+            title = "mean absolute error of the wrench, as the process predicts it"
             self.done.content = _table(title, ("", "before", "after"), found.rows, found.sentences)
             self.host.refresh()
 

@@ -17,7 +17,7 @@ from wrenchgap.viewer.sliders import EffectSliders
 
 VERDICTS = {
     "effect": "this is missing",
-    "group": "one of these is missing; this flight cannot say which",
+    "group": "one of these is missing; they are indistinguishable on this flight",
     "unknown": "something is missing that no effect of the catalogue explains",
     "nothing": "nothing is missing that this flight can show",
 }
@@ -79,10 +79,10 @@ class EffectsPanel(Panel):
     def _next(self) -> None:
         gui, host = self.host.gui, self.host
         with gui.add_folder("What to fly next") as self.next_folder:
-            self.pair = gui.add_text("effects", "", hint="Two or more effects to be told apart, with commas between.")
+            self.pair = gui.add_text("effects", "", hint="Two or more effects to separate, with commas between.")
             self.design = JobControls(
                 host,
-                "Find the flight that tells them apart",
+                "Find the flight that separates them",
                 lambda: self.tell_apart(tuple(n.strip() for n in self.pair.value.split(",") if n.strip())),
                 "Searches for the reference, flies it in simulation and draws it in the scene; takes half a minute.",
             )
@@ -184,7 +184,7 @@ class EffectsPanel(Panel):
         if plan is not None:
             start = float(self.host.scene.time[0])
             motion = Motion(
-                plan.time + start, plan.position_E, plan.quat_ED, None, f"to tell {' from '.join(plan.names)}"
+                plan.time + start, plan.position_E, plan.quat_ED, None, f"to separate {' from '.join(plan.names)}"
             )
             self.host.show_ghost(NEXT, motion)
         self.plan.content = "" if plan is None else markup.render("next_flight", found=plan)

@@ -14,21 +14,25 @@ Compensate = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
 ]
 Baselines = Annotated[
-    bool, typer.Option("--baselines", help="Fly what a GP must be better than: observer, effects, straight line.")
+    bool,
+    typer.Option("--baselines", help="Re-simulate with the baselines of a GP too: observer, effects, straight line."),
 ]
 Without = Annotated[
     list[str] | None,
     typer.Option(
         "--without",
         metavar="EFFECT",
-        help="What if the vehicle did not have this effect of MODEL?",
+        help="Re-simulate the vehicle without this effect of MODEL.",
         autocompletion=o.complete_effects,
     ),
 ]
 With = Annotated[
     list[str] | None,
     typer.Option(
-        "--with", metavar="EFFECT=P:V,...", help="What if it had this one?", autocompletion=o.complete_effects
+        "--with",
+        metavar="EFFECT=P:V,...",
+        help="Re-simulate it with this effect as well.",
+        autocompletion=o.complete_effects,
     ),
 ]
 Gains = Annotated[
@@ -44,9 +48,9 @@ Believe = Annotated[
         autocompletion=o.complete_models,
     ),
 ]
-Start = Annotated[float, typer.Option("--start", metavar="S", help="Where to begin, in seconds.")]
+Start = Annotated[float, typer.Option("--start", metavar="S", help="Start of the re-simulation, in seconds.")]
 Duration = Annotated[
-    float | None, typer.Option("--duration", metavar="S", help="How long, in seconds; default: to the end.")
+    float | None, typer.Option("--duration", metavar="S", help="Its length, in seconds; default: to the end.")
 ]
 
 
@@ -80,7 +84,7 @@ def counterfactual(
 
     What MODEL does not explain of the recorded motion is inferred as a disturbance over time and acts in the
     re-simulation too, from the recorded initial state, along the recorded reference. The null run, with nothing
-    changed, must end up where the recorded flight did; its error is printed first.
+    changed, must reproduce the recorded flight; its error, printed first, bounds the accuracy of what follows.
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """

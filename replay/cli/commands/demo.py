@@ -16,13 +16,13 @@ def register(app: typer.Typer) -> None:
     @app.command("demo")
     def demo(
         ctx: typer.Context,
-        output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")] = Path(
+        output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the files.")] = Path(
             "demo-output"
         ),
         json: JsonFile = None,
         force: Force = False,
     ) -> None:
-        """Run the whole loop on two simulated flights: find what is hidden, add it, learn the rest, compensate.
+        """Run the whole loop on two simulated flights: find hidden effects, add one, learn the residual, compensate.
 
         The steps are command lines; each is printed, then run, on the logs alone.
 
@@ -63,7 +63,7 @@ def run(root: Any, output: Path, json: Path | None, force: bool) -> None:
     with contextlib.chdir(output):
         found = demo.run(Path(), execute)
     printer.line()
-    printer.line("What came of it, on the test flight, which nothing was fitted to", style="bold")
+    printer.line("Result on the test flight, to which nothing was fitted", style="bold")
     printer.line(f"hidden: {', '.join(found['hidden'])}      found: {', '.join(found['found'])}")
     errors = tables.table("torque error, rms [Nm]", "", "x", "y", "z", "x", "y", "z")
     first = found["torque_rms"]["nominal"]

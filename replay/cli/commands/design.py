@@ -21,18 +21,21 @@ SizesFrom = Annotated[
     list[Path] | None,
     typer.Option("--from", metavar="LOG...", help="Logs to take the effects' sizes from, and to compare with."),
 ]
-Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the flight.")]
+Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the flight, in seconds.")]
 Room = Annotated[
     str | None, typer.Option("--room", metavar="X,Y,Z", help="Free space in metres, floor at z = 0 (default 4,4,3).")
 ]
-Tilt = Annotated[float | None, typer.Option("--max-tilt", metavar="DEG", help="Default 60; 30 for fixed rotors.")]
-Speed = Annotated[float, typer.Option("--max-speed", metavar="M/S", help="Largest speed.")]
+Tilt = Annotated[
+    float | None,
+    typer.Option("--max-tilt", metavar="DEG", help="Largest tilt, in degrees; default: 60, or 30 for fixed rotors."),
+]
+Speed = Annotated[float, typer.Option("--max-speed", metavar="M/S", help="Largest speed, in m/s.")]
 Also = Annotated[
     list[str] | None,
     typer.Option(
         "--also",
         metavar="EFFECT...",
-        help="What may be there besides, fitted along (default: inertia and a command delay; none: nothing).",
+        help="Effects that are fitted along with these (default: inertia and a command delay; none: nothing).",
         autocompletion=o.complete_effects,
     ),
 ]
@@ -40,7 +43,7 @@ Anyway = Annotated[bool, typer.Option("--anyway", help="Write the best flight fo
 Sampled = Annotated[
     Path | None, typer.Option("--csv", metavar="FILE", help="The sampled reference, for other flight stacks.")
 ]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the sensor noise.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the sensor noise.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -72,7 +75,7 @@ def design(
     """Find the reference trajectory that separates effects, and check it on the simulated vehicle.
 
     Sizes of the effects are those of MODEL, else fitted to the logs, else typical. Where no trajectory can separate
-    them, that is said with what would, and no file is written. Fly the result with `wrenchgap simulate -t FLIGHT`.
+    them, the result says what would, and no file is written. Fly the result with `wrenchgap simulate -t FLIGHT`.
 
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """

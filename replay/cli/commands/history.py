@@ -29,8 +29,8 @@ def history(
 ) -> None:
     """Versions of a model: what each changed, from which flights, and what that did to the error.
 
-    The model file carries its history itself; the files that it came from need not exist any more. Errors are those
-    on time that was not fitted.
+    The model file carries its history itself; the files that it came from need not exist any more. Errors are on
+    held-out time.
 
     Example: `wrenchgap history fitted.toml`
     """

@@ -23,7 +23,7 @@ def inspect(
             "--model",
             "-m",
             metavar="MODEL",
-            help="Check the log against a model too.",
+            help="Check the log against this model too.",
             autocompletion=o.complete_models,
         ),
     ] = None,
@@ -35,10 +35,10 @@ def inspect(
     force: o.Force = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the numbers make sense.
+    """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
 
-    Each check that fails says what to do. With a model, its mass, rotors and actuation are checked as well. Then by how
-    much the topics lag one another and, with a model, the response its commands (docs/timing.md).
+    Each check that fails says what to do. With a model, its mass, rotors and actuation are checked as well. Then the
+    delays between the topics and, with a model, of the response behind its commands (docs/timing.md).
 
     Example: `wrenchgap inspect flight.mcap -m crazyflie --topic imu=/my/imu`
     """

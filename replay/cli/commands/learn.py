@@ -68,10 +68,10 @@ Samples = Annotated[
 ]
 Scaling = Annotated[Scale, typer.Option("--scale", help="Inputs of k-medoids; raw is the paper's.")]
 Restarts = Annotated[int, typer.Option("--restarts", metavar="N", min=0, help="Random starts of the likelihood.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of k-medoids and restarts.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of k-medoids and restarts.")]
 NoGuard = Annotated[
     bool,
-    typer.Option("--no-guard", help="Look neither for better inputs nor for the effect that the GP is absorbing."),
+    typer.Option("--no-guard", help="Search neither for better inputs nor for an effect that the GP absorbs."),
 ]
 
 
@@ -104,10 +104,10 @@ def learn(
     force: o.Force = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Learn what the model leaves of the measured wrench, as a function of the commanded one.
+    """Learn the wrench residual of the model, as a function of the commanded wrench.
 
-    With a mean of physics the process learns what the effects of MODEL leave, and the compensation is that of both; so
-    name effects first and learn the residual. If the process reproduces an effect of the catalogue, that is said.
+    With physics as its mean the process learns the residual of MODEL's effects; the compensation contains both. So name
+    effects first, then learn the residual. If the process reproduces an effect of the catalogue, the result names it.
 
     Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
     """

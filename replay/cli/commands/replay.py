@@ -17,14 +17,14 @@ Source = Annotated[
     typer.Option(
         "--source",
         metavar="desired|commanded",
-        help="Which logged wrench goes in; default: desired where it is logged.",
+        help="Logged wrench to compensate; default: desired where it is logged.",
         autocompletion=lambda incomplete: [n for n in ("desired", "commanded") if n.startswith(incomplete)],
     ),
 ]
-NoFilter = Annotated[bool, typer.Option("--no-filter", help="Take the optimum as it is, whatever its uncertainty.")]
-Threshold = Annotated[float | None, typer.Option(help="Standard deviation at which half of the optimum is taken.")]
+NoFilter = Annotated[bool, typer.Option("--no-filter", help="Apply the optimum in full, whatever its uncertainty.")]
+Threshold = Annotated[float | None, typer.Option(help="Standard deviation at which half of the optimum is withheld.")]
 Slope = Annotated[float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")]
-DecayTime = Annotated[float, typer.Option(help="Time constant with which a withheld correction dies out, in seconds.")]
+DecayTime = Annotated[float, typer.Option(help="Time constant with which a withheld correction fades, in seconds.")]
 CutoffOfGp = Annotated[
     float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
 ]
@@ -61,7 +61,7 @@ def replay(
 ) -> None:
     """Re-run optimiser and uncertainty filter on the logged wrenches, at the log's own stamps.
 
-    LOG2 holds the flight as flown and, under /replay/, what the compensation would have commanded and why. Two runs
+    LOG2 holds the recorded flight and, under /replay/, what the compensation would have commanded and why. Two runs
     give identical files; solve times are printed and put into the JSON only.
 
     Example: `wrenchgap replay test.mcap -m tilt_hexarotor --gp torque.gp -o replayed.mcap --figure replay.png`

@@ -19,7 +19,7 @@ def _list(asked: bool) -> None:
     from wrenchgap.replay.present.tables import plain
 
     rows = [(name, f"{seconds:g} s", words) for name, (_, seconds, words) in TRAJECTORIES.items()]
-    Printer().show(plain("trajectories", ("name", "length", "what it is"), rows, left=3))
+    Printer().show(plain("trajectories", ("name", "length", "description"), rows, left=3))
     raise typer.Exit()
 
 
@@ -38,14 +38,16 @@ Duration = Annotated[float | None, typer.Option("--duration", metavar="S", help=
 Excitation = Annotated[
     float, typer.Option("--excitation", metavar="SIZE", help="Multisine on all axes: 1 is usual for training logs.")
 ]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of sensor noise and excitation.")]
-Integral = Annotated[bool | None, typer.Option("--integral/--no-integral", help="Controller's integral.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of sensor noise and excitation.")]
+Integral = Annotated[bool | None, typer.Option("--integral/--no-integral", help="Integral action of the controller.")]
 Hide = Annotated[
     list[str] | None,
-    typer.Option("--hide", metavar="EFFECT=P:V,...", help="Fly with an effect that MODEL does not have."),
+    typer.Option("--hide", metavar="EFFECT=P:V,...", help="Effect of the plant that MODEL does not have."),
 ]
-Truth = Annotated[Path | None, typer.Option("--truth", metavar="FILE", help="Write the model that really flew.")]
-List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and leave.")]
+Truth = Annotated[
+    Path | None, typer.Option("--truth", metavar="FILE", help="Write the true model, with the hidden effects.")
+]
+List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")]
 
 
 def register(app: typer.Typer) -> None:

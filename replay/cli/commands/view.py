@@ -42,7 +42,7 @@ def view(
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
 
     The first log is shown first; the others are one choice away, and are flights to test on. Everybody who opens the
-    page sees the same, from where they like.
+    page sees the same state, with a camera of their own.
 
     Example: `wrenchgap view train.mcap test.mcap -m tilt_hexarotor --gp torque.gp`
     """

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 def picture(added: Addition) -> style.Picture:
     """Two groups of bars."""
-    where = "on the fitted logs" if added.trial is None else "on time of these logs that was not fitted"
+    where = "on the fitted logs" if added.trial is None else "on held-out time of these logs"
     return style.Picture(
         (1, 2),
         (10.0, 3.8),

@@ -79,7 +79,9 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
     time = np.linspace(cut, design.trajectory.duration - cut, len(added))
     panel.plot(time, added, color=style.MEASURED, lw=1.1, label=f"{d.truth} adds")
     panel.plot(time, imitated, color=style.MODELS[1], lw=1.1, label=f"best imitation by {d.imitator}")
-    panel.fill_between(time, added, imitated, color=style.MODELS[1], alpha=0.2, lw=0, label="what tells them apart")
+    panel.fill_between(
+        time, added, imitated, color=style.MODELS[1], alpha=0.2, lw=0, label="difference that separates them"
+    )
     style.band(panel, [cut, design.trajectory.duration - cut], float(d.noise[d.telling]), "± 1 sigma of the noise")
     style.labelled(panel, *style.QUANTITIES[d.telling])
     found = f"separation {d.separation:.1f} expected, {design.simulated(d.truth, d.imitator):.1f} simulated"

@@ -161,7 +161,7 @@ def _draw_map(panel: Any, dependence: Dependence) -> None:
 def _sides(panel: Any) -> None:
     """Names instead of degrees on the axis of the tilt direction."""
     panel.set_xticks(*SIDES)
-    panel.set_xlabel("tilt direction (side of the body that is low)", fontsize=style.SMALL)
+    panel.set_xlabel("tilt direction (lowest side of the body)", fontsize=style.SMALL)
 
 
 def _title(dependence: Dependence) -> str:
@@ -202,14 +202,14 @@ def _draw_correlations(panels: Any, where: Where) -> None:
         panel.set_title(f"{style.QUANTITIES[k][0]}: {'white' if auto.white else 'not white'}", fontsize=style.SMALL)
         cross, panel = where.whiteness.strongest(auto.axis), panels[1][k]
         if cross is None:
-            style.nothing(panel, "no input that\nmoves enough")
+            style.nothing(panel, "no input that\nvaries enough")
             continue
         panel.axhspan(-cross.band, cross.band, color=style.NOISE, alpha=0.35, lw=0)
         panel.plot(cross.lags, cross.value, color="black", lw=1.0)
         panel.plot([cross.lag], [cross.peak], "o", ms=4, color=style.WARNING if cross.outside else "0.55")
         panel.set_title(f"with {cross.input}", fontsize=style.SMALL)
     panels[0][0].set_ylabel("autocorrelation [-]\n(green: sensor noise alone)", fontsize=style.SMALL)
-    panels[1][0].set_ylabel("correlation with the\nstrongest input [-]\n(green: chance)", fontsize=style.SMALL)
+    panels[1][0].set_ylabel("correlation with the\nstrongest input [-]\n(green: not significant)", fontsize=style.SMALL)
     for panel in np.ravel(panels):
         panel.set_ylim(-1.05, 1.05)
         panel.tick_params(labelsize=7)

@@ -203,7 +203,7 @@ def _maps(found: Where) -> dict[str, Any]:
     rows = [[d.label, where.dependence_in_words(d), f"{d.p:.2g}", "yes" if d.significant else "no"] for d in shown]
     worst = [[s.flight, f"{s.start:.1f} - {s.stop:.1f} s", s.axis.replace("_", " "), *row(s.rms)] for s in found.worst]
     grid = found.failure_map.grid
-    over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where hardly flown."
+    over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where samples are too few."
     return {
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
@@ -247,7 +247,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
             "Grey: what filtered sensor noise would show, and its band.",
         ),
         "inputs": Table(
-            ("input", "chosen", "alone", "lost without it", "t"),
+            ("input", "chosen", "alone", "lost without them", "t"),
             inputs,
             left=2,
             caption="Shares of the residual's variance on held-out time that the inputs predict.",
