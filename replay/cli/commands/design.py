@@ -79,6 +79,7 @@ def design(
 
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay import api
     from wrenchgap.replay.cli.console import Printer, progress

@@ -111,6 +111,7 @@ def learn(
 
     Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.learn.identify.learning import default_mean, physics_of
     from wrenchgap.learn.process.gp import FitSettings
     from wrenchgap.replay import api
