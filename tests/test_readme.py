@@ -41,7 +41,7 @@ def test_commands_run_as_written(tmp_path):
         )
         assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
         if words[1] == "explain":
-            assert re.search(r"Explained by arm_twist .* and com_offset ", " ".join(done.stdout.split()))
+            assert re.search(r"Explained by com_offset .* and arm_twist ", " ".join(done.stdout.split()))
         if words[1] == "learn":
             assert "no advantage" not in " ".join((done.stdout + done.stderr).split())
     for file in ("fitted.toml", "fitted.png", "rest.gp", "replayed.mcap", "replayed.csv", "reflown.mcap"):

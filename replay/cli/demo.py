@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-HIDDEN = ("com_offset=x:0.005,y:-0.007,z:0.004", "arm_twist=twist:0.004")
+HIDDEN = ("com_offset=x:0.005,y:-0.007,z:0.004", "arm_twist=twist:0.0015")
 """What the vehicle has and its model file does not: a centre of mass 9 mm away from where it should be, and arms that
-twist by 0.23 deg per newton of thrust."""
+twist by 0.09 deg per newton of thrust."""
 ADDED = "com_offset"
 """The effect that is added by name; a Gaussian process learns the rest, as it would if the rest had no name."""
 

@@ -81,7 +81,7 @@ def test_a_wrong_model_of_the_controller_does_not_spoil_the_null_run_but_is_told
     (weak,) = result.caveats
     assert isinstance(weak, WeakLaw)
     assert "torque_x" in weak.axes
-    assert any("torque_x" in note and "a guess" in note for note in notes(result))
+    assert any("torque_x" in note and "[controller]" in note for note in notes(result))
 
 
 def test_the_disturbance_is_what_was_injected():

