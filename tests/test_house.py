@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import os
 import re
 import shutil
@@ -137,6 +138,14 @@ def test_lock_pins_every_dependency() -> None:
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
     pinned = set(re.findall(r"^([a-z0-9][a-z0-9.-]*)==", lock, re.MULTILINE))
     assert names - pinned == set()
+
+
+def test_every_public_name_is_in_the_page_of_the_api() -> None:
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    for name in ("wrenchgap", *(f"wrenchgap.{package}" for package in PACKAGES[:-1])):
+        module = importlib.import_module(name)
+        assert all(hasattr(module, public) for public in module.__all__), name
+        assert [public for public in module.__all__ if f"`{public}`" not in page] == [], name
 
 
 def test_links_of_the_documentation_lead_somewhere() -> None:
