@@ -97,7 +97,7 @@ that are not the catalogue's) with an effect that the model lacks; each is given
     python -m benchmarks.hidden_effects --json docs/hidden-effects.json --page docs/hidden-effects.md
 
 Every vehicle of the engine has servos that lag by about 15 ms and arms with inertia, which the model lacks too: naming
-`servo_lag` and `arm_reaction` is right on all flights but the "crisp" ones. Sizes are multiples of a middling size
+`servo_lag` and `arm_reaction` is right on all flights but the "crisp" ones. Sizes are multiples of a typical size
 (table at the end). "Right": the first effect named, those two aside, is the hidden one or an accepted alias, or the
 hidden one stands in its group; of two hidden effects both must be found. Rows are in
 [hidden-effects.json](hidden-effects.json).
@@ -192,7 +192,7 @@ def _listed(rows: list[Row]) -> str:
             for r in rows
             if r["kind"] == kind and "error" not in r
         ]
-        out.append(f"## {title}\n\n" + _table(("flight", "outcome", "verdict", "named", "what is left"), listed))
+        out.append(f"## {title}\n\n" + _table(("flight", "outcome", "verdict", "named", "residual"), listed))
     return "\n".join(out)
 
 
@@ -206,11 +206,11 @@ def _calibration(rows: list[Row]) -> str:
     ]
     table = _table(("stated", "effects named", "stated, mean", "right"), listed)
     return (
-        "## How sure\n\nThe probability that `explain` states for each effect it names, by coefficients fitted to the "
+        "## Confidence\n\nThe probability that `explain` states for each effect it names, by coefficients fitted to the "
         f"flights of all *other* hidden effects, against how often it was right:\n\n{table}"
     )
 
 
 def _sizes() -> str:
     listed = [(name, f"{cls.size:g} {cls.unit}", " or ".join(cls.answers)) for name, cls in HIDDEN.items()]
-    return "## Sizes\n\n" + _table(("hidden", "middling size (1)", "accepted answers"), listed)
+    return "## Sizes\n\n" + _table(("hidden", "typical size (1)", "accepted answers"), listed)
