@@ -206,8 +206,8 @@ def _calibration(rows: list[Row]) -> str:
     ]
     table = _table(("stated", "effects named", "stated, mean", "right"), listed)
     return (
-        "## Confidence\n\nThe probability that `explain` states for each effect it names, by coefficients fitted to the "
-        f"flights of all *other* hidden effects, against how often it was right:\n\n{table}"
+        "## Confidence\n\nThe probability that `explain` states for each effect it names, by coefficients fitted to "
+        f"the flights of all *other* hidden effects, against how often it was right:\n\n{table}"
     )
 
 
