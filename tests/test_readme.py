@@ -25,7 +25,7 @@ def test_make_targets_exist():
         assert re.search(rf"^{target}: setup ##", makefile, re.MULTILINE)
 
 
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(600)
 def test_commands_run_as_written(tmp_path):
     wrenchgap = [words for words in COMMANDS if words[0] == "wrenchgap"]
     assert len(wrenchgap) >= 10

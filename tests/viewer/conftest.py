@@ -58,7 +58,7 @@ def _eventually() -> Callable[..., Any]:
 
 
 LATE = "Tried to update non-existent component"
-"""viser passes a slider's value on to the other clients; one that has lost the slider meanwhile says so, harmlessly."""
+"""Seen once under load, cause not proven: likely a slider's value that reaches a client after the slider was removed."""
 
 
 class Visitor:
