@@ -58,7 +58,7 @@ def _eventually() -> Callable[..., Any]:
 
 
 LATE = "Tried to update non-existent component"
-"""Seen once under load, cause not proven: likely a slider's value that reaches a client after the slider was removed."""
+"""Seen once under load, cause not proven: likely a value for a slider that was removed meanwhile."""
 
 
 class Visitor:
