@@ -11,7 +11,7 @@ import pytest
 
 from wrenchgap.learn.data.blocks import INDISTINCT, LARGE, LARGE_EVIDENCE, SIGNIFICANT, contrast
 from wrenchgap.learn.data.errors import energy
-from wrenchgap.learn.identify.search import LEAST_EVIDENCE, LIKE, MATERIAL, Search, beyond_chance, material
+from wrenchgap.learn.identify.search import LEAST_EVIDENCE, LIKE, MATERIAL, MOST_RIVALS, Search, beyond_chance, material
 from wrenchgap.plant.effects import Parameter
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")
@@ -265,3 +265,15 @@ def test_a_simpler_effect_is_preferred_where_it_does_as_well(made_up):
     assert not preferred(None, rival(-0.9), 1)
     assert preferred(None, rival(-INDISTINCT - 0.1), 0)
     assert not preferred(None, rival(-INDISTINCT + 0.1), 0)
+
+
+def test_the_best_of_the_table_is_tried_in_a_members_place_though_six_others_are_known_to_look_alike():
+    """constant_wrench has many known look-alikes; rotor_thrust, which is none of them, took off more than all."""
+    known = ("wind", "body_drag", "tether", "mass", "com_offset", "thrust_scale", "tilt_offset", "imu_misalignment")
+    table = [SimpleNamespace(name=n, evidence=1.0) for n in ("constant_wrench", *known)]
+    best = SimpleNamespace(name="rotor_thrust", evidence=3.0)
+    step = SimpleNamespace(candidates=(*table, best))
+    made = SimpleNamespace(steps=[step], chosen=["constant_wrench"], names=("constant_wrench", *known, "rotor_thrust"))
+    tried = Search.rivals_of(made, "constant_wrench")
+    assert tried[0] == "rotor_thrust"
+    assert len(tried) == len(set(tried)) == MOST_RIVALS
