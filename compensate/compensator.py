@@ -17,17 +17,15 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wrenchgap.compensate.optimiser import Optimiser, linearisation
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
-
-Array = NDArray[np.float64]
 
 REACH = 3.0
 """Default bounds of the correction, in largest mismatches seen. A slope of -2/3, which triples an error's correction,

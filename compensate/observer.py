@@ -16,13 +16,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

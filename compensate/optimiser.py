@@ -19,10 +19,8 @@ import nlopt
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Linearises, MismatchModel, output_indices
-
-Array = NDArray[np.float64]
 
 TORQUES = np.array([axis.startswith("torque") for axis in AXES])
 GOOD_ENOUGH = 1e-6

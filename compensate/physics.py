@@ -20,18 +20,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect, SensorEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
-
-Array = NDArray[np.float64]
 
 STEPS = np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4])
 """Steps of numerical derivatives, relative to the weight [N] and the weight times a metre [Nm]."""

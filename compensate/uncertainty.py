@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel
-
-Array = NDArray[np.float64]
 
 LOGIT_99 = 2.0 * float(np.log(99.0))
 """Width of the logistic from 1 % to 99 %, in units of 1 / kappa: 9.19."""

@@ -36,10 +36,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
-
-Array = NDArray[np.float64]
 
 FEWEST = 3
 """Blocks below which no difference can be judged."""

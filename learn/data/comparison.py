@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset
@@ -22,8 +21,6 @@ from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.plant.model import Model
-
-Array = NDArray[np.float64]
 
 STRETCH_SECONDS = 1.0
 """Length of the stretches among which the worst are sought [s]."""

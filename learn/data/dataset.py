@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
-
-Array = NDArray[np.float64]
 
 BLOCK_SECONDS = 2.0
 """Length of the blocks of time that are treated as independent [s]; many filter lengths."""

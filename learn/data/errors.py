@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 
 def rms(residual: Array) -> Array:

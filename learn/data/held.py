@@ -8,15 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wrenchgap.flight.flight import Flight, Samples, Series, WrenchSeries
+from wrenchgap.flight.flight import Array, Flight, Samples, Series, WrenchSeries
 from wrenchgap.flight.resample import held_mean
 from wrenchgap.learn.data.measurement import Record, commands_of, low_pass
 from wrenchgap.plant.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 def _near(series: Series, values: Array, time: Array, middle: Array, window: float) -> Array:

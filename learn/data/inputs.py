@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record, low_pass
 from wrenchgap.plant.mismatch_inputs import POSED, extra_inputs
-
-Array = NDArray[np.float64]
 
 
 def check(names: Sequence[str], record: Record) -> None:

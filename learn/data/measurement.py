@@ -17,18 +17,16 @@ from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt, sosfreqz, welch
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Samples
+from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 CUTOFF_HZ = 8.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.inputs import process_inputs
 from wrenchgap.learn.data.measurement import Record, predict
@@ -16,8 +16,6 @@ from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Body
 from wrenchgap.plant.wrench_model import WrenchModel
-
-Array = NDArray[np.float64]
 
 
 class Process(Protocol):

@@ -20,18 +20,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_lsq_spline
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import OdometrySeries, Samples
+from wrenchgap.flight.flight import Array, OdometrySeries, Samples
 from wrenchgap.learn.data.measurement import derivative, low_pass
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import cross
-
-Array = NDArray[np.float64]
 
 CUTOFF_HZ = 25.0
 """Corner of the filter on gyroscope and accelerometer, and so of the disturbance that is inferred [Hz].

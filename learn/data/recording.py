@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import Flight, OdometrySeries, ReferenceSeries, Samples
+from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries, Samples
 from wrenchgap.learn.data.held import samples_over_periods
 from wrenchgap.learn.data.measurement import Record, commands_of
 from wrenchgap.learn.data.opening import OpenFlight
@@ -18,8 +17,6 @@ from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.tracking import Tracking, TrackingErrors, during, tracking_errors
 from wrenchgap.plant.trajectory import Recorded, Reference
 from wrenchgap.plant.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

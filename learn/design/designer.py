@@ -15,12 +15,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.resample import uniform
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
@@ -46,7 +45,6 @@ from wrenchgap.plant.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory_file import TrajectoryFile, dumps, loads
 from wrenchgap.plant.wrench_model import ModelEffect
 
-Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 SEGMENT = 10.0

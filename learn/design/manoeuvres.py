@@ -12,17 +12,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.moves import SHAKEN, Move, Shake, Shift, Swing, Tilt, Turn, Vector
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-
-Array = NDArray[np.float64]
 
 CLEARANCE = 0.05
 """Least distance of any part from the floor, the ceiling and the walls [m]."""

@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.applicable import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict
@@ -29,8 +29,6 @@ from wrenchgap.learn.design.sizes import absent
 from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
-
-Array = NDArray[np.float64]
 
 DULL = 0.1
 """Factor on the merit of a flight that leaves an effect of the group unexcited."""

@@ -32,9 +32,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, by_block, contrast
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
@@ -45,8 +45,6 @@ from wrenchgap.learn.identify.search import LEAST_EVIDENCE, comparable
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
-
-Array = NDArray[np.float64]
 
 NUISANCE = ("inertia", "command_delay")
 """Effects that every vehicle has to a small extent; an imitator may use them as well."""

@@ -20,15 +20,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LARGE, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit
-
-Array = NDArray[np.float64]
 
 POINTS = 150
 FOLDS = 4

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import Quantity
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 SECTORS = 8

@@ -35,13 +35,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LEVEL
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.error_grid import Grid, error_grid
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 BINS = 8

@@ -20,14 +20,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record, derivative, low_pass
-
-Array = NDArray[np.float64]
 
 LEVEL_DEG = 3.0
 """Tilt below which it has no direction that means anything [deg]."""

@@ -31,12 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import LARGE_EVIDENCE, by_block, evidence, paired_t, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
 from wrenchgap.learn.process.subsample import subsample
-
-Array = NDArray[np.float64]
 
 FOLDS = 4
 CENTRES = 24

@@ -23,15 +23,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.so3 import rotate
 from wrenchgap.learn.data.blocks import UNSTEADY, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
 
-Array = NDArray[np.float64]
 Frame = Literal["E", "B"]
 
 BAND = (0.3, 6.0)

@@ -29,10 +29,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from wrenchgap.flight.flight import AXES, Flight, Series
+from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
 from wrenchgap.flight.topic_offsets import differences, odometry_motion
 from wrenchgap.learn.data.blocks import SIGNIFICANT
@@ -41,7 +40,6 @@ from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
 
-Array = NDArray[np.float64]
 Shape = Literal["delay", "lag", "either"]
 
 BAND_HZ = (0.5, 10.0)

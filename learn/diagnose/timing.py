@@ -9,17 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.derivative import angular_velocity, smooth
-from wrenchgap.flight.flight import Flight, OdometrySeries
+from wrenchgap.flight.flight import Array, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.response import Response, responses
 from wrenchgap.plant.model import Model
-
-Array = NDArray[np.float64]
 
 MATTERS = 0.05
 """Error of an effect that reads the odometry at which an offset is worth a warning: half of the 10 % to which

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Stretch, compare
 from wrenchgap.learn.data.dataset import dataset
@@ -24,7 +24,6 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
 
-Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 

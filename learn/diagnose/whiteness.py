@@ -35,17 +35,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfreqz
 from scipy.special import ndtri, stdtr, stdtrit
 from scipy.stats import norm
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LEVEL
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.diagnose.quantities import InputGroup, input_groups
-
-Array = NDArray[np.float64]
 
 LAGS = 1.0
 """Largest lag that is looked at [s]."""

@@ -16,9 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.process.calibration import BLOCKS
@@ -26,7 +26,6 @@ from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import left_out_errors
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 
-Array = NDArray[np.float64]
 Inputs = Callable[[tuple[str, ...]], Array]
 """Groups of inputs -> all inputs (M, D). Raises FitError for a group that the logs do not have."""
 Progress = Callable[[float, str], None]

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
+
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Predict = Callable[[Mask, Indices], tuple[Array, Array]]

@@ -27,18 +27,16 @@ from enum import StrEnum
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.process.subsample import Method, Scale
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.state import State
 
-Array = NDArray[np.float64]
 MeanKind = Literal["zero", "constant", "linear", "physics"]
 Inference = Literal["exact", "sparse"]
 

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 ITERATIONS = 120
 """Of L-BFGS, from hyperparameters that an exact process on a few samples has found."""

@@ -18,12 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
-
-Array = NDArray[np.float64]
 
 FORMAT = "wrenchgap Gaussian process"
 VERSION = 2

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.flight import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 Method = Literal["fasterpam", "pyclustering"]

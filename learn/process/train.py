@@ -16,10 +16,10 @@ from functools import partial
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process import calibration, sparse
 from wrenchgap.learn.process.calibration import Mask
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance
@@ -27,7 +27,6 @@ from wrenchgap.learn.process.sparse import Kernel
 from wrenchgap.learn.process.subsample import Indices, subsample, thin
 from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
