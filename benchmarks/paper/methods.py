@@ -142,7 +142,7 @@ def nominal(known: Knowledge, record: Record) -> Array:
 def _observed(known: Knowledge, record: Record) -> Array:
     """What an observer would know at each sample: the mismatch so far, through its first-order low-pass."""
     z = (record.measured - nominal(known, record))[:, 3:]
-    late, _ = first_order(z, 1.0 / (2.0 * np.pi * OBSERVER_HZ), record.dt * (record.keep.step or 1), None)
+    late, _ = first_order(z, 1.0 / (2.0 * np.pi * OBSERVER_HZ), record.dt_kept, None)
     return late
 
 

@@ -118,7 +118,7 @@ def worst_stretches(
     """The stretches of `STRETCH_SECONDS` with the largest weighted error, none overlapping, worst first."""
     found: list[tuple[float, int, int, int]] = []
     for number, (record, residual) in enumerate(zip(records, residuals, strict=True)):
-        length = max(1, min(len(record), round(STRETCH_SECONDS / (record.dt * (record.keep.step or 1)))))
+        length = max(1, min(len(record), round(STRETCH_SECONDS / record.dt_kept)))
         energy = np.sum((residual * weights) ** 2, axis=1)
         sums = np.convolve(energy, np.ones(length), mode="valid") / length
         for _ in range(count):

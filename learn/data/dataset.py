@@ -19,6 +19,8 @@ BLOCK_SECONDS = 2.0
 """Length of the blocks of time that are treated as independent [s]; many filter lengths."""
 FEWEST_BLOCKS = 8
 """Into how many blocks at least a short log is cut, as long as a block holds four periods of the cut-off."""
+PIECE = 40.0
+"""Longest stretch of a flight that `spread_out` keeps whole [s]."""
 
 
 @dataclass(frozen=True)
@@ -67,36 +69,33 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         raise FitError("no stretch of flight is long enough to be used; see `wrenchgap inspect`")
     blocks: list[NDArray[np.intp]] = []
     count = 0
-    total = sum(float(r.time[-1] - r.time[0]) for r in records)
-    length = min(BLOCK_SECONDS, max(total / FEWEST_BLOCKS, 4.0 / records[0].cutoff_hz))
-    for record in records:
-        duration = float(record.time[-1] - record.time[0])
+    durations = [float(r.time[-1] - r.time[0]) for r in records]
+    length = min(BLOCK_SECONDS, max(sum(durations) / FEWEST_BLOCKS, 4.0 / records[0].cutoff_hz))
+    for record, duration in zip(records, durations, strict=True):
         pieces = max(1, round(duration / length))
         index = np.minimum((record.time - record.time[0]) / max(duration, 1e-9) * pieces, pieces - 1).astype(np.intp)
         blocks.append(index + count)
         count += pieces
     first = records[0]
     names = list(dict.fromkeys(r.flight for r in records))
-    dt_kept = first.dt * (first.keep.step or 1)
-    weights = np.concatenate((np.ones(3), np.full(3, 1.0 / length_scale(model))))
     return Dataset(
         tuple(records),
         np.concatenate([r.measured for r in records]),
         np.concatenate([r.commanded for r in records]),
         np.concatenate(blocks),
         np.concatenate([np.full(len(r), names.index(r.flight)) for r in records]),
-        weights,
-        min(1.0, dt_kept * 2.0 * first.cutoff_hz),
+        np.repeat([1.0, 1.0 / length_scale(model)], 3),
+        min(1.0, first.dt_kept * 2.0 * first.cutoff_hz),
     )
 
 
-def spread_out(records: tuple[Record, ...], seconds: float, piece: float = 40.0) -> tuple[Record, ...]:
-    """About `seconds` of flight in pieces of at most `piece` seconds, evenly spread; all where there is no more."""
-    step = records[0].dt * (records[0].keep.step or 1)
+def spread_out(records: tuple[Record, ...], seconds: float) -> tuple[Record, ...]:
+    """About `seconds` of flight in pieces of at most `PIECE` seconds, evenly spread; all where there is no more."""
+    step = records[0].dt_kept
     total = sum(len(r) for r in records) * step
     if total <= seconds:
         return records
-    share, length = seconds / total, round(piece / step)
+    share, length = seconds / total, round(PIECE / step)
     out: list[Record] = []
     passed = kept = 0
     for record in records:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, TypeVar
 
@@ -65,6 +65,11 @@ class Record:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def dt_kept(self) -> float:
+        """Between compared samples [s]."""
+        return self.dt * (self.keep.step or 1)
+
 
 @lru_cache(maxsize=16)
 def _sections(dt: float, cutoff_hz: float) -> Array:
@@ -116,16 +121,6 @@ def prepare(
     felt = low_pass(samples.specific_force_B, dt, cutoff_hz)
     r = vehicle.imu_position_B
     motion = Motion(omega, omega_dot, felt - cross(omega_dot, r) - cross(omega, cross(omega, r)))
-    measured = measured_wrench(vehicle.body, motion)[keep]
-    kept = State(
-        state.time[keep],
-        state.position_E[keep],
-        state.quat_EB[keep],
-        state.velocity_E[keep],
-        omega[keep],
-        None if state.voltage is None else state.voltage[keep],
-    )
-    desired = None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep]
     return Record(
         flight=samples.flight,
         dt=dt,
@@ -134,10 +129,10 @@ def prepare(
         state=state,
         keep=keep,
         time=samples.time[keep],
-        measured=measured,
+        measured=measured_wrench(vehicle.body, motion)[keep],
         commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep],
-        desired=desired,
-        state_kept=kept,
+        desired=None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep],
+        state_kept=replace(state.take(keep), omega_B=omega[keep]),
         noise=_noise(samples, vehicle, cutoff_hz),
         source=source,
         has_pose=has_pose,
@@ -174,19 +169,15 @@ class Evaluator:
     def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
         """The measured wrench (K, 6) that the model predicts; see `predict`."""
         record = self.record
+        sent = (record.commands, record.state, record.dt)
         on_commands = _key(model, "commands")
-        commands = _kept(
-            self._commands, on_commands, 4, lambda: model.command(record.commands, record.state, record.dt)[0]
-        )
-        needs_rates = any(item.effect.needs_rates for item in model.effects)
-        key = (on_commands, _key(model, "thrusts"), needs_rates)
-        act, rotors, filtered = _kept(self._rotors, key, 4, lambda: self._rotor_part(model, commands))
-        total = filtered
+        commands = _kept(self._commands, on_commands, 4, lambda: model.command(*sent)[0])
+        key = (on_commands, _key(model, "thrusts"), any(item.effect.needs_rates for item in model.effects))
+        act, rotors, total = _kept(self._rotors, key, 4, lambda: self._rotor_part(model, commands))
         for item in model.added:
             own = (key, item.name, item.theta.tobytes())
-            total = total + _kept(
-                self._added, own, 32, partial(self._filter, model.addition, item, act, rotors, record.state)
-            )
+            made = partial(self._filter, model.addition, item, act, rotors, record.state)
+            total = total + _kept(self._added, own, 32, made)
         return model.report(total, record.state_kept, body)
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
@@ -233,24 +224,17 @@ def window(record: Record, first: int, last: int) -> Record:
     Cut so that the filter sees as much before and after as `prepare` trims; a lag's memory starts anew.
     """
     step, trim = record.keep.step or 1, record.keep.start
-    start = step * first
-    stop = step * (last - 1) + 2 * trim + 1
-    raw, kept = slice(start, stop), slice(first, last)
-
-    def cut(item: Any, rows: slice) -> Any:
-        arrays = {f.name: getattr(item, f.name) for f in fields(item)}
-        return replace(item, **{k: v[rows] for k, v in arrays.items() if isinstance(v, np.ndarray)})
-
+    raw, kept = slice(step * first, step * (last - 1) + 2 * trim + 1), slice(first, last)
     return replace(
         record,
-        commands=cut(record.commands, raw),
-        state=cut(record.state, raw),
+        commands=record.commands.take(raw),
+        state=record.state.take(raw),
         keep=slice(trim, trim + step * (last - first - 1) + 1, step),
         time=record.time[kept],
         measured=record.measured[kept],
         commanded=record.commanded[kept],
         desired=None if record.desired is None else record.desired[kept],
-        state_kept=cut(record.state_kept, kept),
+        state_kept=record.state_kept.take(kept),
     )
 
 
@@ -303,12 +287,11 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
 
 def _state(samples: Samples) -> tuple[State, bool]:
     """State of the samples; at rest at the origin where the log has no pose (no effect may then use it)."""
-    n = len(samples)
-    has_pose = samples.quat_EB is not None and samples.velocity_E is not None and samples.position_E is not None
-    position = samples.position_E if samples.position_E is not None else np.zeros((n, 3))
-    velocity = samples.velocity_E if samples.velocity_E is not None else np.zeros((n, 3))
-    attitude = samples.quat_EB if samples.quat_EB is not None else np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    return State(samples.time, position, attitude, velocity, samples.omega_B, samples.voltage), has_pose
+    rest, level = np.zeros((len(samples), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(samples), 1))
+    logged = (samples.position_E, samples.quat_EB, samples.velocity_E)
+    pose = (still if known is None else known for known, still in zip(logged, (rest, level, rest), strict=True))
+    has_pose = all(known is not None for known in logged)
+    return State(samples.time, *pose, samples.omega_B, samples.voltage), has_pose
 
 
 def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float) -> Array:
@@ -324,7 +307,7 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float) -> Array:
     _, acceleration = welch(samples.specific_force_B, fs, nperseg=segment, axis=0)
     band = (frequency > min(2.5 * cutoff_hz, 0.2 * fs)) & (frequency < 0.4 * fs)
     f = np.linspace(0.0, 0.5 * fs, 4001)
-    _, response = sosfreqz(butter(2, cutoff_hz, fs=fs, output="sos"), worN=f, fs=fs)
+    _, response = sosfreqz(_sections(samples.dt, cutoff_hz), worN=f, fs=fs)
     gain = np.abs(response) ** 4  # power, filtered twice
     df = f[1] - f[0]
     force = vehicle.body.mass * np.sqrt(np.median(acceleration[band], axis=0) * gain.sum() * df)

@@ -184,7 +184,7 @@ def separability(
         for name in others:
             left = imitation(every, base, target, name, along).residual
             directions.append(direction(every, base, truth.name, name, added, left, sensor))
-    step = records[0].dt * (records[0].keep.step or 1)
+    step = records[0].dt_kept
     return Separability(tuple(names), sum(len(r) for r in records) * step, tuple(directions))
 
 

@@ -68,44 +68,35 @@ def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, so
 
     `process` (K, 6) is None where there is none; a given one counts wherever it helps at all.
     """
-    squares = [np.mean(r**2, axis=0) for r in (nominal, left)]
-    after = squares[1]
+    before, model = (np.mean(r**2, axis=0) for r in (nominal, left))
+    after = model
     if process is not None:
         better = np.mean((left - process) ** 2, axis=0)
         least = 0.0 if source is Source.GIVEN else LARGE
         t = paired_t(np.stack([by_block(data.block, c) for c in (left**2 - (left - process) ** 2).T], axis=1))
         believed = (better < after) & (t > least)
         after = np.where(believed, better, after)
+    else:
+        source = Source.NONE
     noise = np.minimum(data.noise**2, after)
-    return Budget(
-        squares[0],
-        noise,
-        squares[0] - squares[1],
-        squares[1] - after,
-        after - noise,
-        data.weights,
-        source if process is not None else Source.NONE,
-    )
+    return Budget(before, noise, before - model, model - after, after - noise, data.weights, source)
 
 
 def held_out_process(
     data: Dataset,
     residual: Array,
     *,
-    inputs: Array | None = None,
     points: int = POINTS,
-    seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Array | None:
-    """Prediction (K, 6) of a residual (K, 6) by processes that did not see its block of time.
+    """Prediction (K, 6) of a residual (K, 6) from the command, by processes that did not see its block of time.
 
-    Inputs are the commanded wrench (K, 6), or `inputs` (K, D). None where the log is too short to hold anything out,
-    or the command never moves.
+    None where the log is too short to hold anything out, or the command never moves.
     """
-    xi = data.commanded if inputs is None else inputs
+    xi = data.commanded
     fold = data.block % FOLDS
     every = max(1, int(1.0 / data.independence))  # closer samples say the same
-    settings = FitSettings(points=points, restarts=0, mean="constant", seed=seed, pre_thin=1500)
+    settings = FitSettings(points=points, restarts=0, mean="constant", pre_thin=1500)
     out = np.zeros_like(residual)
     for f in range(FOLDS):
         test, train = fold == f, np.flatnonzero(fold != f)[::every]

@@ -54,8 +54,7 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Gri
     if first is None or second is None:
         return None
     inside = np.isfinite(first.values) & np.isfinite(second.values)
-    sides = [_sides(q, inside) for q in (first, second)]
-    (x, x_edges), (y, y_edges) = sides
+    (x, x_edges), (y, y_edges) = (_sides(q, inside) for q in (first, second))
     shape = (len(x_edges) - 1, len(y_edges) - 1)
     cell = (x * shape[1] + y)[inside]
     size = shape[0] * shape[1]

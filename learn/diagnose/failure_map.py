@@ -28,7 +28,7 @@ and skewed, would set the bar for all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,18 +127,16 @@ def failure_map(
     *,
     permutations: int = PERMUTATIONS,
     seed: int = 0,
-    tick: Callable[[], None] | None = None,
 ) -> FailureMap:
-    """Map a residual (K, 6), measured minus predicted, of `data`. `tick` is called after each random order."""
+    """Map a residual (K, 6), measured minus predicted, of `data`."""
     found, lacking = quantities(data)
-    sorted_in = [(q, bins) for q in found if (bins := _bins(q, data)) is not None]
-    for q in found:
-        if all(q is not known for known, _ in sorted_in):
-            lacking[q.name] = "too few samples for two bins"
+    every = [(q, _bins(q, data)) for q in found]
+    sorted_in = [(q, bins) for q, bins in every if bins is not None]
+    lacking |= {q.name: "too few samples for two bins" for q, bins in every if bins is None}
     if not sorted_in:
         return FailureMap((), None, lacking)
     test = _Test(data, residual, [bins.index for _, bins in sorted_in])
-    observed, p, beyond = test.run(permutations, np.random.default_rng(seed), tick)
+    observed, p, beyond = test.run(permutations, np.random.default_rng(seed))
     dependences = [
         Dependence(
             q.name,
@@ -167,17 +165,18 @@ class _Bins:
     high: Array
 
 
-def _bins(quantity: Quantity, data: Dataset, most: int = BINS) -> _Bins | None:
+def _bins(quantity: Quantity, data: Dataset) -> _Bins | None:
     """Bins of equal count, or sectors; None where there are no two."""
     values = quantity.values
     known = np.isfinite(values)
     fewest = INDEPENDENT / data.independence
     if quantity.circular:
-        low = np.asarray(-180.0 + 360.0 / most * (np.arange(most) - 0.5), dtype=np.float64)
-        index = np.floor((np.where(known, values, 0.0) - low[0]) % 360.0 / (360.0 / most)).astype(np.intp)
-        index[~known] = most
-        return _merged(index, low, np.asarray(low + 360.0 / most), fewest)
-    count = int(min(most, known.sum() // fewest))
+        width = 360.0 / BINS
+        low = np.asarray(-180.0 + width * (np.arange(BINS) - 0.5), dtype=np.float64)
+        index = np.floor((np.where(known, values, 0.0) - low[0]) % 360.0 / width).astype(np.intp)
+        index[~known] = BINS
+        return _merged(index, low, low + width, fewest)
+    count = int(min(BINS, known.sum() // fewest))
     if count < 2:
         return None
     edges = np.unique(np.quantile(values[known], np.linspace(0.0, 1.0, count + 1)))
@@ -197,17 +196,11 @@ def _merged(index: Indices, low: Array, high: Array, fewest: float) -> _Bins | N
     return _Bins(place[index], low[kept], high[kept])
 
 
-def _noise_squared(data: Dataset) -> Array:
-    """Sensor noise (K, 6), squared, of each sample's record."""
-    return np.concatenate([np.broadcast_to(r.noise**2, (len(r), 6)) for r in data.records])
-
-
 def _binned(data: Dataset, residual: Array, bins: _Bins) -> Binned:
-    rest = (bins.index == len(bins.low)).any()
-    count = len(bins.low) + int(rest)
-    edge = np.full(int(rest), np.nan)
+    rest = int((bins.index == len(bins.low)).any())
+    count, edge = len(bins.low) + rest, np.full(rest, np.nan)
     samples = np.bincount(bins.index, minlength=count)
-    noise = _noise_squared(data)
+    noise = np.concatenate([np.broadcast_to(r.noise**2, (len(r), 6)) for r in data.records])
 
     def mean_of(values: Array) -> Array:
         columns = [np.bincount(bins.index, weights=c, minlength=count) for c in values.T]
@@ -244,12 +237,11 @@ class _Test:
         self.flights = [np.flatnonzero(data.flight == f) for f in np.unique(data.flight)]
         self.piece = len(residual) / (int(data.block.max()) + 1)
         sizes = [int(i.max()) + 1 for i in indices]
-        starts = np.concatenate(([0], np.cumsum(sizes)))
-        rows = np.concatenate([i + s for i, s in zip(indices, starts, strict=False)])
+        self.starts = np.cumsum([0, *sizes[:-1]])
+        rows = np.concatenate([i + s for i, s in zip(indices, self.starts, strict=True)])
         columns = np.tile(np.arange(len(residual)), len(indices))
-        self.sums = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(starts[-1], len(residual)))
+        self.sums = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(sum(sizes), len(residual)))
         self.counts = np.maximum(np.asarray(self.sums.sum(axis=1)).ravel(), 1.0)
-        self.starts = starts[:-1]
 
     def ratios(self, order: Indices | None = None) -> Array:
         """eta^2 (Q, 8) of the series, in another order where one is given."""
@@ -271,15 +263,9 @@ class _Test:
             out[rows] = np.concatenate([pieces[i] for i in rng.permutation(len(pieces))])
         return out
 
-    def run(
-        self, count: int, rng: np.random.Generator, tick: Callable[[], None] | None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def run(self, count: int, rng: np.random.Generator) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Shares beyond chance (Q, 8), corrected p (Q,), and whether each axis is beyond chance (Q, 6)."""
-        chance = np.empty((count, len(self.starts), 8))
-        for i in range(count):
-            chance[i] = self.ratios(self.order(rng))
-            if tick is not None:
-                tick()
+        chance = np.stack([self.ratios(self.order(rng)) for _ in range(count)])
         observed, centre = self.ratios(), chance.mean(axis=0)
         transformed = _fisher(chance)
         middle, spread = transformed.mean(axis=0), transformed.std(axis=0) + 1e-12

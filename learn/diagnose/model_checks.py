@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.roles import parse_source
+from wrenchgap.learn.data.errors import force_and_torque, rms
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
@@ -48,14 +50,12 @@ def inspect(
     """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
     path, wanted, moves = Path(path), dict(topics or {}), dict(shifts or {})
     seen = _with_topics_of(path, wanted, model)
-    against: tuple[Check, ...] = ()
-    opened: OpenFlight | None = None
-    if model is not None:
-        against, opened = checks(path, wanted, model, cutoff_hz, moves)
     moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
     found = None if moved is None else timing(moved)
-    if opened is not None and model is not None:
-        found = timing_of(opened, model)
+    against: tuple[Check, ...] = ()
+    if model is not None:
+        against, opened = _checks(path, model, topics=wanted, cutoff_hz=cutoff_hz, shifts=moves)
+        found = found if opened is None else timing_of(opened, model)
     return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes))
 
 
@@ -70,12 +70,10 @@ def _with_topics_of(path: Path, topics: Mapping[str, str], model: Model | None) 
     return flight.inspect(path, wanted) if wanted != dict(topics) else plain
 
 
-def checks(
-    path: Path, topics: Mapping[str, str], model: Model, cutoff_hz: float, shifts: Mapping[str, float] | None = None
-) -> tuple[tuple[Check, ...], OpenFlight | None]:
+def _checks(path: Path, model: Model, **how: Any) -> tuple[tuple[Check, ...], OpenFlight | None]:
     """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
     try:
-        opened = open_flight(path, model, topics=topics, cutoff_hz=cutoff_hz, shifts=shifts)
+        opened = open_flight(path, model, **how)
     except UsageError:
         raise
     except WrenchgapError as error:
@@ -100,14 +98,14 @@ def _counts(opened: OpenFlight, model: Model) -> list[Check]:
 def _weight(opened: OpenFlight, model: Model) -> list[Check]:
     weight = model.vehicle.body.mass * GRAVITY
     found = []
-    for name, key in (("measured", "measured"), ("commanded", "commanded")):
-        force = np.concatenate([getattr(r, key)[:, :3] for r in opened.records])
+    for name in ("measured", "commanded"):
+        force = np.concatenate([getattr(r, name)[:, :3] for r in opened.records])
         median = float(np.median(np.linalg.norm(force, axis=1)))
         words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({median / weight:.3f})"
         if 0.95 < median / weight < 1.05:
             found.append(Check("weight", "ok", f"{words}."))
         elif 0.7 < median / weight < 1.3:
-            remedy = "check the mass, or expect thrust_scale to be found." if key == "commanded" else "fast flight?"
+            remedy = "check the mass, or expect thrust_scale to be found." if name == "commanded" else "fast flight?"
             found.append(Check("weight", "warn", f"{words}: {remedy}"))
         else:
             found.append(Check("weight", "bad", f"{words}: another vehicle, unit or mass; correct vehicle.mass."))
@@ -120,10 +118,8 @@ def _actuation(opened: OpenFlight, model: Model) -> list[Check]:
         return []
     vehicle = model.vehicle
     made = np.concatenate([about_com(vehicle.body, nominal_wrench(vehicle, r.commands)) for r in opened.records])
-    size = np.concatenate([r.commands.wrench_B for r in opened.records])
-    difference = made - size
-    force, torque = (float(np.sqrt(np.mean(np.sum(difference[:, p] ** 2, axis=1)))) for p in (slice(0, 3), slice(3, 6)))
-    whole, turn = (float(np.sqrt(np.mean(np.sum(size[:, p] ** 2, axis=1)))) for p in (slice(0, 3), slice(3, 6)))
+    logged = np.concatenate([r.commands.wrench_B for r in opened.records])
+    (force, torque), (whole, turn) = (force_and_torque(rms(wrench)) for wrench in (made - logged, logged))
     words = f"h(u) of the logged actuators differs from the logged W_cmd by {force:.3g} N and {torque:.3g} Nm rms"
     if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
         remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."

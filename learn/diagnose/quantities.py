@@ -101,7 +101,7 @@ def quantities(data: Dataset) -> tuple[tuple[Quantity, ...], dict[str, str]]:
 
 def input_groups(data: Dataset) -> tuple[tuple[InputGroup, ...], dict[str, str]]:
     """Groups of inputs on which an error may depend, and why others are missing (name to reason)."""
-    wrench_rate = _stacked(data, _command_rate)
+    wrench_rate = _stacked(data, lambda r: _rate(r, r.commands.wrench_B))
     found = [
         InputGroup("command", "commanded wrench", tuple(f"commanded {a}" for a in AXES), data.commanded),
         InputGroup("command_rate", "rate of the command", tuple(f"d({a})/dt" for a in AXES), wrench_rate),
@@ -112,13 +112,12 @@ def input_groups(data: Dataset) -> tuple[tuple[InputGroup, ...], dict[str, str]]
         quat = _stacked(data, lambda r: r.state_kept.quat_EB)
         velocity = so3.rotate_inverse(quat, _stacked(data, lambda r: r.state_kept.velocity_E))
         angle = heading(quat)
+        circle = np.column_stack((np.sin(angle), np.cos(angle)))
         height = _stacked(data, lambda r: r.state_kept.position_E)[:, 2:]
         found += [
             InputGroup("velocity", "velocity in B", _xyz("velocity"), velocity),
             InputGroup("attitude", "tilt and its direction", _xyz("down"), -so3.matrix(quat)[:, 2]),
-            InputGroup(
-                "heading", "heading", ("sin heading", "cos heading"), np.column_stack((np.sin(angle), np.cos(angle)))
-            ),
+            InputGroup("heading", "heading", ("sin heading", "cos heading"), circle),
             InputGroup("height", "height", ("height",), height),
         ]
     else:
@@ -157,29 +156,19 @@ def _stacked(data: Dataset, of: Callable[[Record], Array]) -> Array:
 
 
 def _voltage(data: Dataset) -> Array:
-    def of(record: Record) -> Array:
-        assert record.state_kept.voltage is not None
-        return record.state_kept.voltage
-
-    return _stacked(data, of)
+    return _stacked(data, lambda r: np.asarray(r.state_kept.voltage))
 
 
-def _command_rate(record: Record) -> Array:
-    """Derivative (K, 6) of the filtered commanded wrench."""
-    smooth = low_pass(record.commands.wrench_B, record.dt, record.cutoff_hz)
-    return derivative(smooth, record.dt)[record.keep]
+def _rate(record: Record, raw: Array) -> Array:
+    """Derivative (K, C) of a filtered signal, of its raw samples (N, C)."""
+    return derivative(low_pass(raw, record.dt, record.cutoff_hz), record.dt)[record.keep]
 
 
 def _tilt_rates(data: Dataset) -> Array | None:
     """Filtered rates (K, A) [rad/s] of the arms' commanded angles that move at all; None where there is none."""
     if any(r.commands.tilt is None for r in data.records):
         return None
-    parts: list[Array] = []
-    for r in data.records:
-        assert r.commands.tilt is not None
-        smooth = low_pass(np.unwrap(r.commands.tilt, axis=0), r.dt, r.cutoff_hz)
-        parts.append(derivative(smooth, r.dt)[r.keep])
-    rates = np.concatenate(parts)
+    rates = _stacked(data, lambda r: _rate(r, np.unwrap(np.asarray(r.commands.tilt), axis=0)))
     moving = np.ptp(rates, axis=0) > 1e-6
     return np.asarray(rates[:, moving]) if moving.any() else None
 

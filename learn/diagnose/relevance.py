@@ -26,6 +26,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,25 +95,15 @@ class Relevance:
         return tuple(g for g in self.groups if g.chosen)
 
 
-def relevance(
-    data: Dataset,
-    residual: Array,
-    *,
-    groups: Sequence[InputGroup] | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Relevance:
-    """Rank groups of inputs by what they explain of a residual (K, 6) of `data`; deterministic.
+def relevance(data: Dataset, residual: Array, *, progress: Callable[[int, int], None] | None = None) -> Relevance:
+    """Rank `learn.diagnose.quantities.input_groups` by what they explain of a residual (K, 6) of `data`; deterministic.
 
-    `groups` are those of `learn.diagnose.quantities.input_groups` unless given. `progress` is told (fits done, about
-    of how many).
+    `progress` is told (fits done, about of how many).
     """
     found, lacking = input_groups(data)
-    listed = [g for g in (found if groups is None else groups) if np.ptp(g.values, axis=0).any()]
-    if groups is not None:
-        lacking = {}
+    moving = [g for g in found if np.ptp(g.values, axis=0).any()]
     with threadpool_limits(1, user_api="blas"):
-        search = _Search(data, residual, listed, progress)
-        return search.result(lacking)
+        return _Search(data, residual, moving, progress).result(lacking)
 
 
 def features(values: Array, seed: int = 0) -> Array:
@@ -141,10 +133,11 @@ class _Sums:
     cross: Array
     square: Array
 
-    def minus(self, other: _Sums) -> _Sums:
-        """The sums without those of other samples."""
-        pairs = ((getattr(self, n), getattr(other, n)) for n in self.__dict__)
-        return _Sums(*(a - b for a, b in pairs))
+    def __add__(self, other: _Sums) -> _Sums:
+        return _Sums(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    def __sub__(self, other: _Sums) -> _Sums:
+        return _Sums(*(a - b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
     def of(self, columns: NDArray[np.intp]) -> _Sums:
         """The sums of some features only."""
@@ -175,10 +168,7 @@ class _Search:
         self.fold = data.block % FOLDS
         self.used = [f for f in range(FOLDS) if (self.fold == f).any()]
         self.sums = {f: self._sums(self.fold == f) for f in self.used}
-        zero = _Sums(*(0.0 * getattr(self.sums[self.used[0]], n) for n in _Sums.__annotations__))
-        self.total = zero
-        for one in self.sums.values():
-            self.total = _Sums(*(getattr(self.total, n) + getattr(one, n) for n in _Sums.__annotations__))
+        self.total = reduce(add, self.sums.values())
         self.base = self.left([])
         self.variance = np.maximum(np.mean(self.base**2, axis=0), 1e-300)
         self.progress = progress
@@ -194,7 +184,7 @@ class _Search:
         columns = np.concatenate([self.columns[i] for i in chosen]) if chosen else np.empty(0, dtype=np.intp)
         for f in self.used:
             rows = self.fold == f
-            rest = self.total.minus(self.sums[f]) if len(self.used) > 1 else self.total
+            rest = self.total - self.sums[f] if len(self.used) > 1 else self.total
             mean = rest.outputs / rest.count
             out[rows] = self.residual[rows] - mean
             if chosen:
@@ -223,15 +213,14 @@ class _Search:
         """The groups chosen, in order, and what they leave."""
         order: list[int] = []
         current = self.base
-        waiting = [i for i, g in enumerate(self.groups) if g.name != LAST]
-        last = [i for i, g in enumerate(self.groups) if g.name == LAST]
         while len(order) < MOST:
-            best = self._best(order, current, waiting) or self._best(order, current, last)
+            waiting = [i for i in range(len(self.groups)) if i not in order]
+            last = [i for i in waiting if self.groups[i].name == LAST]
+            best = self._best(order, current, [i for i in waiting if i not in last]) or self._best(order, current, last)
             if best is None:
                 break
-            current = best[1]
             order.append(best[0])
-            waiting, last = ([i for i in rest if i != best[0]] for rest in (waiting, last))
+            current = best[1]
         return order, current
 
     def _best(self, order: Sequence[int], current: Array, waiting: Sequence[int]) -> tuple[int, Array] | None:
@@ -243,13 +232,9 @@ class _Search:
             whole, axes = self.share(current, left)
             if (whole > LEAST or axes.max() > 10 * LEAST) and self.beyond_chance(current, left):
                 worthy.append((whole, i, left))
-        if not worthy:
-            return None
-        _, i, left = max(worthy, key=lambda item: item[0])
-        return i, left
+        return max(worthy, key=lambda item: item[0])[1:] if worthy else None
 
     def tick(self) -> None:
-        """One fit more is done."""
         self.done += 1
         if self.progress is not None:
             self.progress(self.done, 6 * len(self.groups))
@@ -262,8 +247,8 @@ class _Search:
         for i, group in enumerate(self.groups):
             alone, alone_axes = self.share(self.base, self.left([i]))
             against = order if group.name == LAST else others
-            before = self.left([j for j in against if j != i])
-            after = self.left([*(j for j in against if j != i), i])
+            rest = [j for j in against if j != i]
+            before, after = self.left(rest), self.left([*rest, i])
             self.tick()
             lost, lost_axes = self.share(before, after)
             found.append(
@@ -300,26 +285,17 @@ def _ridge(sums: _Sums, shrinkage: Array) -> Array:
 
 def _shrinkage(train: _Sums, inner: dict[int, _Sums]) -> Array:
     """The penalty (6,) that predicts folds within the training blocks best."""
-    errors = np.zeros((len(SHRINKAGE), train.outputs.size))
     if len(inner) < 2:
         return np.full(train.outputs.size, SHRINKAGE[len(SHRINKAGE) // 2])
+    errors = np.zeros((len(SHRINKAGE), train.outputs.size))
     for test in inner.values():
-        rest = train.minus(test)
+        rest = train - test
         values, vectors, turned = _spectrum(rest)
         mean, offset = rest.features / rest.count, rest.outputs / rest.count
-        cross = vectors.T @ (
-            test.cross
-            - np.outer(test.features, offset)
-            - np.outer(mean, test.outputs)
-            + test.count * np.outer(mean, offset)
-        )
-        gram = (
-            test.gram
-            - np.outer(mean, test.features)
-            - np.outer(test.features, mean)
-            + test.count * np.outer(mean, mean)
-        )
-        gram = vectors.T @ gram @ vectors
+        # Products of the test samples about the means of the rest.
+        cross = test.cross - np.outer(test.features, offset) - np.outer(mean, test.outputs - test.count * offset)
+        gram = test.gram - np.outer(test.features, mean) - np.outer(mean, test.features - test.count * mean)
+        cross, gram = vectors.T @ cross, vectors.T @ gram @ vectors
         for k, factor in enumerate(SHRINKAGE):
             weights = turned / (values[:, None] + max(factor * values.mean(), 1e-12))
             errors[k] += np.sum(weights * (gram @ weights), axis=0) - 2.0 * np.sum(weights * cross, axis=0)

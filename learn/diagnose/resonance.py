@@ -20,7 +20,7 @@ as a pendulum, Sreenath, Lee and Kumar, CDC 2013.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.signal import bilinear, lfilter, lfilter_zi
@@ -64,8 +64,7 @@ class Oscillation:
 
 def oscillation(data: Dataset, residual: Array) -> Oscillation | None:
     """Look for an oscillator in what a model leaves, `residual` (K, 6); None where there is none."""
-    frames: tuple[Frame, ...] = ("E", "B")
-    found = [s for frame in frames if (s := _in_frame(data, residual, frame)) is not None]
+    found = [s for frame in get_args(Frame) if (s := _in_frame(data, residual, frame)) is not None]
     if not found:
         return None
     best = max(found, key=lambda s: s.share)
@@ -73,7 +72,7 @@ def oscillation(data: Dataset, residual: Array) -> Oscillation | None:
     return replace(best, frame=None) if len(found) == 2 and alike else best
 
 
-def _in_frame(data: Dataset, residual: Array, frame: Literal["E", "B"]) -> Oscillation | None:
+def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | None:
     if frame == "E" and not all(r.has_pose for r in data.records):
         return None
     inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
@@ -120,11 +119,8 @@ def _signals(data: Dataset, predicted: Array, residual: Array, frame: Frame) -> 
 
 def _left(data: Dataset, inputs: Array, target: Array, f: float, zeta: float, frame: Frame) -> Array:
     """What of the target (K, n) held-out blocks keep, regressed on the oscillator's answer."""
-    answers, at = [], 0
-    for record in data.records:
-        answers.append(_answer(record, inputs[at : at + len(record)], f, zeta))
-        at += len(record)
-    moved = np.concatenate(answers)
+    parts = np.split(inputs, np.cumsum([len(r) for r in data.records])[:-1])
+    moved = np.concatenate([_answer(r, part, f, zeta) for r, part in zip(data.records, parts, strict=True)])
     features = [inputs, moved, np.ones((len(inputs), 1))]
     if frame == "B":
         place, force = moved[:, :3], inputs[:, :3]
@@ -134,16 +130,16 @@ def _left(data: Dataset, inputs: Array, target: Array, f: float, zeta: float, fr
     out = np.empty_like(target)
     fold = data.block % 4
     for k in range(4):
-        fitted, test = fold != k, fold == k
-        A = X[fitted]
+        test = fold == k
+        A = X[~test]
         H = A.T @ A + 1e-3 * len(A) * np.eye(A.shape[1])
-        out[test] = target[test] - X[test] @ np.linalg.solve(H, A.T @ target[fitted])
+        out[test] = target[test] - X[test] @ np.linalg.solve(H, A.T @ target[~test])
     return out
 
 
 def _answer(record: Record, inputs: Array, f: float, zeta: float) -> Array:
     """H u and dH u / dt (K, 2n), from rest at the first sample."""
-    w, fs = 2 * np.pi * f, 1.0 / (record.dt * (record.keep.step or 1))
+    w, fs = 2 * np.pi * f, 1.0 / record.dt_kept
     out = []
     for numerator in ([w**2], [w, 0.0]):
         b, a = bilinear(numerator, [1.0, 2 * zeta * w, w**2], fs)

@@ -24,7 +24,7 @@ Nothing is removed here. What a user reads is what `explain` will be offered.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -100,25 +100,15 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
     shape, lag = _shape(found.correlated)
     if shape is None:
         return Response(name, replace(found, seconds=None, std=None, interval=None, problem=Problem.FEEDBACK))
-    weight = np.array([len(r) for r in records], dtype=float)
 
-    def rms(by_record: Sequence[float]) -> float:
-        return float(np.sqrt(weight @ np.square(by_record) / weight.sum()))
+    def rms(square: Callable[[Record], float]) -> float:
+        """Of all samples, from the mean square of each record."""
+        return float(np.sqrt(np.average([square(r) for r in records], weights=[len(r) for r in records])))
 
-    changing = rms([_rms(np.gradient(r.commanded[:, axis], r.dt * (r.keep.step or 1))) for r in records])
-    return Response(
-        name,
-        found,
-        shape,
-        lag,
-        leaves=abs(found.seconds) * changing,
-        residual=rms([float(np.std(r.measured[:, axis] - r.commanded[:, axis])) for r in records]),
-        noise=rms([float(r.noise[axis]) for r in records]),
-    )
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    changing = rms(lambda r: np.mean(np.gradient(r.commanded[:, axis], r.dt_kept) ** 2))
+    residual = rms(lambda r: np.var(r.measured[:, axis] - r.commanded[:, axis]))
+    noise = rms(lambda r: r.noise[axis] ** 2)
+    return Response(name, found, shape, lag, abs(found.seconds) * changing, residual, noise)
 
 
 def _axis(signal: Signal, axis: int) -> Signal:
@@ -144,25 +134,23 @@ def _measured(flight: Flight, vehicle: Vehicle) -> Signal:
     """Measured wrenches (N, 6) half-way between samples, where a difference of rates is an angular acceleration."""
     rate, felt = _motion(flight)
     accelerating = differences("measured", rate.time, np.diff(rate.values, axis=0), rate.gaps)
-    omega_B, force_B = (
+    w, f = (
         np.stack([np.interp(accelerating.time, s.time, column) for column in s.values.T], axis=1) for s in (rate, felt)
     )
-    r, a, w = vehicle.imu_position_B, accelerating.values, omega_B
+    r, a = vehicle.imu_position_B, accelerating.values
     if flight.imu is not None:
-        force_B = force_B - np.cross(a, r) - np.cross(w, np.cross(w, r))
-    return replace(accelerating, values=measured_wrench(vehicle.body, Motion(w, a, force_B)), axes=AXES)
+        f = f - np.cross(a, r) - np.cross(w, np.cross(w, r))
+    return replace(accelerating, values=measured_wrench(vehicle.body, Motion(w, a, f)), axes=AXES)
 
 
 def _motion(flight: Flight) -> tuple[Signal, Signal]:
     """Rates and specific force of the IMU, or else of the odometry."""
-    if flight.imu is not None:
-        imu = flight.imu
-        return (
-            Signal("rate", imu.time, imu.omega_B, gaps=imu.gaps),
-            Signal("force", imu.time, imu.specific_force_B, gaps=imu.gaps),
-        )
-    assert flight.odometry is not None
-    return odometry_motion(flight.odometry)
+    imu = flight.imu
+    if imu is None:
+        assert flight.odometry is not None
+        return odometry_motion(flight.odometry)
+    rate, force = (imu.omega_B, imu.specific_force_B)
+    return Signal("rate", imu.time, rate, gaps=imu.gaps), Signal("force", imu.time, force, gaps=imu.gaps)
 
 
 def _shape(found: Correlated) -> tuple[Shape | None, float]:
@@ -179,17 +167,14 @@ def _shape(found: Correlated) -> tuple[Shape | None, float]:
     best = minimize_scalar(lambda tau: -float(lagging(tau).sum()), bounds=(0.0, LONGEST_LAG), method="bounded")
     lag = float(best.x)
     remaining, _, _ = found.newton()
-    late = by_block(seen + omega * (0.0 if np.isnan(remaining) else remaining))
-    slow = lagging(lag)
+    late, slow = by_block(seen + omega * np.nan_to_num(remaining)), lagging(lag)
     weight = np.abs(u.sum(axis=0))
     fits = [
         part.sum() > FITS * weight.sum() and _gain_fits(found.gain, weight, model)
         for part, model in ((late, np.ones_like(omega)), (slow, 1.0 / np.sqrt(1.0 + (omega * lag) ** 2)))
     ]
-    if not any(fits):
-        return None, lag
     if not all(fits):
-        return ("delay" if fits[0] else "lag"), lag
+        return ("delay" if fits[0] else "lag" if fits[1] else None), lag
     difference = late - slow
     t = float(difference.sum()) / max(scatter(difference), 1e-300)
     return ("delay" if t > SIGNIFICANT else "lag" if t < -SIGNIFICANT else "either"), lag
@@ -200,6 +185,3 @@ def _gain_fits(gain: Array, weight: Array, model: Array) -> bool:
     used = weight > 0
     share = weight[used] / weight[used].sum()
     return bool(np.sqrt(share @ np.log(gain[used] / model[used]) ** 2) < np.log(GAIN_FITS))
-
-
-__all__ = ["BAND_HZ", "Response", "responses"]

@@ -137,18 +137,13 @@ def _effect_error(offset: Offset, odometry: OdometrySeries | None) -> float | No
     if odometry is None or offset.seconds is None or offset.same:
         return None
     if offset.first == "gyroscope" and offset.second == "odometry attitude":
-        return abs(offset.seconds) * _rate(odometry)
+        rate = _size(angular_velocity(odometry.time, odometry.quat_EB))
+        return abs(offset.seconds) * rate if rate > IDLE_RATE else 0.0
     if offset.first == "accelerometer" and odometry.velocity_E is not None:
         speed = _size(odometry.velocity_E)
         change = _size(smooth(odometry.time, odometry.velocity_E, derivative=1))
         return abs(offset.seconds) * change / speed if speed > IDLE_SPEED else 0.0
     return None
-
-
-def _rate(odometry: OdometrySeries) -> float:
-    """Rms rate of the attitude [rad/s], zero where it hardly moves."""
-    rate = _size(angular_velocity(odometry.time, odometry.quat_EB))
-    return rate if rate > IDLE_RATE else 0.0
 
 
 def _size(vectors: Array) -> float:

@@ -6,7 +6,7 @@ one is given) on some flights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +22,8 @@ from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.whiteness import Whiteness, whiteness
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
+from wrenchgap.learn.process.train import Progress
 from wrenchgap.plant.model import Model
-
-Report = Callable[[float, str], None]
-"""Called with the fraction done (0 to 1) and what is being done."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def examine(
     flights: Sequence[OpenFlight],
     model: Model,
     gp: GaussianProcess | None = None,
-    progress: Report | None = None,
+    progress: Progress | None = None,
 ) -> Where:
     """Where `model` (and `gp` on top of it) fails on flights that were opened for it; deterministic."""
     report = progress or (lambda fraction, words: None)
@@ -98,7 +96,7 @@ def examine(
     return Where(
         compared.evaluations[-1].name,
         compared.flights,
-        sum(len(r) * r.dt * (r.keep.step or 1) for r in compared.records),
+        sum(len(r) * r.dt_kept for r in compared.records),
         len(data.measured),
         cutoff,
         compared.evaluations[-1].pooled.rms,

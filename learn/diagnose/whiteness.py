@@ -35,6 +35,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import bisect
 from scipy.signal import butter, sosfreqz
 from scipy.special import ndtri, stdtr, stdtrit
 from scipy.stats import norm
@@ -118,10 +119,9 @@ class Whiteness:
 
 def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | None = None) -> Whiteness:
     """Judge a residual (K, 6) of `data`; lags to `LAGS`. Records are correlated one by one and pooled."""
-    chosen = input_groups(data)[0] if groups is None else groups
-    chosen = [g for g in chosen if groups is not None or g.name in INPUTS]
+    chosen = [g for g in input_groups(data)[0] if g.name in INPUTS] if groups is None else groups
     first = data.records[0]
-    dt = first.dt * (first.keep.step or 1)
+    dt = first.dt_kept
     count = max(1, round(LAGS / dt))
     ends = np.cumsum([len(r) for r in data.records])
     parts = [slice(end - len(r), end) for end, r in zip(ends, data.records, strict=True)]
@@ -141,8 +141,7 @@ def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | 
         for i, axis in enumerate(AXES)
         for j, label in enumerate(labels)
     ]
-    found = [c for c in crosses if c is not None]
-    found.sort(key=lambda c: (c.p, -abs(c.peak)))
+    found = sorted((c for c in crosses if c is not None), key=lambda c: (c.p, -abs(c.peak)))
     return Whiteness(autos, tuple(found))
 
 
@@ -244,13 +243,9 @@ def _bartlett(rho: Array, count: int) -> Array:
     """N times the variance of the estimated autocorrelation at lags 0 ... count."""
     reach = len(rho) - 1
     full = np.concatenate((np.zeros(count), rho[:0:-1], rho, np.zeros(count)))
-    middle = count + reach
-    j = np.arange(1, reach + 1)
-    out = np.empty(count + 1)
-    for k in range(count + 1):
-        term = full[middle + j + k] + full[middle + j - k] - 2.0 * full[middle + j] * full[middle + k]
-        out[k] = term @ term
-    return out
+    middle, k, j = count + reach, np.arange(count + 1)[:, None], np.arange(1, reach + 1)
+    terms = full[middle + j + k] + full[middle + j - k] - 2.0 * full[middle + j] * full[middle + k]
+    return np.asarray(np.sum(terms**2, axis=1))
 
 
 def _exceeds(u: float, lags: int, crossings: float) -> float:
@@ -260,12 +255,8 @@ def _exceeds(u: float, lags: int, crossings: float) -> float:
 
 
 def _level(p: float, lags: int, crossings: float) -> float:
-    """The u that is exceeded with chance p, by bisection."""
-    low, high = 0.0, 12.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _exceeds(middle, lags, crossings) > p else (low, middle)
-    return high
+    """The u that is exceeded with chance p."""
+    return float(bisect(lambda u: _exceeds(u, lags, crossings) - p, 0.0, 12.0, xtol=1e-15))
 
 
 def _normal_size(r: float, freedom: float) -> float:

@@ -91,7 +91,7 @@ class _Sizes:
         self.noise = _views(data.noise[None] ** 2, data.weights**2)[0]
         self.time = np.concatenate([r.time for r in data.records])
         first = data.records[0]
-        self.step = first.dt * (first.keep.step or 1)
+        self.step = first.dt_kept
         width = max(1, round(SMOOTH / self.step))
         starts = np.concatenate(([0], np.cumsum([len(r) for r in data.records])))
         self.smooth = np.concatenate(
