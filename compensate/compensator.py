@@ -30,8 +30,6 @@ from wrenchgap.plant.state import State
 REACH = 3.0
 """Default bounds of the correction, in largest mismatches seen. A slope of -2/3, which triples an error's correction,
 is as near to the singular -1 as a model should be believed."""
-
-
 ACCEPT = 1e-4
 """The paper's threshold for J: 0.01 Nm, for a vehicle whose mismatch is some 0.5 Nm."""
 ACCEPT_SHARE = 0.02
@@ -131,25 +129,19 @@ class Compensator:
     ) -> None:
         self.model, self.physics = model, physics
         self.settings = settings or Settings()
-        outputs = model.outputs
-        if physics is not None and physics.outputs != outputs:
-            raise UsageError(f"compensate: physics on {physics.outputs}, the model on {outputs}; they must agree")
+        if physics is not None and physics.outputs != model.outputs:
+            raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
         bound = _bounds(model, self.settings)
-        self._optimiser = Optimiser(
-            lower=-bound,
-            upper=bound,
-            accept=_accept(model, self.settings),
-            regulariser=self.settings.regulariser,
-            max_evaluations=self.settings.max_evaluations,
-        )
+        accept, asked = _accept(model, self.settings), self.settings
+        self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations)
         everywhere = np.where(bound > 0, np.inf, 0.0)
         self._unbounded = replace(self._optimiser, lower=-everywhere, upper=everywhere)
         self.uncertainty = default_filter(
             model,
-            decay=math.exp(-self.settings.dt / self.settings.decay_time),
-            threshold=self.settings.sigma_threshold if self.settings.filter_uncertain else math.inf,
-            kappa=self.settings.kappa,
-            normalise=self.settings.normalise,
+            decay=math.exp(-asked.dt / asked.decay_time),
+            threshold=asked.sigma_threshold if asked.filter_uncertain else math.inf,
+            kappa=asked.kappa,
+            normalise=asked.normalise,
         )
         self.reset()
 
@@ -191,18 +183,9 @@ class Compensator:
         command = wrench + correction
         for follower in self._following:
             follower.sent(command)
-        return Result(
-            wrench_cmd=command,
-            correction=correction,
-            optimum=optimum.correction.copy(),
-            sigma=sigma,
-            beta=beta,
-            cost=optimum.cost,
-            iterations=iterations + optimum.iterations,
-            accepted=optimum.accepted,
-            trouble=trouble,
-            solve_time=perf_counter() - started,
-        )
+        found, cost, iterations = optimum.correction.copy(), optimum.cost, iterations + optimum.iterations
+        took = perf_counter() - started
+        return Result(command, correction, found, sigma, beta, cost, iterations, optimum.accepted, trouble, took)
 
     @property
     def needs_state(self) -> bool:
@@ -270,9 +253,7 @@ def _accept(model: MismatchModel | Follows, settings: Settings) -> float:
     """J below which an optimum is accepted."""
     if settings.accept is not None:
         return settings.accept
-    if not isinstance(model, KnowsItsData):
-        return ACCEPT
-    share = float(np.sum((ACCEPT_SHARE * model.mismatch_max) ** 2))
+    share = float(np.sum((ACCEPT_SHARE * model.mismatch_max) ** 2)) if isinstance(model, KnowsItsData) else 0.0
     return min(ACCEPT, share) if share > 0 else ACCEPT
 
 

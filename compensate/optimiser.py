@@ -63,8 +63,7 @@ class _Search:
         self.rows = rows
         self.weight = regulariser * TORQUES[rows]
         self.best = np.zeros(len(rows))
-        self.best_penalised = np.inf
-        self.best_cost = np.inf
+        self.best_penalised = self.best_cost = np.inf
         self.evaluations = 0
         self.interrupted = False
 
@@ -72,8 +71,7 @@ class _Search:
         """Residual r (L,) and dr/ddW (L, L)."""
         wrench = self.wrench_des.copy()
         wrench[self.rows] += free
-        query = wrench[None]
-        mean, jacobian = self.linearise(query)
+        mean, jacobian = self.linearise(wrench[None])
         return mean[0] + free, jacobian[0][:, self.rows] + np.eye(len(self.rows))
 
     def cost(self, free: Array) -> float:
@@ -140,8 +138,8 @@ class Optimiser:
         zero = np.zeros(len(AXES))
         try:
             search = _Search(model, wrench_des, rows, self.regulariser)
-            box = (self.lower, self.upper) if centre is None else (self.lower + centre, self.upper + centre)
-            lower, upper = box[0][rows], box[1][rows]
+            middle = zero if centre is None else centre
+            lower, upper = ((bound + middle)[rows] for bound in (self.lower, self.upper))
             trouble = self._descend(search, start[rows], lower, upper)
             if search.best_cost >= self.accept and start[rows].any():
                 trouble = self._descend(search, zero[rows], lower, upper)
@@ -149,13 +147,11 @@ class Optimiser:
             cost_of_zero = np.inf if cost < self.accept else search.cost(zero[rows])
         except (FloatingPointError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
             return Optimum(zero, float("nan"), False, 0, f"no correction: {' '.join(str(error).split())}")
+        if not cost < cost_of_zero:
+            return Optimum(zero, cost_of_zero, False, search.evaluations, trouble)
         correction = zero.copy()
         correction[rows] = search.best
-        if cost < self.accept:
-            return Optimum(correction, cost, True, search.evaluations, trouble)
-        if cost < cost_of_zero:
-            return Optimum(correction, cost, False, search.evaluations, trouble)
-        return Optimum(zero, cost_of_zero, False, search.evaluations, trouble)
+        return Optimum(correction, cost, cost < self.accept, search.evaluations, trouble)
 
     def _descend(self, search: _Search, start: Array, lower: Array, upper: Array) -> str:
         """One L-BFGS search, whose best point `search` remembers; says what nlopt complained about."""

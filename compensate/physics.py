@@ -166,10 +166,6 @@ def _last(held: Commands, back: float) -> Commands:
     """Commands (1) `back` (0 to 1) samples before the last."""
     if back == 0.0:
         return held.take(slice(-1, None))
-    weights = np.array([back, 1.0 - back])
-    tilt, speed = held.tilt, held.rotor_speed
-    return Commands(
-        (weights @ held.wrench_B[-2:])[None],
-        None if tilt is None else (weights @ tilt[-2:])[None],
-        None if speed is None else (weights @ speed[-2:])[None],
-    )
+    weights, tilt, speed = np.array([[back, 1.0 - back]]), held.tilt, held.rotor_speed
+    actuators = (None if part is None else weights @ part[-2:] for part in (tilt, speed))
+    return Commands(weights @ held.wrench_B[-2:], *actuators)

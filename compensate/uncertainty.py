@@ -70,27 +70,18 @@ def default_filter(
     training percentile and 1 at its prior. A model that cannot tell how sigma grows away from its data is not
     filtered, unless a threshold is given.
     """
-    count = len(model.outputs)
-    everything, zero, one = np.ones(count, dtype=bool), np.zeros(count), np.ones(count)
-    if not isinstance(model, KnowsItsData):
-        limit = np.inf if threshold is None else threshold
-        return UncertaintyFilter(everything, zero, one, limit, 1.0 if kappa is None else kappa, decay)
-    floor, prior = model.sigma_training, model.sigma_prior
-    watched = prior - floor > UNINFORMATIVE * prior
-    if not watched.any():
-        limit = np.inf if threshold is None else threshold
-        return UncertaintyFilter(everything, zero, one, limit, 1.0 if kappa is None else kappa, decay)
-    mixed = len({name.split("_")[0] for name in model.outputs}) > 1
-    offset, scale = zero, one
-    if mixed if normalise is None else normalise:
-        offset, scale = np.where(watched, floor, 0.0), np.where(watched, prior - floor, 1.0)
-    low, high = (float(np.max(((level - offset) / scale)[watched])) for level in (floor, prior))
-    gap = max(high - low, UNINFORMATIVE * high)
-    return UncertaintyFilter(
-        watched=watched,
-        offset=offset,
-        scale=scale,
-        threshold=low + gap / 2 if threshold is None else threshold,
-        kappa=LOGIT_99 / gap if kappa is None else kappa,
-        decay=decay,
-    )
+    offset, scale = np.zeros(len(model.outputs)), np.ones(len(model.outputs))
+    watched, middle, steep = scale > 0, np.inf, 1.0
+    if isinstance(model, KnowsItsData):
+        floor, prior = model.sigma_training, model.sigma_prior
+        tells = prior - floor > UNINFORMATIVE * prior
+        if tells.any():
+            watched = tells
+            mixed = len({name.split("_")[0] for name in model.outputs}) > 1
+            if mixed if normalise is None else normalise:
+                offset, scale = np.where(watched, floor, 0.0), np.where(watched, prior - floor, 1.0)
+            low, high = (float(np.max(((level - offset) / scale)[watched])) for level in (floor, prior))
+            gap = max(high - low, UNINFORMATIVE * high)
+            middle, steep = low + gap / 2, LOGIT_99 / gap
+    threshold, kappa = (given if given is not None else usual for given, usual in ((threshold, middle), (kappa, steep)))
+    return UncertaintyFilter(watched, offset, scale, threshold, kappa, decay)

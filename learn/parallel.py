@@ -181,8 +181,7 @@ def _read(file: str) -> Any:
         _held.move_to_end(file)
         return _held[file]
     with Path(file).open("rb") as stream:
-        found = _Unpickler(stream).load()
-    _held[file] = found
+        found = _held[file] = _Unpickler(stream).load()
     while len(_held) > HELD:
         _held.popitem(last=False)
     return found

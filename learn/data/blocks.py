@@ -100,12 +100,12 @@ def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
     The loss of a sample is sum_l r_l^2 / v_l, with v_l the geometric mean of both models' mean squares on axis l: a
     pure number in which every axis counts, whatever its unit and size.
     """
-    squares = np.mean(worse**2, axis=0), np.mean(better**2, axis=0)
-    variance = np.sqrt(squares[0] * squares[1]) + 1e-30
+    square = np.mean(better**2, axis=0)
+    variance = np.sqrt(np.mean(worse**2, axis=0) * square) + 1e-30
     difference = by_block(data.block, np.sum((worse**2 - better**2) / variance, axis=1))
     if len(difference) < FEWEST:
         return Contrast(0.0, 1.0, 0.0)
-    excess = float(np.sum(np.maximum(squares[1] - data.noise**2, 0.0) / variance))
+    excess = float(np.sum(np.maximum(square - data.noise**2, 0.0) / variance))
     return Contrast(float(np.mean(difference)), float(standard_error(difference)), excess)
 
 
@@ -117,6 +117,5 @@ def evidence(worse: Array, better: Array) -> float:
 
 def cosine(data: Dataset, start: Array, first: Array, second: Array) -> float:
     """Cosine between the changes that two models make to the prediction of `start`; all are residuals (K, 6)."""
-    a = ((start - first) * data.weights).ravel()
-    b = ((start - second) * data.weights).ravel()
+    a, b = (((start - other) * data.weights).ravel() for other in (first, second))
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30))

@@ -88,7 +88,7 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
     """Evaluate predictors on flights that were opened for `model`."""
     records = tuple(r for f in flights for r in f.records)
     data = dataset(records, model)
-    numbers = np.repeat(np.arange(len(flights)), [sum(len(r) for r in f.records) for f in flights])
+    ends = np.cumsum([sum(len(r) for r in f.records) for f in flights])[:-1]
     notes: list[object] = [note for f in flights for note in f.notes]
     evaluations = []
     for predictor in predictors:
@@ -102,7 +102,7 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
             Evaluation(
                 predictor.name,
                 Errors.of(pooled),
-                tuple(Errors.of(pooled[numbers == i]) for i in range(len(flights))),
+                tuple(Errors.of(part) for part in np.split(pooled, ends)),
                 worst_stretches(records, residuals, data.weights),
                 predictions,
                 None if any(s is None for s in sigma) else tuple(s for s in sigma if s is not None),
@@ -112,23 +112,21 @@ def compare(flights: Sequence[OpenFlight], model: Model, predictors: Sequence[Pr
     return Comparison(names, records, tuple(evaluations), data.noise, tuple(dict.fromkeys(notes)))
 
 
-def worst_stretches(
-    records: Sequence[Record], residuals: Sequence[Array], weights: Array, count: int = STRETCHES
-) -> tuple[Stretch, ...]:
+def worst_stretches(records: Sequence[Record], residuals: Sequence[Array], weights: Array) -> tuple[Stretch, ...]:
     """The stretches of `STRETCH_SECONDS` with the largest weighted error, none overlapping, worst first."""
     found: list[tuple[float, int, int, int]] = []
     for number, (record, residual) in enumerate(zip(records, residuals, strict=True)):
         length = max(1, min(len(record), round(STRETCH_SECONDS / record.dt_kept)))
         energy = np.sum((residual * weights) ** 2, axis=1)
         sums = np.convolve(energy, np.ones(length), mode="valid") / length
-        for _ in range(count):
+        for _ in range(STRETCHES):
             start = int(np.argmax(sums))
             if not np.isfinite(sums[start]) or sums[start] < 0:
                 break
             found.append((float(sums[start]), number, start, length))
             sums[max(0, start - length + 1) : start + length] = -1.0
     found.sort(key=lambda item: -item[0])
-    return tuple(_stretch(records[n], residuals[n], weights, start, size) for _, n, start, size in found[:count])
+    return tuple(_stretch(records[n], residuals[n], weights, start, size) for _, n, start, size in found[:STRETCHES])
 
 
 def _stretch(record: Record, residual: Array, weights: Array, start: int, length: int) -> Stretch:

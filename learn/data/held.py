@@ -20,21 +20,11 @@ def _near(series: Series, values: Array, time: Array, middle: Array, window: flo
     return held_mean(middle, series.time[run], values[run], series.period, window)
 
 
-def over_periods(series: Series, values: Array, time: Array, dt: float) -> Array:
-    """Means (N, C) over the periods of `dt` [s] that begin at `time` (N,)."""
-    return _near(series, values, time, time + 0.5 * dt, dt)
-
-
-def around(series: Series, values: Array, time: Array, dt: float) -> Array:
-    """Means (N, C) around `time` (N,), as `flight.resample` gives them on a clock of `dt` [s]."""
-    return _near(series, values, time, time, max(dt, series.period))
-
-
 def samples_over_periods(samples: Samples, log: Flight) -> Samples:
     """The samples of a log, with commands over the period that begins at each instant instead of around it."""
 
     def mean(series: Series, values: Array) -> Array:
-        return over_periods(series, values, samples.time, samples.dt)
+        return _near(series, values, samples.time, samples.time + 0.5 * samples.dt, samples.dt)
 
     used: dict[str, Array] = {}
     if samples.wrench_cmd_B is not None and log.commanded is not None:
@@ -49,7 +39,7 @@ def samples_over_periods(samples: Samples, log: Flight) -> Samples:
 
 def commanded_otherwise(record: Record, samples: Samples, command: WrenchSeries, vehicle: Vehicle) -> Record:
     """The record of `samples` as if another wrench had been commanded, in the motion that was flown."""
-    wrench = around(command, command.wrench_B, samples.time, samples.dt)
+    wrench = _near(command, command.wrench_B, samples.time, samples.time, max(samples.dt, command.period))
     other = replace(samples, wrench_cmd_B=wrench, tilt_cmd=None, rotor_speed_cmd=None)
     commands, source = commands_of(other, vehicle)
     filtered = low_pass(wrench, record.dt, record.cutoff_hz)[record.keep]

@@ -289,9 +289,11 @@ def _state(samples: Samples) -> tuple[State, bool]:
     """State of the samples; at rest at the origin where the log has no pose (no effect may then use it)."""
     rest, level = np.zeros((len(samples), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(samples), 1))
     logged = (samples.position_E, samples.quat_EB, samples.velocity_E)
-    pose = (still if known is None else known for known, still in zip(logged, (rest, level, rest), strict=True))
-    has_pose = all(known is not None for known in logged)
-    return State(samples.time, *pose, samples.omega_B, samples.voltage), has_pose
+    position, attitude, velocity = (
+        still if known is None else known for known, still in zip(logged, (rest, level, rest), strict=True)
+    )
+    state = State(samples.time, position, attitude, velocity, samples.omega_B, samples.voltage)
+    return state, all(known is not None for known in logged)
 
 
 def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,26 +40,9 @@ class OpenFlight:
     notes: tuple[str, ...]
 
 
-def open_flight(
-    path: str | Path,
-    model: Model,
-    *,
-    topics: Mapping[str, str] | None = None,
-    cutoff_hz: float = CUTOFF_HZ,
-    rate_hz: float | None = None,
-    between: tuple[float, float] | None = None,
-    shifts: Mapping[str, float] | None = None,
-    incomplete: bool = False,
-    load: Loader = flight.load,
-) -> OpenFlight:
-    """Read one log for a model, or what lies `between` two of its times [s]; `load` reads as `flight.load` does.
-
-    Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
-    actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
-    (`flight.shifted`). `rate_hz` and `incomplete` are those of `opened`.
-    """
-    found = flight.shifted(load(path, topics, preferred=model.topics), shifts or {})
-    return opened(found, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
+def open_flight(log: str | Path | Flight, model: Model, **options: Any) -> OpenFlight:
+    """One log for a model; options are those of `open_flights`."""
+    return open_flights([log], model, **options)[0]
 
 
 def opened(
@@ -71,7 +54,7 @@ def opened(
     between: tuple[float, float] | None = None,
     incomplete: bool = False,
 ) -> OpenFlight:
-    """A flight in memory as `open_flight` gives it; `rate_hz` is that of the records (default as `prepare`).
+    """A flight in memory as `open_flights` gives it; `rate_hz` is that of the records (default as `prepare`).
 
     With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
@@ -83,27 +66,24 @@ def opened(
         if not incomplete:
             raise
         return OpenFlight(found, (), (), (), _outside(between), (*found.notes, *notes, f"no measured wrench: {error}"))
-    parts = _airborne_parts(_within(resampled.samples, between, found), resampled.samples, model.vehicle)
-    records, short = [], []
-    for part in parts.flown:
+    within = _within(resampled.samples, between, found)
+    parts, left_out, grounded = _airborne_parts(within, resampled.samples, model.vehicle)
+    flown, records, short = [], [], []
+    for part, sent, source in parts:
         try:
-            made = prepare(part.samples, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=part.commands)
-            records.append((part.samples, made))
+            made = prepare(part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source))
         except FitError as error:
-            if len(part.samples) * part.samples.dt >= 12.0 / cutoff_hz:
+            if len(part) * part.dt >= 12.0 / cutoff_hz:
                 raise
             short.append(str(error))
+        else:
+            flown.append(part)
+            records.append(made)
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else _never_flew(found, model))
-    notes = [*found.notes, *resampled.notes, *notes, *short, *_notes(found, parts.grounded, [r for _, r in records])]
-    return OpenFlight(
-        flight=found,
-        samples=resampled.samples,
-        flown=tuple(samples for samples, _ in records),
-        records=tuple(record for _, record in records),
-        left_out=(*_outside(between), *parts.left_out),
-        notes=tuple(dict.fromkeys(notes)),
-    )
+    notes = [*found.notes, *resampled.notes, *notes, *short, *_notes(found, grounded, records)]
+    missing, told = (*_outside(between), *left_out), tuple(dict.fromkeys(notes))
+    return OpenFlight(found, resampled.samples, tuple(flown), tuple(records), missing, told)
 
 
 def _required(played: Flight) -> tuple[str, ...]:
@@ -125,44 +105,30 @@ def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
     )
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A part of a stretch that flew, with its commands and their `Record.source`."""
+def _airborne_parts(
+    stretches: Sequence[Samples], every: Sequence[Samples], vehicle: Vehicle
+) -> tuple[list[tuple[Samples, Commands, str]], list[Gap], float]:
+    """Stretches cut to where the vehicle flew, for `MINIMUM_FLIGHT` at least; `every` are all of the flight.
 
-    samples: Samples
-    commands: tuple[Commands, str]
-
-
-@dataclass(frozen=True)
-class _Parts:
-    """What flew of some stretches, what was left out of them, and for how long [s] the vehicle did not fly."""
-
-    flown: tuple[_Part, ...]
-    left_out: tuple[Gap, ...]
-    grounded: float
-
-
-def _airborne_parts(stretches: Sequence[Samples], every: Sequence[Samples], vehicle: Vehicle) -> _Parts:
-    """Stretches cut to where the vehicle flew, for `MINIMUM_FLIGHT` at least; `every` are all of the flight."""
-    flown: list[_Part] = []
-    left_out: list[Gap] = []
-    grounded = 0.0
+    The parts, with their commands and `Record.source`; what was left out; for how long [s] the vehicle did not fly.
+    """
+    flown, left_out, grounded = [], [], 0.0
     for samples in stretches:
         commands, source = commands_of(samples, vehicle)
         rows = airborne(commands.wrench_B, samples.dt, vehicle)
         if rows == [slice(0, len(samples))]:
-            flown.append(_Part(samples, (commands, source)))
+            flown.append((samples, commands, source))
             continue
         grounded += (len(samples) - sum(r.stop - r.start for r in rows)) * samples.dt
         long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
-        flown += [_Part(_part(samples, r), (commands.take(r), source)) for r in long]
+        flown += [(_part(samples, r), commands.take(r), source) for r in long]
         # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
         begin = -np.inf if samples.time[0] <= every[0].time[0] else samples.time[0] - samples.dt
         end = np.inf if samples.time[-1] >= every[-1].time[-1] else samples.time[-1] + samples.dt
         edges = [begin, *(t for r in long for t in (samples.time[r.start], samples.time[r.stop - 1])), end]
         inner = [r.start > 0 for r in long] + [not long or long[-1].stop < len(samples)]
         left_out += [Gap(float(a), float(b)) for a, b, out in zip(edges[::2], edges[1::2], inner, strict=True) if out]
-    return _Parts(tuple(flown), tuple(left_out), grounded)
+    return flown, left_out, grounded
 
 
 def airborne(wrench_B: Array, dt: float, vehicle: Vehicle) -> list[slice]:
@@ -214,8 +180,7 @@ def _within(stretches: Sequence[Samples], between: tuple[float, float] | None, f
 
 def _part(samples: Samples, rows: slice) -> Samples:
     """Some consecutive samples of a stretch."""
-    every = {f.name: getattr(samples, f.name) for f in fields(Samples)}
-    arrays: dict[str, Any] = {name: value[rows] for name, value in every.items() if isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {k: v[rows] for k, v in vars(samples).items() if isinstance(v, np.ndarray)}
     return replace(samples, **arrays)
 
 
@@ -254,17 +219,20 @@ def open_flights(
     incomplete: bool = False,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
-    """`open_flight` for several logs (or flights in memory), in order, with names that differ.
+    """Logs (or flights in memory) for a model, or what lies `between` two of their times [s], with names that differ.
 
-    Raises LogError for the same log twice.
+    Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
+    actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
+    (`flight.shifted`). `rate_hz` and `incomplete` are those of `opened`; `load` reads as `flight.load` does. Raises
+    LogError for the same log twice.
     """
     found: list[OpenFlight] = []
-    for path in logs:
-        raw = path if isinstance(path, Flight) else load(path, topics, preferred=model.topics)
+    for log in logs:
+        raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics)
         moved = flight.shifted(raw, shifts or {})
         one = opened(moved, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
         for other in found:
             if other.flight.content_hash == one.flight.content_hash:
-                raise LogError(f"{path}: is the same flight as {other.flight.path}; name each flight once")
+                raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")
         found.append(one)
     return distinct(found)

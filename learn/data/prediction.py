@@ -12,28 +12,18 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.inputs import process_inputs
 from wrenchgap.learn.data.measurement import Record, predict
-from wrenchgap.plant.mismatch import output_indices
+from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Body
 from wrenchgap.plant.wrench_model import WrenchModel
 
 
-class Process(Protocol):
-    """A mismatch model (`plant.mismatch.MismatchModel`) that may look at more than the command."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the L axes that it knows."""
+class Process(MismatchModel, Protocol):
+    """A mismatch model that may look at more than the command."""
 
     @property
     def input_groups(self) -> tuple[str, ...]:
         """Groups of inputs besides the command (`plant.mismatch_inputs`)."""
-
-    def mean(self, inputs: Array, /) -> Array:
-        """Expected mismatch (N, L) [N or Nm]."""
-
-    def std(self, inputs: Array, /) -> Array:
-        """Standard deviation (N, L) of a measured mismatch."""
 
 
 @dataclass(frozen=True)

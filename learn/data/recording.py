@@ -80,12 +80,7 @@ class Recording:
 
 
 def read_recording(
-    opened: OpenFlight,
-    vehicle: Vehicle,
-    *,
-    start: float = 0.0,
-    duration: float | None = None,
-    cutoff_hz: float = CUTOFF_HZ,
+    opened: OpenFlight, vehicle: Vehicle, *, start: float = 0.0, duration: float | None = None
 ) -> Recording:
     """The part of a flight in which `start` [s] lies, or the longest that flew, ready for inference.
 
@@ -105,7 +100,7 @@ def read_recording(
         flight=log,
         odometry=odometry,
         reference=Recorded(reference, start=0.0).at(samples.time),
-        motion=recorded_motion(samples, odometry, vehicle.imu_position_B, cutoff_hz=min(cutoff_hz, 0.3 / samples.dt)),
+        motion=recorded_motion(samples, odometry, vehicle.imu_position_B, cutoff_hz=min(CUTOFF_HZ, 0.3 / samples.dt)),
         record=opened.records[index],
         time=samples.time,
         dt=samples.dt,
@@ -120,18 +115,14 @@ def read_recording(
 
 def _roles(log: Flight) -> tuple[OdometrySeries, ReferenceSeries]:
     """The series without which there is nothing to re-simulate."""
-    played = ", ".join(log.series()) or "none"
-    if log.odometry is None:
-        raise LogError(
-            f"{log.path}: a counterfactual starts from the recorded state, and no topic plays the role 'odometry' "
-            f"(played: {played}); map one with --topic odometry=/your/topic"
-        )
-    if log.reference is None:
-        raise LogError(
-            f"{log.path}: a counterfactual flies along the recorded reference, and no topic plays the role 'reference' "
-            f"(played: {played}); map one with --topic reference=/your/topic"
-        )
-    return log.odometry, log.reference
+    if log.odometry is not None and log.reference is not None:
+        return log.odometry, log.reference
+    lacks = "odometry" if log.odometry is None else "reference"
+    needs = {"odometry": "starts from the recorded state", "reference": "flies along the recorded reference"}[lacks]
+    raise LogError(
+        f"{log.path}: a counterfactual {needs}, and no topic plays the role '{lacks}' (played: "
+        f"{', '.join(log.series()) or 'none'}); map one with --topic {lacks}=/your/topic"
+    )
 
 
 def _window(name: str, stretches: tuple[Samples, ...], start: float, duration: float | None) -> tuple[int, int, int]:

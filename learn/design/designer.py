@@ -11,7 +11,7 @@ which gives the separation that a user may expect.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,29 +23,29 @@ from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.resample import uniform
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.errors import energy, rms
 from wrenchgap.learn.data.measurement import Record, prepare
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.design.designed import Design, Flown, Segment, rounded
-from wrenchgap.learn.design.manoeuvres import Limits, available, space, usual
+from wrenchgap.learn.design.manoeuvres import Limits, Task, available, space, usual
 from wrenchgap.learn.design.rehearsal import broken, lost_after, rehearse, rotor_use, tracking
 from wrenchgap.learn.design.screening import Piece, Screen
 from wrenchgap.learn.design.separability import (
     LEAST_SHARE,
     Separability,
-    imitation,
     measured_separation,
     nuisances,
     separability,
     sized,
+    thorough,
 )
+from wrenchgap.learn.process.train import Progress
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.moves import Move, Moves
 from wrenchgap.plant.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory_file import TrajectoryFile, dumps, loads
 from wrenchgap.plant.wrench_model import ModelEffect
-
-Report = Callable[[float, str], None]
 
 SEGMENT = 10.0
 """Length of a segment to aim for [s]."""
@@ -75,18 +75,16 @@ def design(
     model: Model,
     *,
     flights: Sequence[OpenFlight] = (),
-    records: Sequence[Record] = (),
     limits: Limits | None = None,
     duration: float = 30.0,
     also: Sequence[str] | None = None,
     seed: int = 0,
-    baseline: str = "the given logs",
-    progress: Report | None = None,
+    progress: Progress | None = None,
 ) -> Design:
     """The flight of `duration` [s] that tells the effects `names` apart best, within `limits`.
 
     `also` are effects fitted along with each (see `learn.design.separability.nuisances`). Sizes of the effects: the
-    model's, else fitted on `flights` (or on `records`), else typical. Raises FitError for an effect that no flight of
+    model's, else fitted on `flights`, else typical. Raises FitError for an effect that no flight of
     this model can show, UsageError for a length or room in which nothing can be flown.
     """
     if len(set(names)) < 2:
@@ -94,10 +92,9 @@ def design(
     if not SHORTEST <= duration <= LONGEST:
         raise UsageError(f"--duration {duration:g}: expected {SHORTEST:g} to {LONGEST:g} s")
     report = progress or (lambda fraction, words: None)
-    group = tuple(dict.fromkeys(names))
-    known = [r for f in flights for r in f.records] or records
+    records = tuple(r for f in flights for r in f.records)
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
-        found = _Search(group, model, tuple(known), limits, duration, also, seed, report).run(baseline)
+        found = _Search(tuple(dict.fromkeys(names)), model, records, limits, duration, also, seed, report).run()
     return replace(found, flights=tuple(flights))
 
 
@@ -116,32 +113,31 @@ class _Search:
         duration: float,
         also: Sequence[str] | None,
         seed: int,
-        report: Report,
+        report: Progress,
     ) -> None:
-        self.model = model
+        self.model, self.records, self.duration, self.also = model, records, duration, also
+        self.seed, self.report = seed, report
         self.base = model.without([n for n in names if model.effect(n) is not None])
         self.limits = limits or usual(model.vehicle)
         self.room = space(model.vehicle, self.limits)
-        self.duration = duration
-        self.also = also
-        self.seed = seed
-        self.report = report
         self.count = max(1, round((duration - 2.0 * REST) / SEGMENT))
         self.length = GRID * float(np.floor((duration - 2.0 * REST) / self.count / GRID))
         self.manoeuvres = available(self.room)
         self.pieces: dict[Segment, Piece] = {}
         self.tried = 0
-        self.records = records
         self._applicable(names)
         data = dataset(records, self.base) if records else None
         self.effects = tuple(self._sized(n, data) for n in names)
         self.floor = None if data is None else residual_floor(data, self.base, names, also)
         self.screen = Screen(self.base, self.effects, nuisances(also, names, self.base), self.floor)
 
+    def _path(self, duration: float, moves: Sequence[Move] = ()) -> Moves:
+        return Moves(duration, self.room.home, tuple(moves), not self.room.tilts)
+
     def _sized(self, name: str, data: Dataset | None) -> ModelEffect:
         """The model's, else fitted, else typical; halved while the vehicle cannot even hover with it."""
         effect = self.model.effect(name) or sized(name, self.base, data, also=self.also)
-        hover = Moves(HOVER, self.room.home, (), not self.room.tilts)
+        hover = self._path(HOVER)
         for _ in range(HALVED):
             if lost_after(self._flight(hover, effect), hover) is None:
                 break
@@ -150,7 +146,7 @@ class _Search:
 
     def _applicable(self, names: Sequence[str]) -> None:
         """FitError for effects that this model, or any flight that can be designed, cannot show."""
-        hover = rehearse(Moves(2.0, self.room.home, (), not self.room.tilts), self.base, self.limits).record
+        hover = rehearse(self._path(2.0), self.base, self.limits).record
         for name in names:
             if find(name).needs_voltage:
                 raise FitError(
@@ -161,18 +157,17 @@ class _Search:
             if reason is not None:
                 raise FitError(f"design: {reason}")
 
-    def run(self, baseline: str) -> Design:
+    def run(self) -> Design:
         """Search, check on the plant, and put together what a user should know."""
         file, segments, flown = self._fly(self._compose())
-        still = Moves(self.duration, self.room.home, (), not self.room.tilts)
         return Design(
             self.effects,
             file,
             segments,
             self.limits,
-            self._judge(self.records or [rehearse(still, self.base, self.limits, seed=self.seed).record]),
-            baseline if self.records else "hover",
-            self._judge([rehearse(file.trajectory, self.base, self.limits, seed=self.seed).record]),
+            self._judge(self.records or self._rehearsed(self._path(self.duration))),
+            "the given logs" if self.records else "hover",
+            self._judge(self._rehearsed(file.trajectory)),
             flown,
             self.tried,
             self.base,
@@ -184,7 +179,7 @@ class _Search:
         chosen: tuple[Segment, ...] = ()
         best = 0.0
         for number in range(self.count):
-            if number == HOPELESS and self._screened(chosen).share < 0.3 * LEAST_SHARE:
+            if number == HOPELESS and self.screen.judge([self.pieces[s] for s in chosen]).share < 0.3 * LEAST_SHARE:
                 break
             merits = [self._merit((*chosen, s), 0.2 + 0.3 * number / self.count) for s in flyable]
             chosen = (*chosen, flyable[int(np.argmax(merits))])
@@ -205,40 +200,37 @@ class _Search:
         found: list[Segment] = []
         for number, name in enumerate(self.manoeuvres):
             self.report(0.2 * number / len(self.manoeuvres), f"trying {name}")
-            seen: list[list[Move]] = []
+            seen: list[Sequence[Move]] = []
             for azimuth in AZIMUTHS:
                 for vigour in VIGOURS:
                     segment = Segment(name, vigour, float(azimuth))
                     moves = self._moves(segment)
                     if moves in seen:
                         break
-                    if moves is not None and self._piece(segment, moves) is not None:
+                    if moves is not None and self._keeps(segment, moves):
                         seen.append(moves)
                         found.append(segment)
                         break
         return found
 
-    def _moves(self, segment: Segment) -> list[Move] | None:
-        made, _ = self.manoeuvres[segment.name]
-        return made(self.length, self.room, segment.vigour, segment.azimuth)
+    def _moves(self, segment: Segment) -> Sequence[Move] | None:
+        return self.manoeuvres[segment.name](Task(self.length, self.room, segment.vigour, segment.azimuth))
 
-    def _piece(self, segment: Segment, moves: Sequence[Move]) -> Piece | None:
-        """The segment alone, open loop; None where it does not keep the limits."""
-        flight = Moves(self.length, self.room.home, tuple(moves), not self.room.tilts)
-        found = rehearse(flight, self.base, self.limits.tightened(), seed=self.seed)
-        if found.violations:
-            return None
-        self.pieces[segment] = self.screen.piece(found.record)
-        return self.pieces[segment]
-
-    def _screened(self, segments: Sequence[Segment]) -> Separability:
-        return self.screen.judge([self.pieces[s] for s in segments])
+    def _keeps(self, segment: Segment, moves: Sequence[Move]) -> bool:
+        """Whether the segment alone, open loop, keeps the limits; it then is one of the pieces."""
+        found = rehearse(self._path(self.length, moves), self.base, self.limits.tightened(), seed=self.seed)
+        if not found.violations:
+            self.pieces[segment] = self.screen.piece(found.record)
+        return not found.violations
 
     def _merit(self, segments: Sequence[Segment], done: float) -> float:
         """How well these segments, one after the other, separate the group."""
         self.tried += 1
         self.report(done, f"trying {', '.join(map(str, segments))}")
         return self.screen.merit([self.pieces[s] for s in segments])
+
+    def _rehearsed(self, trajectory: Moves) -> list[Record]:
+        return [rehearse(trajectory, self.base, self.limits, seed=self.seed).record]
 
     def _judge(self, records: Sequence[Record]) -> Separability:
         return separability(records, self.base, *self.effects, also=self.also, floor=self.floor)
@@ -279,12 +271,11 @@ class _Search:
         for k, segment in enumerate(segments):
             start = REST + k * self.length
             moves += [replace(m, start=m.start + start) for m in self._moves(segment) or []]
-        names = [e.name for e in self.effects]
-        plan = Moves(self.duration, self.room.home, tuple(map(rounded, moves)), not self.room.tilts)
-        return loads(dumps(TrajectoryFile("_or_".join(names), plan, self.model.vehicle.name)))
+        plan = self._path(self.duration, [rounded(m) for m in moves])
+        return loads(dumps(TrajectoryFile("_or_".join(e.name for e in self.effects), plan, self.model.vehicle.name)))
 
     def _flight(self, trajectory: Moves, truth: ModelEffect | None = None) -> Flight:
-        hidden = self.base.with_effects([*self.base.effects, *([] if truth is None else [truth])])
+        hidden = self.base if truth is None else self.base.with_effects([*self.base.effects, truth])
         rng = np.random.default_rng(self.seed)
         return simulate(hidden, self.base, trajectory, rng=rng, physics_rate=physics_rate(self.base))
 
@@ -293,16 +284,9 @@ class _Search:
         others = [e.name for e in self.effects if e.name != truth.name]
         found = {n: measured_separation(data, self.base, truth.name, n, self.also) for n in others}
         assert flight.odometry is not None
-        velocity = flight.odometry.velocity_E
-        assert velocity is not None
-        return Flown(
-            truth.name,
-            found,
-            float(so3.tilt_angle(flight.odometry.quat_EB).max()),
-            float(np.linalg.norm(velocity, axis=1).max()),
-            rotor_use(flight, self.model),
-            *tracking(flight, trajectory),
-        )
+        tilt = float(so3.tilt_angle(flight.odometry.quat_EB).max())
+        speed = float(np.linalg.norm(np.asarray(flight.odometry.velocity_E), axis=1).max())
+        return Flown(truth.name, found, tilt, speed, rotor_use(flight, self.model), *tracking(flight, trajectory))
 
 
 def residual_floor(data: Dataset, base: Model, names: Sequence[str], also: Sequence[str] | None = None) -> Array:
@@ -310,7 +294,6 @@ def residual_floor(data: Dataset, base: Model, names: Sequence[str], also: Seque
 
     On the next flight of that vehicle not much less will be left.
     """
-    along = nuisances(also, names, base)
-    left = [imitation(data, base, data.measured, n, along).residual for n in names]
-    best = min(left, key=lambda r: float(np.sum((r * data.weights) ** 2)))
-    return np.asarray(np.maximum(np.sqrt(np.mean(best**2, axis=0)), data.noise))
+    left = [thorough(data, base, n, nuisances(also, names, base)).residual for n in names]
+    best = min(left, key=lambda r: energy(r, data.weights))
+    return np.asarray(np.maximum(rms(best), data.noise))

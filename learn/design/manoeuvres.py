@@ -8,7 +8,7 @@ a height scan shows the ground.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,8 +71,7 @@ def usual(vehicle: Vehicle) -> Limits:
 
 def extent(vehicle: Vehicle) -> float:
     """From the body origin to the tip of the farthest rotor [m]."""
-    radius = 0.0 if vehicle.rotors is None else float(vehicle.rotors.radius.max())
-    return span(vehicle) + radius
+    return span(vehicle) + (0.0 if vehicle.rotors is None else float(vehicle.rotors.radius.max()))
 
 
 @dataclass(frozen=True)
@@ -104,43 +103,51 @@ def space(vehicle: Vehicle, limits: Limits) -> Space:
             f"{' x '.join(f'{side:g}' for side in limits.room)} m leaves no place to tilt; give a larger --room or a "
             "smaller --max-tilt"
         )
-    height = float(np.clip(min(HOME_HEIGHT, 0.5 * limits.room[2]), lowest, highest))
-    height = round(height, 2)
+    height = round(float(np.clip(min(HOME_HEIGHT, 0.5 * limits.room[2]), lowest, highest)), 2)
     acceleration = ACCELERATION if tilts else min(ACCELERATION, GRAVITY * float(np.tan(0.8 * inside.tilt)))
-    level = CLEARANCE + 0.1
-    return Space(
-        (0.0, 0.0, height),
-        x,
-        y,
-        height - level,
-        highest - height,
-        0.98 * inside.tilt,
-        inside.speed,
-        acceleration,
-        tilts,
-    )
+    down, up = height - (CLEARANCE + 0.1), highest - height
+    return Space((0.0, 0.0, height), x, y, down, up, 0.98 * inside.tilt, inside.speed, acceleration, tilts)
 
 
-Manoeuvre = Callable[[float, Space, float, float], list[Move] | None]
-"""(length [s], space, vigour, azimuth [rad]) -> moves that start at zero, or None where it cannot be flown."""
+@dataclass(frozen=True)
+class Task:
+    """What a manoeuvre is to fill: `length` [s] of a space, with a vigour (0 to 1), turned by an azimuth [rad]."""
 
-SEEDED = ("slow shake", "fast shake", "yaw shake")
-"""Manoeuvres whose azimuth only means other phases."""
-_FREE: dict[str, tuple[Manoeuvre, str]] = {}
-_ANY: dict[str, tuple[Manoeuvre, str]] = {}
+    length: float
+    room: Space
+    vigour: float
+    azimuth: float
 
+    def tilt(self, start: float, length: float, azimuth: float = 0.0, sweep: float = 0.0) -> Tilt:
+        """A tilt that is held, as far as vigour and space allow, `azimuth` from the task's."""
+        angle = self.vigour * self.room.tilt
+        return Tilt(start, length, angle, self.azimuth + azimuth, _ramp(angle, length), sweep)
 
-def _manoeuvre(name: str, words: str, tilts: bool = False) -> Callable[[Manoeuvre], Manoeuvre]:
-    def register(made: Manoeuvre) -> Manoeuvre:
-        (_FREE if tilts else _ANY)[name] = (made, words)
-        return made
+    def swing(self, by: Array, phase: float = 0.0, fade: float = 2.0) -> list[Swing] | None:
+        """An oscillation along `by` (3,) [m], at most by that much, as fast as speed and acceleration allow.
 
-    return register
+        Smaller where it would not come round `ROUNDS` times.
+        """
+        fastest, hardest = 0.9 * self.vigour * self.room.speed, 0.8 * self.vigour * self.room.acceleration
+        far, slowest = float(np.linalg.norm(by)), self.length / ROUNDS / TURN
+        size = min(far, fastest * slowest, hardest * slowest**2)
+        if size < 0.05:
+            return None
+        period = TURN * max(size / fastest, np.sqrt(size / hardest))
+        x, y, z = (float(v) for v in size / far * by)
+        return [Swing(0.0, self.length, (x, y, z), float(period), phase, min(fade, self.length / 3.0))]
 
+    def shake(
+        self, size: float, angle_deg: float, low: float, high: float, axes: tuple[str, ...] = (), ramp: float = 1.0
+    ) -> Shake:
+        """Broadband motion of `axes` (default all) from `low` to `high` [Hz]; `size` [m], `angle_deg` at full vigour.
 
-def available(room: Space) -> dict[str, tuple[Manoeuvre, str]]:
-    """The manoeuvres for a vehicle, by name, each with what it is."""
-    return {**_ANY, **_FREE} if room.tilts else dict(_ANY)
+        Another azimuth means other phases.
+        """
+        known = axes or (SHAKEN if self.room.tilts else ("x", "y", "z", "yaw"))
+        size, angle = self.vigour * size, self.vigour * np.radians(angle_deg)
+        seed = round(float(np.degrees(self.azimuth))) % 360
+        return Shake(0.0, self.length, size, angle, low, high, known, ramp, seed)
 
 
 def _ramp(angle: float, length: float, acceleration: float = 1.6) -> float:
@@ -148,136 +155,82 @@ def _ramp(angle: float, length: float, acceleration: float = 1.6) -> float:
     return float(min(np.sqrt(QUINTIC_ACCELERATION * angle / acceleration), length / 3.0))
 
 
-def _tilt(start: float, length: float, angle: float, azimuth: float, sweep: float = 0.0) -> Tilt:
-    return Tilt(start, length, angle, azimuth, _ramp(angle, length), sweep)
+def _rush(task: Task) -> Sequence[Move] | None:
+    towards = np.array([np.cos(task.azimuth), np.sin(task.azimuth), 0.0])
+    reach = min(task.room.x / max(abs(towards[0]), 1e-9), task.room.y / max(abs(towards[1]), 1e-9))
+    return task.swing(reach * towards)
 
 
-def _swing(length: float, room: Space, vigour: float, by: Array, phase: float = 0.0, fade: float = 2.0) -> Swing | None:
-    """An oscillation along `by` (3,) [m], at most by that much, as fast as speed and acceleration allow.
+def _circle(task: Task) -> Sequence[Move] | None:
+    across, along, _ = 0.9 * min(task.room.x, task.room.y) * np.eye(3)
+    x, y = task.swing(across, 0.0, 4.0), task.swing(along, 0.5 * np.pi, 4.0)
+    return None if x is None or y is None else [*x, *y]
 
-    Smaller where it would not come round `ROUNDS` times.
-    """
-    fastest, hardest, slowest = 0.9 * vigour * room.speed, 0.8 * vigour * room.acceleration, length / ROUNDS / TURN
-    far = float(np.linalg.norm(by))
-    size = min(far, fastest * slowest, hardest * slowest**2)
-    if size < 0.05:
+
+def _with(moves: Sequence[Move] | None, *more: Move) -> Sequence[Move] | None:
+    return None if moves is None else [*moves, *more]
+
+
+def _scan(task: Task) -> Sequence[Move] | None:
+    depth = (0.8 + 0.2 * task.vigour) * task.room.down
+    ramp = max(1.875 * depth / (0.9 * task.vigour * task.room.speed), 0.35 * task.length)
+    if depth < 0.2 or ramp > 0.5 * task.length:
         return None
-    period = TURN * max(size / fastest, np.sqrt(size / hardest))
-    x, y, z = (float(v) for v in size / far * by)
-    return Swing(0.0, length, (x, y, z), float(period), phase, min(fade, length / 3.0))
+    return [Shift(0.0, task.length, (0.0, 0.0, -depth), ramp)]
 
 
-@_manoeuvre("hover", "stand still")
-def _hover(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    return []
+def _lean_turn(task: Task) -> Sequence[Move]:
+    tilt = task.tilt(0.0, task.length)
+    return [tilt, Turn(0.5 * tilt.ramp, task.length - tilt.ramp, TURN)]
 
 
-@_manoeuvre("turn", "a full turn of yaw while level")
-def _turn(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    return [Turn(0.0, length, 2.0 * np.pi)]
-
-
-@_manoeuvre("rush", "to and fro at speed")
-def _rush(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    towards = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    reach = min(room.x / max(abs(towards[0]), 1e-9), room.y / max(abs(towards[1]), 1e-9))
-    swing = _swing(length, room, vigour, reach * towards)
-    return None if swing is None else [swing]
-
-
-@_manoeuvre("circle", "a circle at speed")
-def _circle(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    radius = 0.9 * min(room.x, room.y)
-    axes = (np.array([radius, 0.0, 0.0]), np.array([0.0, radius, 0.0]))
-    phases = (0.0, 0.5 * np.pi)
-    swings = [_swing(length, room, vigour, by, phase, 4.0) for by, phase in zip(axes, phases, strict=True)]
-    return None if any(s is None for s in swings) else [s for s in swings if s is not None]
-
-
-@_manoeuvre("circle and turn", "a circle at speed with a full turn of yaw")
-def _circle_turn(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    circle = _circle(length, room, vigour, azimuth)
-    return None if circle is None else [*circle, Turn(0.0, length, 2.0 * np.pi)]
-
-
-@_manoeuvre("heave", "up and down, thrust above and below the weight")
-def _heave(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    swing = _swing(length, room, vigour, np.array([0.0, 0.0, min(0.5, room.down, room.up)]))
-    return None if swing is None else [swing]
-
-
-@_manoeuvre("height scan", "down to the floor and back")
-def _scan(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    depth = (0.8 + 0.2 * vigour) * room.down
-    ramp = max(1.875 * depth / (0.9 * vigour * room.speed), 0.35 * length)
-    if depth < 0.2 or ramp > 0.5 * length:
-        return None
-    return [Shift(0.0, length, (0.0, 0.0, -depth), ramp)]
-
-
-@_manoeuvre("slow shake", "all axes at once, 0.1 to 1.4 Hz")
-def _shake(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    size = vigour * min(0.1, 0.5 * room.x, 0.5 * room.y)
-    axes = SHAKEN if room.tilts else ("x", "y", "z", "yaw")
-    return [Shake(0.0, length, size, vigour * np.radians(8.0), 0.1, 1.4, axes, min(2.0, length / 4.0), _seed(azimuth))]
-
-
-@_manoeuvre("fast shake", "all axes at once, 1 to 4 Hz")
-def _fast_shake(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    axes = SHAKEN if room.tilts else ("x", "y", "z", "yaw")
-    return [Shake(0.0, length, vigour * 0.02, vigour * np.radians(3.0), 1.0, 4.0, axes, 1.0, _seed(azimuth))]
-
-
-@_manoeuvre("yaw shake", "yaw alone, 0.3 to 2.5 Hz")
-def _yaw_shake(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    return [Shake(0.0, length, 0.0, vigour * np.radians(15.0), 0.3, 2.5, ("yaw",), 1.0, _seed(azimuth))]
-
-
-@_manoeuvre("lean", "a tilt that is held", tilts=True)
-def _lean(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    return [_tilt(0.0, length, vigour * room.tilt, azimuth)]
-
-
-@_manoeuvre("lean both ways", "tilts to opposite sides", tilts=True)
-def _both(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    half, angle = 0.5 * length, vigour * room.tilt
-    return [_tilt(0.0, half, angle, azimuth), _tilt(half, half, angle, azimuth + np.pi)]
-
-
-@_manoeuvre("lean all round", "a tilt whose azimuth goes once round while the heading stays", tilts=True)
-def _all_round(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    return [_tilt(0.0, length, vigour * room.tilt, azimuth, 2.0 * np.pi)]
-
-
-@_manoeuvre("lean and turn", "a full turn of yaw while tilted", tilts=True)
-def _lean_turn(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    tilt = _tilt(0.0, length, vigour * room.tilt, azimuth)
-    return [tilt, Turn(0.5 * tilt.ramp, length - tilt.ramp, 2.0 * np.pi)]
-
-
-@_manoeuvre("tilt steps", "quick tilts in four directions", tilts=True)
-def _steps(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    each, angle = length / 4.0, min(0.5 * room.tilt, np.radians(25.0)) * vigour
+def _steps(task: Task) -> Sequence[Move]:
+    each, angle = task.length / 4.0, min(0.5 * task.room.tilt, np.radians(25.0)) * task.vigour
     ramp = _ramp(angle, each, 8.0)
-    return [Tilt(k * each, each, angle, azimuth + 0.5 * np.pi * k, ramp) for k in range(4)]
+    return [Tilt(k * each, each, angle, task.azimuth + 0.5 * np.pi * k, ramp) for k in range(4)]
 
 
-@_manoeuvre("lean and shake", "all axes at once, 0.3 to 3 Hz, while tilted", tilts=True)
-def _lean_shake(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    shake = Shake(0.0, length, vigour * 0.03, vigour * np.radians(4.0), 0.3, 3.0, SHAKEN, 1.0, _seed(azimuth))
-    angle = max(vigour * room.tilt - np.radians(6.0), np.radians(5.0))
-    return [_tilt(0.0, length, angle, azimuth), shake]
+def _lean_shake(task: Task) -> Sequence[Move]:
+    angle = max(task.vigour * task.room.tilt - np.radians(6.0), np.radians(5.0))
+    tilt = Tilt(0.0, task.length, angle, task.azimuth, _ramp(angle, task.length), 0.0)
+    return [tilt, task.shake(0.03, 4.0, 0.3, 3.0)]
 
 
-@_manoeuvre("lean and rush", "to and fro at speed while tilted", tilts=True)
-def _lean_rush(length: float, room: Space, vigour: float, azimuth: float) -> list[Move] | None:
-    rush = _rush(length, room, vigour, azimuth)
-    return None if rush is None else [*rush, _tilt(0.0, length, vigour * room.tilt, azimuth)]
+SEEDED = ("slow shake", "fast shake", "yaw shake")
+"""Manoeuvres whose azimuth only means other phases."""
+Manoeuvre = Callable[[Task], Sequence[Move] | None]
+"""Moves that start at zero, or None where it cannot be flown."""
+_ANY: dict[str, Manoeuvre] = {
+    "hover": lambda task: [],
+    "turn": lambda task: [Turn(0.0, task.length, TURN)],  # yaw, while level
+    "rush": _rush,  # to and fro at speed
+    "circle": _circle,  # at speed
+    "circle and turn": lambda task: _with(_circle(task), Turn(0.0, task.length, TURN)),
+    # up and down, thrust above and below the weight
+    "heave": lambda task: task.swing(np.array([0.0, 0.0, min(0.5, task.room.down, task.room.up)])),
+    "height scan": _scan,  # down to the floor and back
+    "slow shake": lambda task: [
+        task.shake(min(0.1, 0.5 * task.room.x, 0.5 * task.room.y), 8.0, 0.1, 1.4, ramp=min(2.0, task.length / 4.0))
+    ],
+    "fast shake": lambda task: [task.shake(0.02, 3.0, 1.0, 4.0)],
+    "yaw shake": lambda task: [task.shake(0.0, 15.0, 0.3, 2.5, ("yaw",))],
+}
+_FREE: dict[str, Manoeuvre] = {  # for vehicles that tilt as they like
+    "lean": lambda task: [task.tilt(0.0, task.length)],  # a tilt that is held
+    # tilts to opposite sides
+    "lean both ways": lambda task: [task.tilt(k * 0.5 * task.length, 0.5 * task.length, k * np.pi) for k in (0, 1)],
+    # a tilt whose azimuth goes once round while the heading stays
+    "lean all round": lambda task: [task.tilt(0.0, task.length, sweep=TURN)],
+    "lean and turn": _lean_turn,  # a full turn of yaw while tilted
+    "tilt steps": _steps,  # quick, in four directions
+    "lean and shake": _lean_shake,
+    "lean and rush": lambda task: _with(_rush(task), task.tilt(0.0, task.length)),
+}
 
 
-def _seed(azimuth: float) -> int:
-    """Another azimuth means other phases."""
-    return round(float(np.degrees(azimuth))) % 360
+def available(room: Space) -> dict[str, Manoeuvre]:
+    """The manoeuvres for a vehicle, by name."""
+    return {**_ANY, **_FREE} if room.tilts else dict(_ANY)
 
 
 def violations(

@@ -32,20 +32,17 @@ class Rehearsal:
     violations: tuple[str, ...]
 
 
-def rehearse(
-    trajectory: Trajectory, model: Model, limits: Limits, *, rate_hz: float = RATE, seed: int = 0
-) -> Rehearsal:
+def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int = 0) -> Rehearsal:
     """What a vehicle that tracks perfectly commands and measures, with the model's sensor noise.
 
     Actuators may go to the share `USE` of their limits.
     """
-    time = np.arange(round(trajectory.duration * rate_hz)) / rate_hz
+    time = np.arange(round(trajectory.duration * RATE)) / RATE
     r = trajectory.at(time)
     state = State(time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D)
-    vehicle, dt = model.vehicle, 1.0 / rate_hz
-    wrench, _ = evaluate(
-        model.controller, vehicle.body, state, r, np.zeros_like(r.omega_D), along_z=pushes_along_z_only(vehicle)
-    )
+    vehicle, dt = model.vehicle, 1.0 / RATE
+    along_z, rest = pushes_along_z_only(vehicle), np.zeros_like(r.omega_D)
+    wrench, _ = evaluate(model.controller, vehicle.body, state, r, rest, along_z=along_z)
     commands, beyond = Commands(wrench), []
     if vehicle.has_rotors:
         allocation = Allocation(vehicle)
@@ -55,7 +52,7 @@ def rehearse(
         if missing > 0.02 * np.linalg.norm(about_O[:, :3], axis=1).max():
             beyond.append("asks for a force that the rotors cannot make")
     beyond += violations(vehicle, limits, r.position_E, r.quat_ED, r.velocity_E, commands, dt, USE)
-    noise = imu_errors(replace(model.sensors, imu_rate_hz=rate_hz), len(time), np.random.default_rng(seed))
+    noise = imu_errors(replace(model.sensors, imu_rate_hz=RATE), len(time), np.random.default_rng(seed))
     motion = model.wrench_model.motion(model.wrench_model.actuate(commands, state, dt)[0], state.omega_B)
     samples = Samples(
         "rehearsal",
@@ -100,10 +97,9 @@ def broken(flight: Flight, trajectory: Trajectory, model: Model, limits: Limits,
     assert odometry.velocity_E is not None
     commands, dt = Commands(np.zeros((0, 6))), 1.0
     if actuators is not None and believed:
-        commands = Commands(np.zeros((0, 6)), actuators.tilt, actuators.rotor_speed)
-        dt = actuators.period
-    velocity = odometry.velocity_E
-    found = violations(model.vehicle, limits, odometry.position_E, odometry.quat_EB, velocity, commands, dt)
+        commands, dt = replace(commands, tilt=actuators.tilt, rotor_speed=actuators.rotor_speed), actuators.period
+    motion = (odometry.position_E, odometry.quat_EB, odometry.velocity_E)
+    found = violations(model.vehicle, limits, *motion, commands, dt)
     position, attitude = tracking(flight, trajectory) if believed else (0.0, 0.0)
     if position > LARGEST_ERROR[0]:
         found.append(f"is {position:.2f} m from the reference, allowed are {LARGEST_ERROR[0]:g} m")

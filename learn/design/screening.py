@@ -94,17 +94,13 @@ class Screen:
         directions: list[Direction] = []
         for truth in self.effects:
             added = np.concatenate([p.added[truth.name] for p in pieces])
-            for other in self.effects:
-                if other is truth:
-                    continue
-                if not visible(data, added):
-                    directions.append(nothing(data, self.base, truth.name, other.name))
-                    continue
-                left = self._left(data, pieces, added, other)
-                directions.append(direction(data, self.base, truth.name, other.name, added, left, sensor))
-        return Separability(
-            tuple(e.name for e in self.effects), sum(len(p.record) for p in pieces) * _step(data), tuple(directions)
-        )
+            for other in (e for e in self.effects if e is not truth):
+                pair = (data, self.base, truth.name, other.name)
+                shown = visible(data, added)
+                left = self._left(data, pieces, added, other) if shown else added
+                directions.append(direction(*pair, added, left, sensor) if shown else nothing(*pair))
+        seconds = sum(len(p.record) for p in pieces) * data.records[0].dt_kept
+        return Separability(tuple(e.name for e in self.effects), seconds, tuple(directions))
 
     def _left(self, data: Dataset, pieces: Sequence[Piece], added: Array, imitator: ModelEffect) -> Array:
         """What the imitator leaves of `added` (K, 6), alone or with the nuisance: whichever leaves less to see."""
@@ -138,8 +134,3 @@ def _bounded(J: Array, target: Array, sizes: Array, bounds: tuple[Array, Array])
     low, high = (b / sizes for b in bounds)
     found = lsq_linear(L.T, aim, bounds=(low - 1e-9, high + 1e-9), method="bvls")
     return np.asarray(found.x * sizes)
-
-
-def _step(data: Dataset) -> float:
-    first = data.records[0]
-    return first.dt * (first.keep.step or 1)

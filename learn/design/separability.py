@@ -145,8 +145,8 @@ def nuisances(also: Sequence[str] | None, names: Sequence[str], base: Model) -> 
 
     What is in the group or in the model is none.
     """
-    usual = () if not set(names) & set(LAGS) else LAGS
-    chosen = [a for a in NUISANCE if a not in usual] if also is None else also
+    hidden = LAGS if set(names) & set(LAGS) else ()
+    chosen = [a for a in NUISANCE if a not in hidden] if also is None else also
     return tuple(a for a in chosen if a not in names and base.effect(a) is None)
 
 
@@ -182,7 +182,7 @@ def separability(
             directions += [nothing(every, base, truth.name, n) for n in others]
             continue
         for name in others:
-            left = imitation(every, base, target, name, along).residual
+            left = thorough(replace(every, measured=target), base, name, along).residual
             directions.append(direction(every, base, truth.name, name, added, left, sensor))
     step = records[0].dt_kept
     return Separability(tuple(names), sum(len(r) for r in records) * step, tuple(directions))
@@ -196,6 +196,7 @@ def direction(
     `sensor` as in `expected_separation`.
     """
     imitated = added - left
+    few, many = (len(find(name).parameters(base.vehicle)) for name in (truth, imitator))
     a, b = (part * data.weights for part in (added, imitated))
     size = max(float(np.linalg.norm(a)), 1e-30)
     return Direction(
@@ -208,7 +209,7 @@ def direction(
         float(np.linalg.norm(left * data.weights)) / size,
         visibility(left, data.noise),
         expected_separation(data, left, sensor),
-        _rival(base, truth, imitator),
+        comparable(few, many),
         (added, imitated),
     )
 
@@ -220,31 +221,8 @@ def visible(data: Dataset, added: Array) -> bool:
 
 def nothing(data: Dataset, base: Model, truth: str, imitator: str) -> Direction:
     """A direction whose truth does not show on this flight."""
-    zero, none = np.zeros(6), np.zeros_like(data.measured)
-    return Direction(
-        truth,
-        imitator,
-        zero,
-        zero,
-        data.noise,
-        float("nan"),
-        0.0,
-        0.0,
-        0.0,
-        _rival(base, truth, imitator),
-        (none, none),
-    )
-
-
-def _rival(base: Model, truth: str, imitator: str) -> bool:
-    """Whether an imitator is simple enough to be named instead of the truth."""
-    few, many = (len(find(n).parameters(base.vehicle)) for n in (truth, imitator))
-    return comparable(few, many)
-
-
-def imitation(data: Dataset, base: Model, target: Array, imitator: str, also: Sequence[str] = ()) -> Fit:
-    """The best that `imitator` can do for a measurement `target` (K, 6), together with what is fitted along."""
-    return thorough(replace(data, measured=target), base, imitator, also)
+    none = np.zeros_like(data.measured)
+    return replace(direction(data, base, truth, imitator, none, none), cosine=float("nan"))
 
 
 def thorough(data: Dataset, base: Model, name: str, also: Sequence[str] = ()) -> Fit:
@@ -325,8 +303,7 @@ def sized(name: str, model: Model, data: Dataset | None = None, *, also: Sequenc
         return known
     if data is None:
         return typical(name, model)
-    along = nuisances(also, (name,), model)
-    best = imitation(data, model, data.measured, name, along)
+    best = thorough(data, model, name, nuisances(also, (name,), model))
     found = next(e for e in best.effects if e.name == name)
     scale = np.array([p.scale for p in find(name).parameters(model.vehicle)])
     return found if np.any(np.abs(found.theta) > 0.1 * scale) else typical(name, model)

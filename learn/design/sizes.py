@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects import Parameter, find
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 
@@ -31,8 +31,4 @@ def typical(name: str, model: Model) -> ModelEffect:
         first = parameters[0]
         theta = np.zeros(len(parameters))
         theta[0] = 2.0 * first.scale * (-1.0 if abs(first.low) > abs(first.high) else 1.0)
-    return ModelEffect(effect, np.array([_within(v, p) for v, p in zip(theta, parameters, strict=True)]))
-
-
-def _within(value: float, parameter: Parameter) -> float:
-    return float(np.clip(value, parameter.low, parameter.high))
+    return ModelEffect(effect, np.clip(theta, [p.low for p in parameters], [p.high for p in parameters]))

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -101,7 +101,7 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
     if shape is None:
         return Response(name, replace(found, seconds=None, std=None, interval=None, problem=Problem.FEEDBACK))
 
-    def rms(square: Callable[[Record], float]) -> float:
+    def rms(square: Callable[[Record], np.floating[Any]]) -> float:
         """Of all samples, from the mean square of each record."""
         return float(np.sqrt(np.average([square(r) for r in records], weights=[len(r) for r in records])))
 

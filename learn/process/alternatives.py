@@ -23,12 +23,11 @@ from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.process.calibration import BLOCKS
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.train import left_out_errors
+from wrenchgap.learn.process.train import Progress, left_out_errors
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 
 Inputs = Callable[[tuple[str, ...]], Array]
 """Groups of inputs -> all inputs (M, D). Raises FitError for a group that the logs do not have."""
-Progress = Callable[[float, str], None]
 
 WORTH_IT = 0.1
 """Least gain worth an input that has to be known in flight, or another inference."""
@@ -93,7 +92,7 @@ class _Trials:
 
     def choice(self, settings: FitSettings, against: FitSettings) -> Alternative:
         """One against another, both fitted."""
-        scale = np.sqrt(np.mean(self.outputs**2, axis=0)) + 1e-12
+        scale = rms(self.outputs) + 1e-12
         error = self.errors[settings]
         gain, t = _gain(self.errors[against] / scale, error / scale)
         return Alternative(settings, rms(error), gain, t)
@@ -106,11 +105,7 @@ class _Trials:
 
 
 def compare_alternatives(
-    inputs: Inputs,
-    outputs: Array,
-    names: tuple[str, ...],
-    asked: FitSettings,
-    progress: Progress | None = None,
+    inputs: Inputs, outputs: Array, names: tuple[str, ...], asked: FitSettings, progress: Progress | None = None
 ) -> Alternatives:
     """Whether other inputs or the other inference would predict mismatches (M, L) named `names` better than `asked`.
 
@@ -120,12 +115,11 @@ def compare_alternatives(
     if not trials.fit(asked):
         return Alternatives((), asked)
     best = asked
-    while True:
+    before = None
+    while best != before:
+        before = best
         more = [replace(best, inputs=(*best.inputs, name)) for name in COLUMNS if name not in best.inputs]
-        better = trials.better(best, more)
-        if better == best:
-            break
-        best = better
+        best = trials.better(best, more)
     best = trials.better(best, [replace(best, inference="sparse" if best.inference == "exact" else "exact")])
     return Alternatives(tuple(trials.choice(s, asked) for s in trials.errors), best)
 

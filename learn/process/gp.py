@@ -186,8 +186,7 @@ class GaussianProcess:
         expected = len(AXES) + len(mismatch_inputs.columns(self.settings.inputs))
         if self.settings.inputs and self.inputs.shape[1] != expected:
             raise FitError(f"GP: {self.inputs.shape[1]} inputs, expected {expected} of the command and its settings")
-        positive = ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance", "sigma_scale")
-        for name in positive:
+        for name in ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance", "sigma_scale"):
             if (getattr(self, name) <= 0).any():
                 raise FitError(f"GP: {name} must be positive, got {getattr(self, name).min():g}")
         object.__setattr__(self, "_factors", self._factor())
@@ -313,9 +312,8 @@ class GaussianProcess:
                 raise FitError(
                     f"GP: kernel matrix of {self.outputs[index]} is not positive definite; refit with more noise"
                 ) from None
-            whitener = solve_triangular(factor, eye, lower=True)
-            whiteners.append(whitener)
-            alphas.append(whitener.T @ (whitener @ self.residuals[:, index]))
+            whiteners.append(solve_triangular(factor, eye, lower=True))
+            alphas.append(whiteners[-1].T @ (whiteners[-1] @ self.residuals[:, index]))
         return _Factors(points, squares, alpha=np.array(alphas), whitener=np.array(whiteners))
 
 
@@ -337,8 +335,7 @@ class Following:
                 f"this GP has inputs besides the commanded wrench ({', '.join(self._names)}): give the state to "
                 "Compensator.step(wrench_des, state)"
             )
-        sent = np.zeros(len(AXES)) if self._sent is None else self._sent
-        memory = self._memory if self._sent is not None else None
+        sent, memory = (np.zeros(len(AXES)), None) if self._sent is None else (self._sent, self._memory)
         extra, self._memory = mismatch_inputs.extra_inputs(self._names, sent[None], state, self._dt, memory)
         return self._gp.given(extra[0])
 
@@ -391,6 +388,4 @@ class _Given:
 
 def _blockwise(function: Callable[[Array], Array], xi: Array) -> Array:
     """Apply `function` to at most BLOCK rows at a time."""
-    if len(xi) <= BLOCK:
-        return function(xi)
-    return np.concatenate([function(xi[start : start + BLOCK]) for start in range(0, len(xi), BLOCK)])
+    return np.concatenate([function(xi[start : start + BLOCK]) for start in range(0, max(len(xi), 1), BLOCK)])

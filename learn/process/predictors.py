@@ -65,7 +65,8 @@ def predictors(
             notes.append(WithoutEffects(label))
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)
-        base, learnt_on = _base_of(gp, [(model.nominal, NOMINAL), (model, name), *others])
+        candidates = [(model.nominal, NOMINAL), (model, name), *others]
+        base, learnt_on = next((c for c in candidates if content_hash(c[0]) == gp.provenance.model_hash), (None, ""))
         if base is None:
             notes.append(OtherPhysics(gp.provenance.physics))
         learnt = gp.provenance.cutoff_hz
@@ -76,17 +77,10 @@ def predictors(
     return found, notes
 
 
-def _base_of(gp: GaussianProcess, candidates: Sequence[tuple[Model, str]]) -> tuple[Model | None, str]:
-    """The model that a GP was learnt on, and its name; None and "" if it is not among them."""
-    return next((c for c in candidates if content_hash(c[0]) == gp.provenance.model_hash), (None, ""))
-
-
 def _fresh(name: str, taken: Sequence[Predictor]) -> str:
     """A name that no other predictor has."""
     names = {p.name for p in taken}
-    if name not in names:
-        return name
-    return next(f"{name} ({n})" for n in range(2, len(names) + 3) if f"{name} ({n})" not in names)
+    return next(new for new in (name, *(f"{name} ({n})" for n in range(2, len(names) + 3))) if new not in names)
 
 
 def _check_geometry(model: Model, other: Model) -> None:
@@ -95,12 +89,11 @@ def _check_geometry(model: Model, other: Model) -> None:
             f"{other.name}: is a model of {other.vehicle.name}, {model.name} is one of {model.vehicle.name}; only "
             "models of one vehicle can be compared (the name is vehicle.name)"
         )
-    sizes = [
-        (0 if v.arms is None else len(v.arms), 0 if v.rotors is None else len(v.rotors))
-        for v in (model.vehicle, other.vehicle)
-    ]
-    if sizes[0] != sizes[1]:
+    (arms, rotors), (others, spun) = (
+        [0 if part is None else len(part) for part in (v.arms, v.rotors)] for v in (model.vehicle, other.vehicle)
+    )
+    if (arms, rotors) != (others, spun):
         raise ModelError(
-            f"{other.name}: {sizes[1][0]} arms and {sizes[1][1]} rotors, {model.name} has {sizes[0][0]} and "
-            f"{sizes[0][1]}; only models of one vehicle can be compared"
+            f"{other.name}: {others} arms and {spun} rotors, {model.name} has {arms} and {rotors}; only models of one "
+            "vehicle can be compared"
         )

@@ -21,7 +21,7 @@ from scipy.linalg import cho_factor, cho_solve
 from wrenchgap.flight.flight import Array
 
 ITERATIONS = 120
-"""Of L-BFGS, from hyperparameters that an exact process on a few samples has found."""
+"""Of L-BFGS for a sparse process, from hyperparameters that an exact one on a few samples has found."""
 JITTER = 1e-6
 """Added to the diagonal of K_zz, relative to the signal's variance."""
 
@@ -41,23 +41,29 @@ class Kernel:
         return np.asarray(self.signal_variance * np.exp(-0.5 * np.maximum(square, 0.0)))
 
 
-def maximise(gpy: Any, x: Array, z: Array, inducing: Array, start: Kernel, bounds: dict[str, Any]) -> Kernel:
-    """Hyperparameters that maximise the bound for samples x (N, D), z (N,), from `start`, within `bounds`."""
+def maximise(
+    gpy: Any, x: Array, z: Array, start: Kernel, bounds: dict[str, Any], inducing: Array | None = None
+) -> tuple[float, Kernel]:
+    """Hyperparameters that maximise GPy's likelihood of samples x (N, D), z (N,), from `start`, within `bounds`.
+
+    With `inducing` inputs it is the bound of the sparse process. Its logarithm, -inf where that failed, and the kernel.
+    """
     kernel = gpy.kern.RBF(x.shape[1], variance=start.signal_variance, lengthscale=start.lengthscales, ARD=True)
-    model = gpy.models.SparseGPRegression(x, z[:, None], kernel, Z=inducing)
-    model.likelihood.variance[:] = start.noise_variance
-    model.inducing_inputs.fix(warning=False)
-    kernel.lengthscale.constrain_bounded(*bounds["lengthscale"], warning=False)
-    kernel.variance.constrain_bounded(*bounds["signal"], warning=False)
-    model.likelihood.variance.constrain_bounded(*bounds["noise"], warning=False)
+    if inducing is None:
+        model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=start.noise_variance)
+    else:
+        model = gpy.models.SparseGPRegression(x, z[:, None], kernel, Z=inducing)
+        model.likelihood.variance[:] = start.noise_variance
+        model.inducing_inputs.fix(warning=False)
+    noise = model.likelihood.variance
+    for parameter, name in ((kernel.lengthscale, "lengthscale"), (kernel.variance, "signal"), (noise, "noise")):
+        parameter.constrain_bounded(*bounds[name], warning=False)
     try:
-        model.optimize("lbfgsb", max_iters=ITERATIONS)
+        model.optimize("lbfgsb", max_iters=500 if inducing is None else ITERATIONS)
+        likelihood = float(np.squeeze(model.log_likelihood()))
     except (np.linalg.LinAlgError, FloatingPointError):
-        return start
-    found = Kernel(
-        np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), float(model.likelihood.variance[0])
-    )
-    return found if np.isfinite(model.log_likelihood()).all() else start
+        likelihood = -np.inf
+    return likelihood, Kernel(np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), float(noise[0]))
 
 
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:

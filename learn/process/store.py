@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
-from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 
 FORMAT = "wrenchgap Gaussian process"
@@ -56,7 +55,8 @@ def load(path: Path | str) -> GaussianProcess:
     try:
         with zipfile.ZipFile(path) as archive:
             metadata = _metadata(archive, path)
-            arrays = {Path(name).stem: _array(archive, name) for name in archive.namelist() if name.endswith(".npy")}
+            names = [name for name in archive.namelist() if name.endswith(".npy")]
+            arrays = {Path(n).stem: np.load(BytesIO(archive.read(n)), allow_pickle=False).astype(float) for n in names}
     except FileNotFoundError:
         raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
     except OSError as error:
@@ -66,7 +66,7 @@ def load(path: Path | str) -> GaussianProcess:
     try:
         return GaussianProcess(
             outputs=tuple(metadata["outputs"]),
-            settings=_settings(metadata["settings"]),
+            settings=FitSettings(**{**metadata["settings"], "inputs": tuple(metadata["settings"].get("inputs", ()))}),
             provenance=_provenance(metadata["provenance"]),
             **arrays,
         )
@@ -110,10 +110,6 @@ def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     return metadata
 
 
-def _array(archive: zipfile.ZipFile, name: str) -> Array:
-    return np.asarray(np.load(BytesIO(archive.read(name)), allow_pickle=False), dtype=float)
-
-
 def _provenance(entries: dict[str, Any]) -> Provenance:
     logs = tuple(LogSource(**log) for log in entries["logs"])
     return Provenance(**{**entries, "logs": logs, "warnings": tuple(map(_caution, entries.get("warnings", ())))})
@@ -125,10 +121,6 @@ def _caution(entry: str | dict[str, Any]) -> Caution:
         return Caution(CautionKind.SAID, text=entry)
     lists = {name: tuple(entry[name]) for name in ("axes", "before", "after")}
     return Caution(**{**entry, **lists, "kind": CautionKind(entry["kind"])})
-
-
-def _settings(entries: dict[str, Any]) -> FitSettings:
-    return FitSettings(**{**entries, "inputs": tuple(entries.get("inputs", ()))})
 
 
 def _line(error: Exception) -> str:

@@ -98,8 +98,7 @@ def _fasterpam(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
     """FasterPAM (Schubert and Rousseeuw 2021); one thread and a seed, so that it repeats."""
     import kmedoids
 
-    result = kmedoids.fasterpam(distance, count, random_state=seed, n_cpu=1)
-    return np.asarray(result.medoids, dtype=np.intp)
+    return np.asarray(kmedoids.fasterpam(distance, count, random_state=seed, n_cpu=1).medoids, dtype=np.intp)
 
 
 def _pyclustering(distance: NDArray[np.float32], count: int, seed: int) -> Indices:

@@ -11,7 +11,7 @@ import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any, get_args
 
@@ -30,19 +30,14 @@ from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
-LENGTHSCALE = (0.3, 20.0)
-SIGNAL_VARIANCE = (1e-3, 1e2)
-NOISE_VARIANCE = (1e-5, 2.0)
-"""Bounds of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
+BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0)}
+"""Of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
 
 TIE = 7.0
 """Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
 degrees of freedom, six lengthscales and a variance). Then the larger noise is believed: in six dimensions white noise
 is explained as well by a function with lengthscales shorter than the distance between samples, which predicts nothing.
 """
-
-
-BOUNDS = {"lengthscale": LENGTHSCALE, "signal": SIGNAL_VARIANCE, "noise": NOISE_VARIANCE}
 
 
 def fit(
@@ -99,14 +94,8 @@ def _fit(
     residuals = outputs / output_scale - _affine(x, coefficients)
 
     report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
-    kept = subsample(
-        inputs,
-        settings.points,
-        method=settings.method,
-        seed=settings.seed,
-        pre_thin=settings.pre_thin,
-        scale=settings.scale,
-    )
+    how = {name: getattr(settings, name) for name in ("method", "seed", "pre_thin", "scale")}
+    kept = subsample(inputs, settings.points, **how)
     seen, _ = _seen(inputs, settings)
     posterior = _Posterior(x, residuals, kept, seen, settings)
     for index, name in enumerate(names):
@@ -118,9 +107,7 @@ def _fit(
         input_scale=input_scale,
         output_scale=output_scale,
         mean_coefficients=coefficients,
-        lengthscales=np.array([one.lengthscales for one in posterior.kernels]),
-        signal_variance=np.array([one.signal_variance for one in posterior.kernels]),
-        noise_variance=np.array([one.noise_variance for one in posterior.kernels]),
+        **{f.name: np.array([getattr(k, f.name) for k in posterior.kernels]) for f in fields(Kernel)},
         sigma_training=np.zeros(len(names)),
         mismatch_max=np.abs(outputs).max(axis=0),
         settings=settings,
@@ -154,7 +141,8 @@ class _Posterior:
         kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
         if self.settings.inference == "sparse":
             with _quiet_gpy() as gpy:
-                kernel = sparse.maximise(gpy, x[self.seen], z[self.seen], x[self.kept], kernel, BOUNDS)
+                likelihood, found = sparse.maximise(gpy, x[self.seen], z[self.seen], kernel, BOUNDS, x[self.kept])
+            kernel = found if np.isfinite(likelihood) else kernel
         self.kernels.append(kernel)
 
     def content(self, usable: Mask) -> dict[str, Any]:
@@ -163,10 +151,8 @@ class _Posterior:
         found: dict[str, Any] = {"inputs": self.x[points], "residuals": self.residuals[points]}
         if self.settings.inference == "sparse":
             rows = self.seen[usable[self.seen]]
-            parts = [
-                sparse.posterior(kernel, self.x[rows], self.residuals[rows, index], self.x[points])
-                for index, kernel in enumerate(self.kernels)
-            ]
+            x, z, inducing = self.x[rows], self.residuals[rows], self.x[points]
+            parts = [sparse.posterior(kernel, x, z[:, i], inducing) for i, kernel in enumerate(self.kernels)]
             found["weights"], found["whitener"] = (np.array(part) for part in zip(*parts, strict=True))
         return found
 
@@ -183,22 +169,15 @@ def fit_linear(inputs: Array, outputs: Array, names: tuple[str, ...], *, slope: 
     coefficients, scale = _mean_function(x, outputs, "linear" if slope else "constant")
     gain = coefficients[:, 1:] * scale[:, None] / spread
     residual = outputs - _affine(x, coefficients) * scale
-    return LinearMismatch(
-        outputs=tuple(names),
-        offset=coefficients[:, 0] * scale - gain @ mean,
-        gain=gain,
-        sigma=residual.std(axis=0),
-    )
+    return LinearMismatch(tuple(names), coefficients[:, 0] * scale - gain @ mean, gain, residual.std(axis=0))
 
 
 def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> None:
     output_indices(tuple(names))
     if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
         raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
-    for what, value, known in (
-        ("mean", settings.mean, get_args(MeanKind)),
-        ("inference", settings.inference, get_args(Inference)),
-    ):
+    for what, kind in (("mean", MeanKind), ("inference", Inference)):
+        value, known = getattr(settings, what), get_args(kind)
         if value not in known:
             raise UsageError(f"fit: unknown {what} {value!r}; available: {', '.join(known)}")
     if settings.points < 2 or settings.restarts < 0:
@@ -242,34 +221,18 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
     The fixed starts believe in a smooth function with little noise, and in noise with little function.
     """
     rng = np.random.default_rng([settings.seed, index])
-    starts = [(np.full(x.shape[1], 2.0), 1.0, 0.05), (np.full(x.shape[1], 5.0), 0.1, 0.9)]
+    starts = [Kernel(np.full(x.shape[1], 2.0), 1.0, 0.05), Kernel(np.full(x.shape[1], 5.0), 0.1, 0.9)]
     for _ in range(settings.restarts):
         lengthscales = np.exp(rng.uniform(np.log(0.5), np.log(8.0), x.shape[1]))
-        starts.append((lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
+        starts.append(Kernel(lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
     with _quiet_gpy() as gpy:
-        found = [_search(gpy, x, z, *start) for start in starts]
+        found = [sparse.maximise(gpy, x, z, start, BOUNDS) for start in starts]
     usable = [one for one in found if np.isfinite(one[0])]
     if not usable:
         raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
     best = max(likelihood for likelihood, _ in usable)
     equal = [kernel for likelihood, kernel in usable if likelihood > best - TIE]
     return max(equal, key=lambda kernel: kernel.noise_variance)
-
-
-def _search(gpy: Any, x: Array, z: Array, lengthscales: Array, signal: float, noise: float) -> tuple[float, Kernel]:
-    """One L-BFGS search of GPy: log likelihood, -inf where it failed, and kernel."""
-    kernel = gpy.kern.RBF(x.shape[1], variance=signal, lengthscale=lengthscales, ARD=True)
-    model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=noise)
-    kernel.lengthscale.constrain_bounded(*LENGTHSCALE, warning=False)
-    kernel.variance.constrain_bounded(*SIGNAL_VARIANCE, warning=False)
-    model.Gaussian_noise.variance.constrain_bounded(*NOISE_VARIANCE, warning=False)
-    try:
-        model.optimize("lbfgsb", max_iters=500)
-        likelihood = float(model.log_likelihood())
-    except (np.linalg.LinAlgError, FloatingPointError):
-        likelihood = -np.inf
-    noise = float(model.Gaussian_noise.variance[0])
-    return likelihood, Kernel(np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), noise)
 
 
 @contextmanager

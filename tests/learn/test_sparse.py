@@ -87,7 +87,7 @@ def test_hyperparameters_maximise_the_bound():
 
     x, z = data(400)
     start = Kernel(np.full(3, 3.0), 0.3, 0.5)
-    found = maximise(GPy, x, z, x[::10], start, BOUNDS)
+    _, found = maximise(GPy, x, z, start, BOUNDS, x[::10])
     assert found.noise_variance == pytest.approx(KERNEL.noise_variance, rel=0.3)
     assert found.lengthscales[0] < 0.3 * found.lengthscales[2]
 
