@@ -13,28 +13,15 @@ of the actuators.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wrenchgap.compensate.compensator import Result
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
-
-
-@dataclass(frozen=True)
-class Observed:
-    """One step: what to send (6,) [N, Nm] and the correction in it; the rest is there because compensators have it."""
-
-    wrench_cmd: Array
-    correction: Array
-    sigma: float = 0.0
-    beta: float = 0.0
-    cost: float = 0.0
-    iterations: int = 0
-    solve_time: float = 0.0
 
 
 class DisturbanceObserver:
@@ -62,11 +49,11 @@ class DisturbanceObserver:
         self._estimate = np.zeros(3)
         self._torque = np.zeros(3)
 
-    def step(self, wrench_des: ArrayLike, state: State | None = None) -> Observed:
+    def step(self, wrench_des: ArrayLike, state: State | None = None) -> Result:
         """Command for the desired wrench (6,) in this state (N = 1). Raises UsageError without a state."""
         if state is None:
             raise UsageError("a disturbance observer needs the state: step(wrench_des, state)")
-        wrench, omega = np.array(wrench_des, dtype=float), state.omega_B[0]
+        omega = state.omega_B[0]
         momentum = self.inertia @ omega
         if self._integral is None:
             self._integral = momentum.copy()
@@ -74,6 +61,6 @@ class DisturbanceObserver:
             self._integral += self.dt * (self._torque - np.cross(omega, momentum) + self._estimate)
         self._estimate = self.gain * (momentum - self._integral)
         correction = np.concatenate((np.zeros(3), -self._estimate))
-        command = wrench + correction
+        command = np.array(wrench_des, dtype=float) + correction
         self._torque = command[3:]
-        return Observed(command, correction)
+        return Result(command, correction, correction, sigma=0.0, beta=0.0, cost=0.0, iterations=0, accepted=True)

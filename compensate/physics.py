@@ -41,6 +41,8 @@ class PhysicsMismatch:
     lead     horizon over which lags are led [s]; None: they are not
     """
 
+    needs_state = True
+
     def __init__(self, model: WrenchModel, outputs: tuple[str, ...], lead: float | None = None) -> None:
         if lead is not None and not (np.isfinite(lead) and lead > 0):
             raise UsageError(f"compensate: lead is {lead} s, expected a positive number")
@@ -48,11 +50,6 @@ class PhysicsMismatch:
         self.model = WrenchModel(model.vehicle, kept)
         self.outputs, self.lead = outputs, lead
         output_indices(outputs)
-
-    @property
-    def needs_state(self) -> bool:
-        """See `plant.mismatch.Follows`."""
-        return True
 
     def follow(self, dt: float) -> PhysicsFollower:
         """See `plant.mismatch.Follows`."""

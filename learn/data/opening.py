@@ -60,8 +60,10 @@ def opened(
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
     """
     played, notes = _commanded(found, incomplete)
+    # Without commands there is no clock, nor without the IMU where there is one.
+    needed = ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))
     try:
-        resampled = flight.resample(played, require=_required(played))
+        resampled = flight.resample(played, require=needed)
     except LogError as error:
         if not incomplete:
             raise
@@ -84,12 +86,6 @@ def opened(
     notes = [*found.notes, *resampled.notes, *notes, *short, *_notes(found, grounded, records)]
     missing, told = (*_outside(between), *left_out), tuple(dict.fromkeys(notes))
     return OpenFlight(found, resampled.samples, tuple(flown), tuple(records), missing, told)
-
-
-def _required(played: Flight) -> tuple[str, ...]:
-    """Roles without which there is no clock: commands, and the IMU where there is one."""
-    commands = "commanded" if played.commanded is not None else "actuators"
-    return (commands, "imu") if played.imu is not None else (commands,)
 
 
 def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
@@ -156,7 +152,6 @@ def _notes(found: Flight, grounded: float, records: Sequence[Record]) -> list[st
 
 
 def _outside(between: tuple[float, float] | None) -> tuple[Gap, ...]:
-    """The times that were not asked for."""
     return () if between is None else (Gap(-np.inf, between[0]), Gap(between[1], np.inf))
 
 

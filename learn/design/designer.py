@@ -102,8 +102,6 @@ def design(
 
 
 class _Search:
-    """State of one design."""
-
     def __init__(
         self,
         names: tuple[str, ...],

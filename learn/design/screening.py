@@ -24,8 +24,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.applicable import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict
-from wrenchgap.learn.design.separability import Direction, Separability, direction, nothing, visibility, visible
-from wrenchgap.learn.design.sizes import absent
+from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
 from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
@@ -91,16 +90,12 @@ class Screen:
         sensor = data.noise
         if self.floor is not None:
             data = dataset([replace(p.record, noise=self.floor) for p in pieces], self.base)
-        directions: list[Direction] = []
-        for truth in self.effects:
-            added = np.concatenate([p.added[truth.name] for p in pieces])
-            for other in (e for e in self.effects if e is not truth):
-                pair = (data, self.base, truth.name, other.name)
-                shown = visible(data, added)
-                left = self._left(data, pieces, added, other) if shown else added
-                directions.append(direction(*pair, added, left, sensor) if shown else nothing(*pair))
-        seconds = sum(len(p.record) for p in pieces) * data.records[0].dt_kept
-        return Separability(tuple(e.name for e in self.effects), seconds, tuple(directions))
+        added = {e.name: np.concatenate([p.added[e.name] for p in pieces]) for e in self.effects}
+
+        def left(truth: str, other: ModelEffect) -> Array:
+            return self._left(data, pieces, added[truth], other)
+
+        return in_pairs(data, self.base, self.effects, sensor, added, left)
 
     def _left(self, data: Dataset, pieces: Sequence[Piece], added: Array, imitator: ModelEffect) -> Array:
         """What the imitator leaves of `added` (K, 6), alone or with the nuisance: whichever leaves less to see."""

@@ -27,7 +27,7 @@ A direction "truth A, imitated by B" does not count where B has so many paramete
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -39,7 +39,6 @@ from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, by_block, contrast
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.design.sizes import absent, typical
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.identify.search import LEAST_EVIDENCE, comparable
 from wrenchgap.plant.effects import find
@@ -151,7 +150,7 @@ def nuisances(also: Sequence[str] | None, names: Sequence[str], base: Model) -> 
 
 
 def separability(
-    data: Dataset | Record | Sequence[Record],
+    data: Record | Sequence[Record],
     model: Model,
     *effects: str | ModelEffect,
     also: Sequence[str] | None = None,
@@ -163,8 +162,8 @@ def separability(
     are not in the model. `floor` (6,) stands for the noise where more than sensor noise is left on such flights.
     Raises FitError where an effect cannot act on this data.
     """
-    records = data.records if isinstance(data, Dataset) else (data,) if isinstance(data, Record) else tuple(data)
-    every = dataset(records, model) if not isinstance(data, Dataset) else data
+    records = [data] if isinstance(data, Record) else data
+    every = dataset(records, model)
     listed = tuple(e if isinstance(e, ModelEffect) else sized(e, model, every, also=also) for e in effects)
     sensor = every.noise
     if floor is not None:
@@ -173,28 +172,39 @@ def separability(
     base = model.without([n for n in names if model.effect(n) is not None])
     along = nuisances(also, names, base)
     plain = every.predict(base.wrench_model)
-    directions = []
-    for truth in listed:
-        target = every.predict(base.with_effects([*base.effects, truth]).wrench_model)
-        added = target - plain
-        others = [e.name for e in listed if e.name != truth.name]
-        if not visible(every, added):
-            directions += [nothing(every, base, truth.name, n) for n in others]
-            continue
-        for name in others:
-            left = thorough(replace(every, measured=target), base, name, along).residual
-            directions.append(direction(every, base, truth.name, name, added, left, sensor))
-    step = records[0].dt_kept
-    return Separability(tuple(names), sum(len(r) for r in records) * step, tuple(directions))
+    targets = {e.name: every.predict(base.with_effects([*base.effects, e]).wrench_model) for e in listed}
+
+    def left(truth: str, other: ModelEffect) -> Array:
+        return thorough(replace(every, measured=targets[truth]), base, other.name, along).residual
+
+    return in_pairs(every, base, listed, sensor, {name: target - plain for name, target in targets.items()}, left)
+
+
+def in_pairs(
+    data: Dataset,
+    base: Model,
+    effects: Sequence[ModelEffect],
+    sensor: Array,
+    added: dict[str, Array],
+    left: Callable[[str, ModelEffect], Array],
+) -> Separability:
+    """All ordered pairs, from what each truth adds (K, 6) and what each imitator leaves of it (truth, imitator)."""
+    none = np.zeros_like(data.measured)
+    found = []
+    for truth, shown in added.items():
+        visible = np.any(rms(shown) >= INVISIBLE * data.noise)
+        for other in (e for e in effects if e.name != truth):
+            parts = (shown, left(truth, other), sensor) if visible else (none, none, sensor)
+            made = direction(data, base, truth, other.name, *parts)
+            found.append(made if visible else replace(made, cosine=float("nan")))
+    seconds = len(data.measured) * data.records[0].dt_kept
+    return Separability(tuple(e.name for e in effects), seconds, tuple(found))
 
 
 def direction(
-    data: Dataset, base: Model, truth: str, imitator: str, added: Array, left: Array, sensor: Array | None = None
+    data: Dataset, base: Model, truth: str, imitator: str, added: Array, left: Array, sensor: Array
 ) -> Direction:
-    """A direction from what the truth adds and what the imitator leaves of it, (K, 6) each.
-
-    `sensor` as in `expected_separation`.
-    """
+    """A direction from what the truth adds and what the imitator leaves of it, (K, 6) each."""
     imitated = added - left
     few, many = (len(find(name).parameters(base.vehicle)) for name in (truth, imitator))
     a, b = (part * data.weights for part in (added, imitated))
@@ -212,17 +222,6 @@ def direction(
         comparable(few, many),
         (added, imitated),
     )
-
-
-def visible(data: Dataset, added: Array) -> bool:
-    """Whether what an effect adds (K, 6) shows at all on a flight."""
-    return bool(np.any(rms(added) >= INVISIBLE * data.noise))
-
-
-def nothing(data: Dataset, base: Model, truth: str, imitator: str) -> Direction:
-    """A direction whose truth does not show on this flight."""
-    none = np.zeros_like(data.measured)
-    return replace(direction(data, base, truth, imitator, none, none), cosine=float("nan"))
 
 
 def thorough(data: Dataset, base: Model, name: str, also: Sequence[str] = ()) -> Fit:
@@ -265,10 +264,10 @@ def visibility(left: Array, noise: Array) -> float:
     return float(0.5 * np.sum(np.log1p(np.mean(left**2, axis=0) / noise**2)))
 
 
-def expected_separation(data: Dataset, left: Array, sensor: Array | None = None) -> float:
+def expected_separation(data: Dataset, left: Array, sensor: Array) -> float:
     """Expected separation for a difference `left` (K, 6) in what `data.noise` says; see the module's docstring.
 
-    `sensor` (6,) is the part of it that is sensor noise, all by default.
+    `sensor` (6,) is the part of it that is sensor noise.
     """
     noise = data.noise**2
     scale = np.sqrt(noise * (noise + np.mean(left**2, axis=0)))
@@ -277,7 +276,7 @@ def expected_separation(data: Dataset, left: Array, sensor: Array | None = None)
     shaken = by_block(data.block, np.sum(4.0 * noise * left**2 / scale**2, axis=1))
     variance = float(np.var(excess, ddof=1)) if len(counts) > 1 else float(excess[0] ** 2)
     variance += float(np.mean(shaken / np.maximum(data.independence * counts, 1.0)))
-    wrong = 0.0 if sensor is None else float(np.sum(np.maximum(noise - sensor**2, 0.0) / scale))
+    wrong = float(np.sum(np.maximum(noise - sensor**2, 0.0) / scale))
     return Contrast(float(np.mean(excess)), float(np.sqrt(variance / len(counts))), wrong).separation
 
 
@@ -307,3 +306,28 @@ def sized(name: str, model: Model, data: Dataset | None = None, *, also: Sequenc
     found = next(e for e in best.effects if e.name == name)
     scale = np.array([p.scale for p in find(name).parameters(model.vehicle)])
     return found if np.any(np.abs(found.theta) > 0.1 * scale) else typical(name, model)
+
+
+def absent(name: str, base: Model) -> ModelEffect:
+    """An effect that is not there."""
+    effect = find(name)
+    return ModelEffect(effect, np.zeros(len(effect.parameters(base.vehicle))))
+
+
+def typical(name: str, model: Model) -> ModelEffect:
+    """An effect of typical size: `Parameter.scale`, signs in turn where both are plausible.
+
+    One number that may have either sign is taken negative: rotors lose thrust more often than they gain it. Of an
+    effect that is sparse (one weak rotor of twelve) only the first parameter, twice its scale.
+    """
+    effect = find(name)
+    parameters = effect.parameters(model.vehicle)
+    signs = [1.0 if p.low >= 0.0 or k % 2 == 0 else -1.0 for k, p in enumerate(parameters)]
+    if len(parameters) == 1 and parameters[0].low == -parameters[0].high:
+        signs = [-1.0]
+    theta = np.array([s * p.scale for s, p in zip(signs, parameters, strict=True)])
+    if effect.sparse:
+        first = parameters[0]
+        theta = np.zeros(len(parameters))
+        theta[0] = 2.0 * first.scale * (-1.0 if abs(first.low) > abs(first.high) else 1.0)
+    return ModelEffect(effect, np.clip(theta, [p.low for p in parameters], [p.high for p in parameters]))

@@ -151,7 +151,6 @@ def _xyz(name: str) -> tuple[str, ...]:
 
 
 def _stacked(data: Dataset, of: Callable[[Record], Array]) -> Array:
-    """A per-record quantity of all records, stacked."""
     return np.concatenate([of(r) for r in data.records])
 
 

@@ -140,7 +140,6 @@ class _Sums:
         return _Sums(*(a - b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
     def of(self, columns: NDArray[np.intp]) -> _Sums:
-        """The sums of some features only."""
         gram = self.gram[np.ix_(columns, columns)]
         return _Sums(self.count, self.features[columns], self.outputs, gram, self.cross[columns], self.square)
 
@@ -151,8 +150,6 @@ class _Sums:
 
 
 class _Search:
-    """Forward selection of groups on one residual."""
-
     def __init__(
         self,
         data: Dataset,
@@ -240,7 +237,6 @@ class _Search:
             self.progress(self.done, 6 * len(self.groups))
 
     def result(self, lacking: dict[str, str]) -> Relevance:
-        """Selection, and numbers for every group."""
         order, current = self.select()
         others = [i for i in order if self.groups[i].name != LAST]
         found = []

@@ -169,8 +169,14 @@ def _shape(found: Correlated) -> tuple[Shape | None, float]:
     remaining, _, _ = found.newton()
     late, slow = by_block(seen + omega * np.nan_to_num(remaining)), lagging(lag)
     weight = np.abs(u.sum(axis=0))
+    used = weight > 0
+
+    def gain_fits(model: Array) -> bool:
+        off = np.log(found.gain[used] / model[used]) ** 2
+        return bool(np.sqrt(np.average(off, weights=weight[used])) < np.log(GAIN_FITS))
+
     fits = [
-        part.sum() > FITS * weight.sum() and _gain_fits(found.gain, weight, model)
+        part.sum() > FITS * weight.sum() and gain_fits(model)
         for part, model in ((late, np.ones_like(omega)), (slow, 1.0 / np.sqrt(1.0 + (omega * lag) ** 2)))
     ]
     if not all(fits):
@@ -178,10 +184,3 @@ def _shape(found: Correlated) -> tuple[Shape | None, float]:
     difference = late - slow
     t = float(difference.sum()) / max(scatter(difference), 1e-300)
     return ("delay" if t > SIGNIFICANT else "lag" if t < -SIGNIFICANT else "either"), lag
-
-
-def _gain_fits(gain: Array, weight: Array, model: Array) -> bool:
-    """Whether the gains (C, F) are about the model's."""
-    used = weight > 0
-    share = weight[used] / weight[used].sum()
-    return bool(np.sqrt(share @ np.log(gain[used] / model[used]) ** 2) < np.log(GAIN_FITS))

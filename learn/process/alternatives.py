@@ -91,7 +91,6 @@ class _Trials:
         return error is not None
 
     def choice(self, settings: FitSettings, against: FitSettings) -> Alternative:
-        """One against another, both fitted."""
         scale = rms(self.outputs) + 1e-12
         error = self.errors[settings]
         gain, t = _gain(self.errors[against] / scale, error / scale)
@@ -105,7 +104,11 @@ class _Trials:
 
 
 def compare_alternatives(
-    inputs: Inputs, outputs: Array, names: tuple[str, ...], asked: FitSettings, progress: Progress | None = None
+    inputs: Inputs,
+    outputs: Array,
+    names: tuple[str, ...],
+    asked: FitSettings,
+    progress: Progress | None = None,
 ) -> Alternatives:
     """Whether other inputs or the other inference would predict mismatches (M, L) named `names` better than `asked`.
 

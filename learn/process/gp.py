@@ -346,28 +346,12 @@ class Following:
         self._sent = wrench_cmd
 
 
-@dataclass(frozen=True)
 class _Given:
     """A process whose inputs beyond the command are fixed."""
 
-    gp: GaussianProcess
-    extra: Array
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        return self.gp.outputs
-
-    @property
-    def sigma_training(self) -> Array:
-        return self.gp.sigma_training
-
-    @property
-    def sigma_prior(self) -> Array:
-        return self.gp.sigma_prior
-
-    @property
-    def mismatch_max(self) -> Array:
-        return self.gp.mismatch_max
+    def __init__(self, gp: GaussianProcess, extra: Array) -> None:
+        self.gp, self.extra, self.outputs = gp, extra, gp.outputs
+        self.sigma_training, self.sigma_prior, self.mismatch_max = gp.sigma_training, gp.sigma_prior, gp.mismatch_max
 
     def _full(self, wrench_cmd: Array) -> Array:
         return np.hstack((wrench_cmd, np.broadcast_to(self.extra, (len(wrench_cmd), len(self.extra)))))
@@ -387,5 +371,4 @@ class _Given:
 
 
 def _blockwise(function: Callable[[Array], Array], xi: Array) -> Array:
-    """Apply `function` to at most BLOCK rows at a time."""
     return np.concatenate([function(xi[start : start + BLOCK]) for start in range(0, max(len(xi), 1), BLOCK)])

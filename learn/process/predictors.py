@@ -78,7 +78,6 @@ def predictors(
 
 
 def _fresh(name: str, taken: Sequence[Predictor]) -> str:
-    """A name that no other predictor has."""
     names = {p.name for p in taken}
     return next(new for new in (name, *(f"{name} ({n})" for n in range(2, len(names) + 3))) if new not in names)
 

@@ -10,8 +10,7 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.design.manoeuvres import Limits
 from wrenchgap.learn.design.rehearsal import rehearse
 from wrenchgap.learn.design.screening import Screen
-from wrenchgap.learn.design.separability import expected_separation, separability, sized
-from wrenchgap.learn.design.sizes import typical
+from wrenchgap.learn.design.separability import expected_separation, separability, sized, typical
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.moves import Moves, Shake, Tilt, Turn
 
@@ -95,13 +94,13 @@ def test_expected_separation_is_what_noise_gives_on_average(hexarotor, record, s
         noise = data.noise * rng.standard_normal(left.shape)
         made = contrast(data, noise + left, noise)
         drawn.append(made.t)
-    assert expected_separation(data, left) == pytest.approx(np.median(drawn), rel=0.25)
+    assert expected_separation(data, left, data.noise) == pytest.approx(np.median(drawn), rel=0.25)
 
 
 def test_errors_of_the_model_lower_the_expected_separation(hexarotor, record):
     data = dataset([record(HOVER)], hexarotor)
     left = np.tile(2.0 * data.noise, (len(data.block), 1))
-    alone = expected_separation(data, left)
+    alone = expected_separation(data, left, data.noise)
     # Of an axis' variance 91 % is error of the model, a quarter of which counts; the difference is 4 variances.
     both = 1.0 / np.hypot(1.0 / alone, 0.25 * 0.91 / 4.0)
     assert expected_separation(data, left, 0.3 * data.noise) == pytest.approx(both)
