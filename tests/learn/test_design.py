@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.design import designer as search
 from wrenchgap.learn.design.designer import design
-from wrenchgap.learn.design.manoeuvres import Limits, available, extent, space, usual, violations
+from wrenchgap.learn.design.manoeuvres import Limits, Task, available, extent, space, usual, violations
 from wrenchgap.learn.design.rehearsal import lost_after, rehearse
 from wrenchgap.learn.design.separability import separability
 from wrenchgap.plant import model_file
@@ -123,9 +123,9 @@ def test_limits_must_make_sense():
 def test_every_manoeuvre_stays_in_the_space_it_is_given(hexarotor):
     room = space(hexarotor.vehicle, LIMITS)
     time = np.linspace(0.0, 10.0, 1001)
-    for name, (made, _) in available(room).items():
+    for name, made in available(room).items():
         for azimuth in (0.0, 1.0):
-            moves = made(10.0, room, 0.8, azimuth)
+            moves = made(Task(10.0, room, 0.8, azimuth))
             if moves is None:
                 continue
             r = Moves(10.0, room.home, tuple(moves)).at(time)
