@@ -72,3 +72,17 @@ def result_of(run: Run, tmp_path: Path) -> Callable[..., dict[str, Any]]:
         return json.loads(path.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
 
     return wrapped
+
+
+@pytest.fixture
+def refused(run: Run) -> Callable[..., str]:
+    """Run a command that must end with exit code 2, and return its one line on standard error."""
+
+    def wrapped(*arguments: object) -> str:
+        done = run(*arguments)
+        assert (done.exit_code, done.stdout) == (2, ""), done.output
+        (line,) = done.stderr.splitlines()
+        assert line.startswith("wrenchgap: ")
+        return str(line)
+
+    return wrapped

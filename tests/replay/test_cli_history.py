@@ -71,7 +71,6 @@ def test_history_notices_a_hand_on_the_file(run: Any, result_of: ResultOf, tmp_p
 def test_a_model_without_history_says_so(run: Any, result_of: ResultOf) -> None:
     assert "no history" in run("history", MODEL).stdout
     assert result_of("history", MODEL)["versions"] == []
-    assert run("history", "gone.toml").exit_code == 2
 
 
 def test_an_own_effect_flies_is_found_and_is_asked_for(run: Any, result_of: ResultOf, own: Path) -> None:

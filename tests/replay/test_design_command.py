@@ -81,43 +81,6 @@ def test_where_no_flight_helps_that_is_said_and_nothing_is_written(run, tmp_path
     assert load(tmp_path / "no.toml").trajectory.duration == 8.0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("mass",), "expected at least two different effects"),
-        (("mass", "nope"), "'nope' is not in the catalogue"),
-        (("mass", "tether", "--room", "4,4"), "--room 4,4: expected three lengths in metres"),
-        (("mass", "tether", "--room", "4,4,-1"), "expected three positive lengths"),
-        (("mass", "tether", "--duration", "1"), "--duration 1: expected 8 to 120 s"),
-        (("mass", "tether", "--max-tilt", "0"), "largest tilt: got 0 deg"),
-        (("mass", "tether", "--also", "nope"), "'nope' is not in the catalogue"),
-        (("mass", "tether", "-o", "x.txt"), "expected a name that ends in .toml"),
-        (("mass", "tether", "--from", "gone.mcap"), "gone.mcap"),
-    ],
-)
-def test_wrong_use_is_one_line(run, arguments, words):
-    done = run("design", "-m", "tilt_hexarotor", *(() if "-o" in arguments else ("-o", "x.toml")), *arguments)
-    assert done.exit_code == 2
-    assert words in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-
-
-def test_simulate_refuses_what_a_file_does_not_allow(run, tmp_path):
-    text = 'schema = 1\n[trajectory]\nduration = 4.0\nhome = [0.0, 0.0, 1.0]\n[[moves]]\nkind = "tilt"\nstart = 0.0\n'
-    (tmp_path / "t.toml").write_text(text + "duration = 4.0\nangle_deg = 20.0\nramp = 1.0\n", encoding="utf-8")
-    base = ("simulate", "-t", "t.toml", "-o", "x.mcap")
-    for extra, words in (
-        (("-m", "tilt_hexarotor", "--duration", "2"), "--duration: t.toml sets its own duration"),
-        (("-m", "tilt_hexarotor", "--excitation", "1"), "leave --excitation out"),
-        (("-m", "crazyflie"), "can only push along its z axis"),
-    ):
-        done = run(*base, *extra)
-        assert done.exit_code == 2
-        assert words in done.stderr
-    done = run("simulate", "-t", "gone.toml", "-m", "tilt_hexarotor", "-o", "x.mcap")
-    assert "gone.toml: cannot be read as a trajectory file" in done.stderr
-
-
 def test_the_command_for_the_next_flight_is_one_that_can_be_typed():
     line = design_command(("tether", "constant_wrench"), "hexa.toml", ("a.mcap", "day 2.mcap"))
     assert line == "wrenchgap design tether constant_wrench -m hexa.toml --from a.mcap 'day 2.mcap' -o separate.toml"

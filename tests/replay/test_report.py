@@ -202,26 +202,6 @@ def test_no_template_switches_escaping_off() -> None:
         assert not re.search(r"\|\s*safe|autoescape|Markup", source)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("-o", "there.html"), "exists already"),
-        (("-o", "report.pdf"), "expected a name that ends in .html"),
-        (("-o", "gone/report.html"), "does not exist"),
-        (("-o", "new.html", "--gp", "gone.gp"), "gone.gp"),
-        (("-o", "new.html", "--validate", "gone.mcap"), "gone.mcap"),
-    ],
-)
-def test_bad_use_is_one_line(logs: Any, run: Any, tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
-    (tmp_path / "there.html").write_text("mine")
-    done = run("report", logs.test, "-m", MODEL, *arguments)
-    assert done.exit_code == 2
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert (tmp_path / "there.html").read_text() == "mine"
-    assert [p.name for p in tmp_path.iterdir()] == ["there.html"]
-
-
 def test_held_out_part_of_the_last_step_is_that_of_the_search(made: Report, logs: Any) -> None:
     """What the search found on held-out time is what the last step shows: it is the same fit."""
     last = made.staircases[0].falling[-1]

@@ -66,9 +66,3 @@ def test_a_shift_that_is_not_understood_is_refused(text):
 def test_the_same_shift_twice_is_refused():
     with pytest.raises(UsageError, match="given twice"):
         parse_shifts(["imu=0.1", "imu=0.2"])
-
-
-def test_commands_are_not_shifted_away(late, run):
-    done = run("inspect", late, "-m", "tilt_hexarotor", "--shift", "commanded=0.01")
-    assert done.exit_code == 2
-    assert "command_delay" in done.output + str(done.stderr)

@@ -76,23 +76,3 @@ def test_command_prints_writes_and_draws(logs: Any, run: Any, tmp_path: Path, mo
     assert len(result["whiteness"]["autocorrelation"]) == 6
     assert {g["name"] for g in result["relevance"]["groups"]} >= {"command", "heading", "height", "velocity"}
     assert (tmp_path / "w.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("gone.mcap", "-m", MODEL), "gone.mcap"),
-        (("LOG", "-m", "no_such_model"), "no_such_model"),
-        (("LOG", "-m", MODEL, "--cutoff", "0"), "positive number of Hz"),
-        (("LOG", "-m", MODEL, "--between", "5:2"), "T0 before T1"),
-        (("LOG", "-m", MODEL, "--gp", "LOG"), "mcap"),
-        (("LOG", "-m", MODEL, "--figure", "LOG"), "is one of the inputs"),
-        (("LOG", "-m", MODEL, "--figure", "no/where.png"), "does not exist"),
-        (("LOG", "LOG", "-m", MODEL), "is the same flight"),
-    ],
-)
-def test_bad_input_is_one_line(logs: Any, run: Any, arguments: tuple[str, ...], words: str) -> None:
-    done = run("where", *(logs.test if a == "LOG" else a for a in arguments))
-    assert done.exit_code == 2
-    assert words in done.output
-    assert "Traceback" not in done.output
