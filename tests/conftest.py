@@ -3,8 +3,6 @@
 The last line of a run says what was not run.
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import os

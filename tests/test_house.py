@@ -1,7 +1,5 @@
 """The house keeps its own rules: layers, no circles, lengths, versions, links, a page for every effect."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import os
@@ -33,7 +31,7 @@ def sources(*folders: str) -> list[Path]:
     return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
-def test_every_folder_with_sources_is_a_package() -> None:
+def test_every_folder_with_sources_is_a_package():
     folders = {source.parent for source in sources(*PACKAGES)}
     assert not [str(folder) for folder in folders if not (folder / "__init__.py").exists()]
 
@@ -50,7 +48,7 @@ def too_long(source: str) -> Iterator[tuple[str, int]]:
                 yield node.name, len(body)
 
 
-def test_functions_and_files_are_short_or_say_why_not() -> None:
+def test_functions_and_files_are_short_or_say_why_not():
     found = {
         (f"{path.relative_to(ROOT)}::{name}" if name else str(path.relative_to(ROOT))): lines
         for path in sources(*PACKAGES, *PROGRAMS)
@@ -60,7 +58,7 @@ def test_functions_and_files_are_short_or_say_why_not() -> None:
     assert not new, f"shorten, or say why in a comment `{REASON} ...`:\n" + "\n".join(new)
 
 
-def test_what_is_long_is_noticed_unless_it_says_why() -> None:
+def test_what_is_long_is_noticed_unless_it_says_why():
     function = "def long():\n" + "    pass\n" * LONGEST_FUNCTION
     assert list(too_long(function)) == [("long", LONGEST_FUNCTION + 1)]
     assert list(too_long(function.replace("pass", f"{REASON} so.\n    pass", 1))) == []
@@ -68,7 +66,7 @@ def test_what_is_long_is_noticed_unless_it_says_why() -> None:
     assert list(too_long("pass\n" * (LONGEST_FILE + 1))) == [("", LONGEST_FILE + 1)]
 
 
-def test_no_import_circle_not_even_for_types_alone() -> None:
+def test_no_import_circle_not_even_for_types_alone():
     graph = grimp.build_graph("wrenchgap", cache_dir=None)
     modules = sorted(graph.modules)
     imports = np.array([[other in graph.find_modules_directly_imported_by(m) for other in modules] for m in modules])
@@ -88,7 +86,7 @@ def lint_imports(root: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def copy(tmp_path: Path) -> Path:
+def copy(tmp_path) -> Path:
     """The packages, linked under src/wrenchgap as in the repository, and the configuration: to be spoilt."""
     for folder in ("src", *PACKAGES, "models"):
         shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
@@ -96,7 +94,7 @@ def copy(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_imports_go_down_only() -> None:
+def test_imports_go_down_only():
     run = lint_imports(ROOT)
     assert run.returncode == 0, run.stdout
 
@@ -114,7 +112,7 @@ UPWARDS_OR_SIDEWAYS = (
 )
 
 
-def test_an_import_upwards_or_sideways_is_noticed(copy: Path) -> None:
+def test_an_import_upwards_or_sideways_is_noticed(copy):
     for low, high in UPWARDS_OR_SIDEWAYS:
         with (copy / low.replace(".", "/") / "spoilt.py").open("a") as spoilt:
             spoilt.write(f"import {high}\n")
@@ -124,14 +122,14 @@ def test_an_import_upwards_or_sideways_is_noticed(copy: Path) -> None:
     assert not missed, run.stdout
 
 
-def test_changelog_begins_with_the_version_of_the_project() -> None:
+def test_changelog_begins_with_the_version_of_the_project():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     newest = re.search(r"^## \[(\d[^\]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert newest is not None
     assert newest[1] == project["version"]
 
 
-def test_lock_pins_every_dependency() -> None:
+def test_lock_pins_every_dependency():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     asked = project["dependencies"] + project["optional-dependencies"]["dev"]
     names = {re.split(r"[<>=!~;\[ ]", line)[0].lower().replace("_", "-") for line in asked}
@@ -140,7 +138,7 @@ def test_lock_pins_every_dependency() -> None:
     assert names - pinned == set()
 
 
-def test_every_public_name_is_in_the_page_of_the_api() -> None:
+def test_every_public_name_is_in_the_page_of_the_api():
     page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     for name in ("wrenchgap", *(f"wrenchgap.{package}" for package in PACKAGES[:-1])):
         module = importlib.import_module(name)
@@ -148,15 +146,15 @@ def test_every_public_name_is_in_the_page_of_the_api() -> None:
         assert [public for public in module.__all__ if f"`{public}`" not in page] == [], name
 
 
-def test_links_of_the_documentation_lead_somewhere() -> None:
+def test_links_of_the_documentation_lead_somewhere():
     assert check_docs.broken_links() == []
 
 
-def test_examples_of_the_documentation_run() -> None:
+def test_examples_of_the_documentation_run():
     assert check_docs.failing_examples() == []
 
 
-def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path: Path) -> None:
+def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path):
     (tmp_path / "good.md").write_text(
         "# One heading, two words\n\n[web](https://example.org) [self](#one-heading-two-words)\n"
     )
@@ -170,7 +168,7 @@ def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path: 
     assert 'File "bad.md", line 10' in failure
 
 
-def test_every_effect_has_a_page_and_the_index_is_fresh() -> None:
+def test_every_effect_has_a_page_and_the_index_is_fresh():
     assert effects_index.missing_pages() == []
     written = (ROOT / "docs" / "effects" / "README.md").read_text(encoding="utf-8")
     assert written == effects_index.index(), "run make docs"

@@ -1,7 +1,5 @@
 """The paper's experiments: the plant, the judges and the page. The experiments themselves take minutes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -44,7 +42,7 @@ def wake(tilt: Array, theta: tuple[float, float, float]) -> Array:
     return LegWake().apply(act, np.zeros((len(tilt), 6)), np.array(theta), context)
 
 
-def test_a_leg_catches_most_where_the_wake_points_at_it_and_nothing_without_loss() -> None:
+def test_a_leg_catches_most_where_the_wake_points_at_it_and_nothing_without_loss():
     angles = np.radians(np.arange(-80.0, 81.0, 2.0))
     tilt = np.zeros((len(angles), 6))
     tilt[:, 0] = angles
@@ -55,7 +53,7 @@ def test_a_leg_catches_most_where_the_wake_points_at_it_and_nothing_without_loss
     assert not wake(tilt, (0.0, 0.7, 0.3)).any()
 
 
-def test_the_push_on_a_leg_is_against_the_thrust() -> None:
+def test_the_push_on_a_leg_is_against_the_thrust():
     act, _ = hovering(np.zeros((1, 6)))
     push = wake(np.zeros((1, 6)), (0.1, 0.0, 0.3))[0]
     assert push[2] < 0.0
@@ -63,13 +61,13 @@ def test_the_push_on_a_leg_is_against_the_thrust() -> None:
     np.testing.assert_allclose(push[:2], 0.0, atol=1e-12)
 
 
-def test_the_truth_holds_something_that_the_catalogue_lacks() -> None:
+def test_the_truth_holds_something_that_the_catalogue_lacks():
     names = {e.name for e in vehicle().truth.effects}
     assert names - set(catalogue()) == {"leg_wake"}
     assert not vehicle().believed.effects
 
 
-def test_vehicles_differ_and_repeat() -> None:
+def test_vehicles_differ_and_repeat():
     def numbers(k: int) -> Array:
         return np.concatenate([e.theta for e in vehicle(k).truth.effects])
 
@@ -82,7 +80,7 @@ def known() -> m.Knowledge:
     return knowledge(0, seconds=12.0)
 
 
-def test_a_straight_line_learnt_from_a_flight_explains_most_of_that_flight(known: m.Knowledge) -> None:
+def test_a_straight_line_learnt_from_a_flight_explains_most_of_that_flight(known):
     record = known.flights[0].records[0]
     z = (record.measured - m.nominal(known, record))[:, 3:]
     assert m.LINEAR.predict is not None
@@ -92,7 +90,7 @@ def test_a_straight_line_learnt_from_a_flight_explains_most_of_that_flight(known
     assert (line < 0.5 * np.abs(z).mean(axis=0)).all()
 
 
-def test_gpy_and_the_closed_form_say_the_same() -> None:
+def test_gpy_and_the_closed_form_say_the_same():
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(60, 6)) * (5.0, 5.0, 10.0, 0.3, 0.3, 0.3)
     outputs = 0.3 * np.sin(inputs[:, 3:]) + 0.01 * rng.normal(size=(60, 3))
@@ -103,7 +101,7 @@ def test_gpy_and_the_closed_form_say_the_same() -> None:
     np.testing.assert_allclose(other.jacobian(asked), gp.jacobian(asked), atol=1e-6)
 
 
-def test_parallel_results_keep_their_order() -> None:
+def test_parallel_results_keep_their_order():
     said: list[float] = []
     offset = 10
     found = in_parallel(lambda k: k + offset, [3, 1, 2], lambda share, words: said.append(share), "adding")
@@ -111,7 +109,7 @@ def test_parallel_results_keep_their_order() -> None:
     assert said[-1] == 1.0
 
 
-def test_boxes_and_medians() -> None:
+def test_boxes_and_medians():
     found = summary(np.tile(np.arange(101.0)[:, None], (1, 3)))
     assert plain(found)["median"] == [50.0] * 3
     assert plain(found)["box"] == [50.0] * 3
@@ -119,19 +117,19 @@ def test_boxes_and_medians() -> None:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_experiment_has_results_and_their_tables_are_on_the_page(name: str) -> None:
+def test_every_experiment_has_results_and_their_tables_are_on_the_page(name):
     body = Output().read(name)
     assert body is not None, f"run `make paper PAPER={name}`"
     page = PAGE.read_text(encoding="utf-8")
     assert experiment(name).tables(body) in page, "the page is not that of the results: python -m benchmarks.paper.page"
 
 
-def test_the_page_is_as_the_results_make_it() -> None:
+def test_the_page_is_as_the_results_make_it():
     page = PAGE.read_text(encoding="utf-8")
     assert renewed(page, Output()) == page
 
 
-def test_nominal_errors_are_of_the_papers_size() -> None:
+def test_nominal_errors_are_of_the_papers_size():
     body = Output().read("prediction")
     assert body is not None
     for ours, paper in zip(body["errors"]["nominal"]["smooth mean"], PAPER["nominal"][0], strict=True):

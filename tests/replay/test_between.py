@@ -1,7 +1,5 @@
 """`--between`: only a part of each flight."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

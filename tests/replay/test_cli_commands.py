@@ -1,7 +1,5 @@
 """Every command does its job on simulated logs, and writes the JSON that docs/json.md promises."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -34,7 +32,7 @@ def six(values: list[float]) -> bool:
     return len(values) == 6 and all(isinstance(v, float) and math.isfinite(v) for v in values)
 
 
-def head(result: dict[str, Any], command: str, *roles: str, version: int = 1) -> None:
+def head(result: dict[str, Any], command: str, *roles: str, version: int = 1):
     """The keys that all results share."""
     assert result["schema"] == f"wrenchgap.{command}/{version}"
     assert result["version"] == model_file.tool_version()
@@ -43,7 +41,7 @@ def head(result: dict[str, Any], command: str, *roles: str, version: int = 1) ->
         assert given["sha256"] == hashlib.sha256(Path(given["file"]).read_bytes()).hexdigest()
 
 
-def test_compare_puts_models_side_by_side(logs: Any, run: Any, result_of: ResultOf, tmp_path: Path) -> None:
+def test_compare_puts_models_side_by_side(logs, run, result_of, tmp_path):
     assert run("add", "-m", MODEL, "--value", "com_offset=-0.004,0.007,-0.005", "-o", "good.toml").exit_code == 0
     assert run("add", "-m", MODEL, "--value", "com_offset=x:0.004", "-o", "bad.toml").exit_code == 0
     result = result_of(
@@ -73,7 +71,7 @@ def test_compare_puts_models_side_by_side(logs: Any, run: Any, result_of: Result
     assert lines[0].startswith("flight,time,commanded.force_x")
 
 
-def test_explain_names_what_was_hidden(logs: Any, result_of: ResultOf) -> None:
+def test_explain_names_what_was_hidden(logs, result_of):
     result = result_of(
         *(
             "explain",
@@ -102,7 +100,7 @@ def test_explain_names_what_was_hidden(logs: Any, result_of: ResultOf) -> None:
     assert "com_offset" in result["summary"]
 
 
-def test_explain_warns_of_a_validation_flight_outside_what_was_fitted(logs: Any, run: Any, result_of: ResultOf) -> None:
+def test_explain_warns_of_a_validation_flight_outside_what_was_fitted(logs, run, result_of):
     assert run("simulate", "-m", MODEL, "-t", "hover", "--duration", 8, "-o", "hover.mcap").exit_code == 0
     result = result_of("explain", "hover.mcap", "-m", MODEL, "--validate", logs.test, "--effects-only", "com_offset")
     assert any("tilt" in warning and "test" in warning for warning in result["validation"]["warnings"])
@@ -112,9 +110,7 @@ def test_explain_warns_of_a_validation_flight_outside_what_was_fitted(logs: Any,
     assert any("torque_x" in warning and "grows" in warning for warning in back["validation"]["warnings"])
 
 
-def test_add_fits_and_keeps_comments_and_remove_takes_it_out_again(
-    logs: Any, run: Any, result_of: ResultOf, tmp_path: Path
-) -> None:
+def test_add_fits_and_keeps_comments_and_remove_takes_it_out_again(logs, run, result_of, tmp_path):
     result = result_of("add", "com_offset", "-m", MODEL, "--from", logs.train, "-o", "m2.toml")
     head(result, "add", "log", "model")
     (effect,) = result["effects"]
@@ -139,7 +135,7 @@ def test_add_fits_and_keeps_comments_and_remove_takes_it_out_again(
     assert (tmp_path / "m4.toml").read_text(encoding="utf-8").partition("\n[[history]]")[0] == original
 
 
-def test_a_model_may_be_changed_in_place_with_force(run: Any, tmp_path: Path) -> None:
+def test_a_model_may_be_changed_in_place_with_force(run, tmp_path):
     assert run("add", "-m", MODEL, "--value", "servo_lag=tau:0.05", "-o", "m.toml").exit_code == 0
     refused = run("remove", "servo_lag", "-m", "m.toml", "-o", "m.toml")
     assert refused.exit_code == 2
@@ -148,7 +144,7 @@ def test_a_model_may_be_changed_in_place_with_force(run: Any, tmp_path: Path) ->
     assert model_file.load("m.toml").effects == ()
 
 
-def test_learn_predicts_an_unseen_flight_and_compare_uses_it(logs: Any, result_of: ResultOf, tmp_path: Path) -> None:
+def test_learn_predicts_an_unseen_flight_and_compare_uses_it(logs, result_of, tmp_path):
     result = result_of(
         *("learn", logs.train, "-m", MODEL, "--validate", logs.test, "-o", "rest.gp"),
         *("--points", 60, "--restarts", 0, "--seed", 3),
@@ -172,7 +168,7 @@ def test_learn_predicts_an_unseen_flight_and_compare_uses_it(logs: Any, result_o
     assert any("8 Hz" in note and "5 Hz" in note for note in other["notes"])
 
 
-def test_a_gp_is_added_to_what_it_was_learnt_on(logs: Any, run: Any, result_of: ResultOf) -> None:
+def test_a_gp_is_added_to_what_it_was_learnt_on(logs, run, result_of):
     run("add", "-m", MODEL, "--value", "com_offset=-0.004,0.007,-0.005", "-o", "good.toml")
     quick = ("--points", 30, "--restarts", 0)
     assert run("learn", logs.train, "-m", MODEL, "-o", "nominal.gp", *quick).exit_code == 0
@@ -181,7 +177,7 @@ def test_a_gp_is_added_to_what_it_was_learnt_on(logs: Any, run: Any, result_of: 
     assert min(result["models"][2]["fall_of_rms"][3:]) > 0.5  # on top of `good` it would count the offset twice
 
 
-def test_inspect_reports_roles_and_checks_against_the_model(logs: Any, result_of: ResultOf) -> None:
+def test_inspect_reports_roles_and_checks_against_the_model(logs, result_of):
     result = result_of("inspect", logs.train, logs.test, "-m", MODEL)
     head(result, "inspect", "log", "log", "model")
     for log in result["logs"]:
@@ -192,7 +188,7 @@ def test_inspect_reports_roles_and_checks_against_the_model(logs: Any, result_of
         assert {t["topic"] for t in log["topics"]} >= {"/imu", "/command/wrench", "/odometry"}
 
 
-def test_inspect_notices_the_wrong_vehicle(logs: Any, result_of: ResultOf, tmp_path: Path) -> None:
+def test_inspect_notices_the_wrong_vehicle(logs, result_of, tmp_path):
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
     (tmp_path / "heavy.toml").write_text(text.replace("mass = 4.0 ", "mass = 5.0 "), encoding="utf-8")
     (tmp_path / "spun.toml").write_text(text.replace("c_f = 7.2e-6", "c_f = 5.0e-6"), encoding="utf-8")
@@ -204,7 +200,7 @@ def test_inspect_notices_the_wrong_vehicle(logs: Any, result_of: ResultOf, tmp_p
     assert [c["level"] for c in small] == ["bad"]
 
 
-def test_simulate_hides_what_it_is_told_to_hide(run: Any, result_of: ResultOf, tmp_path: Path) -> None:
+def test_simulate_hides_what_it_is_told_to_hide(run, result_of, tmp_path):
     asked = ("simulate", "-m", "voliro_x", "-t", "pitch", "--duration", 4, "--seed", 5, "--no-integral")
     result = result_of(
         *asked, "--hide", "com_offset=x:0.004", "servo_lag=0.05", "-o", "a.mcap", "--truth", "truth.toml"
@@ -228,7 +224,7 @@ def test_simulate_hides_what_it_is_told_to_hide(run: Any, result_of: ResultOf, t
     assert change == pytest.approx(-4.04 * 9.81 * 0.004, rel=0.1)
 
 
-def test_every_shipped_vehicle_flies_as_its_own_model_says(run: Any, result_of: ResultOf) -> None:
+def test_every_shipped_vehicle_flies_as_its_own_model_says(run, result_of):
     for name in ("voliro_x", "crazyflie", "asymmetric_quadrotor", "variable_tilt_hexacopter"):
         trajectory = "pitch" if name == "voliro_x" else "circle"
         log = f"{name}.mcap"
@@ -238,13 +234,13 @@ def test_every_shipped_vehicle_flies_as_its_own_model_says(run: Any, result_of: 
         assert max(ratio) < 3.0, (name, ratio)
 
 
-def test_quiet_prints_nothing(logs: Any, run: Any) -> None:
+def test_quiet_prints_nothing(logs, run):
     done = run("compare", logs.test, "-m", MODEL, "--quiet")
     assert (done.exit_code, done.stdout, done.stderr) == (0, "", "")
 
 
 @pytest.mark.parametrize("command", ["inspect", "simulate", "compare", "explain", "add", "remove", "learn"])
-def test_help_of_every_command_has_an_example(run: Any, command: str) -> None:
+def test_help_of_every_command_has_an_example(run, command):
     done = run(command, "--help")
     assert done.exit_code == 0
     assert f"wrenchgap {command} " in done.stdout.split("Example:")[1]
@@ -258,7 +254,7 @@ def in_process(
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=cwd)
 
 
-def test_help_loads_nothing_heavy() -> None:
+def test_help_loads_nothing_heavy():
     code = (
         "import sys; from wrenchgap.replay.cli import main as cli\n"
         "try: cli.app(['--help'])\n"
@@ -269,7 +265,7 @@ def test_help_loads_nothing_heavy() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_completion_knows_models_effects_and_trajectories() -> None:
+def test_completion_knows_models_effects_and_trajectories():
     line = "wrenchgap compare -m vol"
     words = {"_WRENCHGAP_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "3"}
     command = [sys.executable, "-c", "from wrenchgap.replay.cli import main as cli; cli.main()"]
@@ -278,7 +274,7 @@ def test_completion_knows_models_effects_and_trajectories() -> None:
     assert done.stdout.split() == ["voliro_x"]
 
 
-def test_completion_offers_what_is_there() -> None:
+def test_completion_offers_what_is_there():
     assert {name for name, _ in options.complete_effects("")} == set(catalogue())
     assert options.complete_effects("com_o")[0][1].startswith("The centre of mass")
     assert options.complete_trajectories("") == list(TRAJECTORIES)
@@ -286,7 +282,7 @@ def test_completion_offers_what_is_there() -> None:
     assert options.complete_topics("im") == ["imu="]
 
 
-def test_a_fault_leaves_a_traceback_in_a_file(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_leaves_a_traceback_in_a_file(run, monkeypatch):
     monkeypatch.delenv("WRENCHGAP_DEBUG", raising=False)
     monkeypatch.setattr(model_file, "load", lambda name: 1 / 0)
     done = run("remove", "servo_lag", "-m", MODEL, "-o", "x.toml")
@@ -299,8 +295,8 @@ def test_a_fault_leaves_a_traceback_in_a_file(run: Any, monkeypatch: pytest.Monk
     assert "Traceback" in run("remove", "servo_lag", "-m", MODEL, "-o", "x.toml").stderr
 
 
-def test_an_interrupt_is_one_line_and_130(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(name: str) -> None:
+def test_an_interrupt_is_one_line_and_130(run, monkeypatch):
+    def interrupted(name: str):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(model_file, "load", interrupted)
@@ -308,12 +304,12 @@ def test_an_interrupt_is_one_line_and_130(run: Any, monkeypatch: pytest.MonkeyPa
     assert (done.exit_code, len(done.stderr.splitlines())) == (130, 1)
 
 
-def test_version_is_that_of_the_project() -> None:
+def test_version_is_that_of_the_project():
     done = in_process("--version")
     assert done.stdout.split() == [cli.NAME, model_file.tool_version()]
 
 
-def test_results_document_their_keys(logs: Any, result_of: ResultOf) -> None:
+def test_results_document_their_keys(logs, result_of):
     """Every key at the top of a result stands in docs/json.md."""
     page = (ROOT / "docs" / "json.md").read_text(encoding="utf-8")
     results = [

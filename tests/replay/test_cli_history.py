@@ -1,7 +1,5 @@
 """Versions of a model on the command line: add, remove, history; own effects; what the GP absorbs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +16,7 @@ PAGE = (ROOT / "docs" / "effects" / "your-own.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Any:
+def own(tmp_path):
     """The effect of the page docs/effects/your-own.md, as a file."""
     found = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)
     assert found is not None
@@ -28,7 +26,7 @@ def own(tmp_path: Path) -> Any:
     effects.forget()
 
 
-def test_history_tells_what_add_and_remove_did(logs: Any, run: Any, result_of: ResultOf, tmp_path: Path) -> None:
+def test_history_tells_what_add_and_remove_did(logs, run, result_of, tmp_path):
     added = result_of("add", "com_offset", "-m", MODEL, "--from", logs.train, "-o", "a.toml")
     assert added["model_version"] == 2
     assert added["held_out"]["outcome"] == "better"
@@ -59,7 +57,7 @@ def test_history_tells_what_add_and_remove_did(logs: Any, run: Any, result_of: R
         assert word in shown
 
 
-def test_history_notices_a_hand_on_the_file(run: Any, result_of: ResultOf, tmp_path: Path) -> None:
+def test_history_notices_a_hand_on_the_file(run, result_of, tmp_path):
     assert run("add", "-m", MODEL, "--value", "mass=0.1", "-o", "a.toml").exit_code == 0
     path = tmp_path / "a.toml"
     path.write_text(path.read_text().replace("mass = 4.0", "mass = 4.1", 1))
@@ -68,12 +66,12 @@ def test_history_notices_a_hand_on_the_file(run: Any, result_of: ResultOf, tmp_p
     assert "changed by hand after version 2" in result["notes"][0]
 
 
-def test_a_model_without_history_says_so(run: Any, result_of: ResultOf) -> None:
+def test_a_model_without_history_says_so(run, result_of):
     assert "no history" in run("history", MODEL).stdout
     assert result_of("history", MODEL)["versions"] == []
 
 
-def test_an_own_effect_flies_is_found_and_is_asked_for(run: Any, result_of: ResultOf, own: Path) -> None:
+def test_an_own_effect_flies_is_found_and_is_asked_for(run, result_of, own):
     fly = ("simulate", "-m", MODEL, "-t", "multi_axis", "--excitation", 1, "--duration", 14)
     assert run(*fly, "--effects", own, "--hide", "field_torque=x:0.03,y:0.05", "-o", "f.mcap").exit_code == 0
     found = result_of(
@@ -95,7 +93,7 @@ def test_an_own_effect_flies_is_found_and_is_asked_for(run: Any, result_of: Resu
     assert "--effects FILE.py" in unknown.stderr
 
 
-def test_an_own_effect_that_fails_is_one_line(run: Any, own: Path, logs: Any) -> None:
+def test_an_own_effect_that_fails_is_one_line(run, own, logs):
     own.write_text(own.read_text().replace("np.cross(theta,", "np.cros(theta,"))
     done = run("compare", logs.test, "-m", MODEL, "--effects", own)
     assert done.exit_code == 2
@@ -103,7 +101,7 @@ def test_an_own_effect_that_fails_is_one_line(run: Any, own: Path, logs: Any) ->
     assert done.stderr.count("\n") == 1
 
 
-def test_an_own_effect_that_fails_later_is_one_line(run: Any, own: Path, logs: Any, tmp_path: Path) -> None:
+def test_an_own_effect_that_fails_later_is_one_line(run, own, logs, tmp_path):
     text = own.read_text().replace("    def apply(self, actuation, wrench_B, theta, context):\n", "{}", 1)
     trap = "    def apply(self, actuation, wrench_B, theta, context):\n        assert len(wrench_B) < 100\n"
     own.write_text(text.replace("{}", trap))
@@ -114,7 +112,7 @@ def test_an_own_effect_that_fails_later_is_one_line(run: Any, own: Path, logs: A
     assert not (tmp_path / "m.toml").exists()
 
 
-def test_learn_says_what_the_gp_absorbs(logs: Any, result_of: ResultOf) -> None:
+def test_learn_says_what_the_gp_absorbs(logs, result_of):
     few = ("--points", 40, "--restarts", 0)
     result = result_of("learn", logs.train, "-m", MODEL, "-o", "t.gp", *few)
     assert result["absorbs"]["effects"] == ["com_offset"]
@@ -126,7 +124,7 @@ def test_learn_says_what_the_gp_absorbs(logs: Any, result_of: ResultOf) -> None:
     assert quiet["absorbs"] is None
 
 
-def test_history_of_a_simulation_s_truth_is_not_that_of_its_model(run: Any) -> None:
+def test_history_of_a_simulation_s_truth_is_not_that_of_its_model(run):
     assert run("add", "-m", MODEL, "--value", "mass=0.1", "-o", "a.toml").exit_code == 0
     fly = ("simulate", "-m", "a.toml", "-t", "hover", "--duration", 2, "--hide", "mass=added:0.2", "-o", "h.mcap")
     assert run(*fly, "--truth", "t.toml").exit_code == 0

@@ -1,10 +1,7 @@
 """Errors by axis, worst stretches, and which model a GP belongs to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +22,7 @@ from wrenchgap.plant.vehicle import Body
 from wrenchgap.replay import api
 
 
-def test_errors_of_a_known_residual() -> None:
+def test_errors_of_a_known_residual():
     residual = np.zeros((4, 6))
     residual[:, 0] = [3.0, -3.0, 5.0, -1.0]
     errors = Errors.of(residual)
@@ -36,7 +33,7 @@ def test_errors_of_a_known_residual() -> None:
     assert not errors.rms[1:].any()
 
 
-def test_the_worst_stretch_is_where_the_error_was_put(logs: Any) -> None:
+def test_the_worst_stretch_is_where_the_error_was_put(logs):
     model = model_file.load("tilt_hexarotor")
     (opened,) = open_flights([logs.test], model)
     (record,) = opened.records
@@ -51,7 +48,7 @@ def test_the_worst_stretch_is_where_the_error_was_put(logs: Any) -> None:
     assert min(np.diff(starts)) > 0.9 * comparison.STRETCH_SECONDS
 
 
-def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs: Any) -> None:
+def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs):
     model = editing.set_by_hand(model_file.load("tilt_hexarotor"), ["com_offset=x:0.01", "servo_lag=0.03"])
     (opened,) = open_flights([logs.test], model)
     record = opened.records[0]
@@ -59,7 +56,7 @@ def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(
     np.testing.assert_allclose(ours, predict(record, model.wrench_model), atol=1e-12)
 
 
-def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
+def test_a_heavier_model_predicts_less_measured_force(logs):
     """The same thrust accelerates twice the mass half as much; processed with the nominal mass it reads half."""
     model = model_file.load("tilt_hexarotor")
     (opened,) = open_flights([logs.test], model)
@@ -73,12 +70,12 @@ def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
     np.testing.assert_allclose(heavy_force, 0.5 * light_force, rtol=1e-9, atol=1e-9)
 
 
-def test_models_of_another_shape_cannot_be_compared() -> None:
+def test_models_of_another_shape_cannot_be_compared():
     with pytest.raises(ModelError, match="one vehicle"):
         predictors(model_file.load("tilt_hexarotor"), [model_file.load("crazyflie")])
 
 
-def test_an_addition_is_labelled_by_what_it_adds(logs: Any) -> None:
+def test_an_addition_is_labelled_by_what_it_adds(logs):
     """To the model compared with, or, where that is an addition too or lacks other effects, to the nominal vehicle."""
     model = model_file.load("tilt_hexarotor")
     opened = api.open_flights(logs.test, model)
@@ -95,7 +92,7 @@ def test_an_addition_is_labelled_by_what_it_adds(logs: Any) -> None:
     assert labels(more, found) == ["nominal", "+ com_offset + mass", "+ com_offset"]
 
 
-def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:
+def test_flights_with_one_name_are_kept_apart(logs):
     opened = open_flights([logs.test, logs.train], model_file.load("tilt_hexarotor"))
     same = [replace(o, flight=replace(o.flight, name="a")) for o in opened]
     names = [o.records[0].flight for o in distinct(same)]
@@ -103,7 +100,7 @@ def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:
     assert len({o.flight.name for o in distinct(same)}) == 2
 
 
-def test_ranges_say_which_flight_went_further(logs: Any) -> None:
+def test_ranges_say_which_flight_went_further(logs):
     model = model_file.load("tilt_hexarotor")
     train, test = (o.records for o in open_flights([logs.train, logs.test], model))
     assert not any(r.outside for r in ranges([*train, *test], test))
@@ -111,7 +108,7 @@ def test_ranges_say_which_flight_went_further(logs: Any) -> None:
     assert [r.quantity for r in ranges(slow, test) if r.outside] == ["body rate"]
 
 
-def test_values_by_name_and_in_order_mean_the_same() -> None:
+def test_values_by_name_and_in_order_mean_the_same():
     model = model_file.load("tilt_hexarotor")
     by_name = editing.made(model, "com_offset=y:0.002,x:0.001")
     in_order = editing.made(model, "com_offset=0.001,0.002,0")
@@ -119,12 +116,12 @@ def test_values_by_name_and_in_order_mean_the_same() -> None:
 
 
 @pytest.mark.parametrize("text", ["com_offset", "com_offset=", "=1", "com_offset=x:1,2", "com_offset=x:one"])
-def test_values_that_are_none_are_refused(text: str) -> None:
+def test_values_that_are_none_are_refused(text):
     with pytest.raises(UsageError):
         editing.made(model_file.load("tilt_hexarotor"), text)
 
 
-def test_hidden_values_add_to_what_the_model_has() -> None:
+def test_hidden_values_add_to_what_the_model_has():
     model = model_file.load("tilt_hexarotor")
     known = model.with_effects([make_effect(model.vehicle, "servo_lag", [0.02])])
     truth = editing.with_hidden(known, ["servo_lag=tau:0.03", "com_offset=x:0.01"])

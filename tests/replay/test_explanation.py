@@ -1,15 +1,11 @@
 """What `explain` found, in words, in commands that work, in a table, and as the JSON that docs/json.md promises."""
 
-from __future__ import annotations
-
 import io
 import json
 import re
 import shlex
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -38,13 +34,13 @@ def explained(path: Path, *names: str) -> Explanation:
 
 
 @pytest.fixture(scope="module")
-def named(logs: Any) -> Explanation:
+def named(logs) -> Explanation:
     """A centre-of-mass offset of (-4, 7, -5) mm."""
     return explained(logs.train, "com_offset", "mass", "battery_sag")
 
 
 @pytest.fixture(scope="module")
-def grouped(logs: Any) -> Explanation:
+def grouped(logs) -> Explanation:
     """6 % less of everything: thin air, or lower rotors that lose 12 %."""
     model = model_file.load(MODEL)
     (flight,) = open_flights([logs.ideal], model)
@@ -54,7 +50,7 @@ def grouped(logs: Any) -> Explanation:
 
 
 @pytest.fixture(scope="module")
-def nothing(logs: Any) -> Explanation:
+def nothing(logs) -> Explanation:
     return explained(logs.ideal, "com_offset", "mass")
 
 
@@ -71,7 +67,7 @@ def swinging(found: Explanation) -> Explanation:
 # ---------------------------------------------------------------- words
 
 
-def test_an_effect_is_told_with_its_values_and_how_sure(named: Explanation) -> None:
+def test_an_effect_is_told_with_its_values_and_how_sure(named):
     words = summary(named)
     assert named.verdict == "effect"
     told = {axis: float(value) for axis, value in re.findall(r"\b([xyz]) (-?[\d.]+) m\b", words)}
@@ -79,7 +75,7 @@ def test_an_effect_is_told_with_its_values_and_how_sure(named: Explanation) -> N
     assert f"confidence {100 * named.confidence(named.members[0]):.0f} %" in words
 
 
-def test_of_many_parameters_the_ones_that_stand_out_are_told(named: Explanation) -> None:
+def test_of_many_parameters_the_ones_that_stand_out_are_told(named):
     """Twelve rotors, one of them weak and one a little."""
     rotors = [("rotor_thrust", p) for p in find("rotor_thrust").parameters(named.model.vehicle)]
     loss = np.full(12, 0.001)
@@ -89,7 +85,7 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named: Explanation)
     assert "rotor_thrust (rotor_3 -0.200, rotor_8 -0.100)," in summary(replace(named, members=(member,), fit=fitted))
 
 
-def test_the_largest_remaining_error_is_counted_in_noise(named: Explanation) -> None:
+def test_the_largest_remaining_error_is_counted_in_noise(named):
     """0.5 N is little beside 0.1 Nm where the gyroscope is a hundred times better."""
     noise = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3])
     one = replace(named, noise=noise, rms_after=np.array([0.5, 0.1, 0.1, 1e-3, 0.1, 1e-3]))
@@ -98,18 +94,18 @@ def test_the_largest_remaining_error_is_counted_in_noise(named: Explanation) -> 
     assert "force_x, 0.5 N rms (sensor noise 0.1)" in summary(two)
 
 
-def test_a_group_is_told_with_all_its_members(grouped: Explanation) -> None:
+def test_a_group_is_told_with_all_its_members(grouped):
     assert grouped.verdict == "group"
     assert set(grouped.groups[0]) == {"thrust_scale", "coaxial_loss"}
     assert all(name in summary(grouped) for name in grouped.groups[0])
 
 
-def test_where_nothing_is_missing_there_is_nothing_to_do(nothing: Explanation) -> None:
+def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
     assert nothing.verdict == "nothing"
     assert what_next(nothing, MODEL, ["a.mcap"]) == []
 
 
-def test_what_is_unknown_is_told_with_the_number_of_every_clue(named: Explanation, nothing: Explanation) -> None:
+def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
     found = replace(swinging(named), depends=heading(0.62), concentrated=0.81)
     words = summary(found)
     for clue in ("com_offset", "0.72 Hz", "0.012", "75 %", "heading", "62 %", "81 %"):
@@ -128,9 +124,7 @@ def commands(lines: list[Line]) -> list[list[str]]:
     return [shlex.split(re.sub(r".*?\bwrenchgap ", "", line.text, count=1)) for line in lines]
 
 
-def test_the_command_that_is_told_adds_what_was_found(
-    named: Explanation, logs: Any, run: Callable[..., Any], result_of: Callable[..., dict[str, Any]]
-) -> None:
+def test_the_command_that_is_told_adds_what_was_found(named, logs, run, result_of):
     (command,) = commands(what_next(named, MODEL, [str(logs.train)]))
     assert run(*command).exit_code == 0
     (effect,) = model_file.load("fitted.toml").effects
@@ -140,7 +134,7 @@ def test_the_command_that_is_told_adds_what_was_found(
     assert min(after["fall_of_rms"][3:]) > 0.9
 
 
-def test_a_group_is_told_the_flight_that_separates_it_first(grouped: Explanation) -> None:
+def test_a_group_is_told_the_flight_that_separates_it_first(grouped):
     design, add = commands(what_next(grouped, MODEL, ["a.mcap", "b.mcap"]))
     assert design[0] == "design"
     assert set(design[1:3]) == {"thrust_scale", "coaxial_loss"}
@@ -148,7 +142,7 @@ def test_a_group_is_told_the_flight_that_separates_it_first(grouped: Explanation
     assert add[:2] == ["add", grouped.effects[0]]
 
 
-def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named: Explanation, nothing: Explanation) -> None:
+def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named, nothing):
     look, add = commands(what_next(swinging(named), MODEL, ["a.mcap"]))
     assert look[:2] == ["where", "a.mcap"]
     assert add[:2] == ["add", "com_offset"]
@@ -157,17 +151,17 @@ def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named: Expl
     ]
 
 
-def test_what_could_not_be_tried_is_listed_by_reason(named: Explanation) -> None:
+def test_what_could_not_be_tried_is_listed_by_reason(named):
     ((reason, names),) = not_tried(named.untried).items()
     assert names == ["battery_sag"]
     assert "--topic battery=" in reason
     assert "effect battery_sag" not in reason
 
 
-def test_what_could_not_be_fitted_says_so_once(logs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_could_not_be_fitted_says_so_once(logs, monkeypatch):
     candidate = Search.candidate
 
-    def refuse(self: Search, others: Any, name: str, *more: Any) -> Any:
+    def refuse(self: Search, others, name: str, *more):
         if name == "mass":
             raise ModelError("effect mass: the change is too large")
         return candidate(self, others, name, *more)
@@ -181,7 +175,7 @@ def test_what_could_not_be_fitted_says_so_once(logs: Any, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("which", ["named", "grouped"])
-def test_table_of_members_fits_a_terminal(which: str, request: pytest.FixtureRequest) -> None:
+def test_table_of_members_fits_a_terminal(which, request):
     found = request.getfixturevalue(which)
     out = io.StringIO()
     Console(file=out, width=100, color_system=None).print(members(found))
@@ -206,9 +200,7 @@ def documented() -> tuple[set[str], str]:
     return {key for head in whole for key in re.findall(r"`(\w+)`", head)}, section
 
 
-def test_json_has_the_keys_that_are_documented_and_no_others(
-    logs: Any, result_of: Callable[..., dict[str, Any]]
-) -> None:
+def test_json_has_the_keys_that_are_documented_and_no_others(logs, result_of):
     result = result_of("explain", logs.train, "-m", MODEL, "--effects-only", "com_offset,mass,constant_wrench")
     assert result["schema"] == "wrenchgap.explain/2"
     assert VERSIONS["explain"] == 2
@@ -217,7 +209,7 @@ def test_json_has_the_keys_that_are_documented_and_no_others(
     assert result["validation"] is None
 
 
-def test_json_tells_what_the_explanation_holds(grouped: Explanation) -> None:
+def test_json_tells_what_the_explanation_holds(grouped):
     body = json.loads(json.dumps(to_json(grouped), default=np.ndarray.tolist))
     _, section = documented()
     assert [m["effect"] for m in body["members"]] == body["effects"] == list(grouped.effects)
@@ -235,7 +227,7 @@ def test_json_tells_what_the_explanation_holds(grouped: Explanation) -> None:
     assert set(body["left"]) <= words(section)
 
 
-def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named: Explanation) -> None:
+def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named):
     found = replace(swinging(named), depends=heading(0.62))
     left = json.loads(json.dumps(to_json(found), default=np.ndarray.tolist))["left"]
     _, section = documented()

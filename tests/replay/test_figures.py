@@ -1,11 +1,6 @@
 """What pictures hold: panels, units, the residual itself, every peak, and legends that cover nothing."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -30,13 +25,13 @@ MODEL = "tilt_hexarotor"
 
 
 @pytest.fixture(autouse=True)
-def no_figures_left() -> Iterator[None]:
+def no_figures_left():
     yield
     plt.close("all")
 
 
 @pytest.fixture(scope="module")
-def compared(logs: Any) -> Comparison:
+def compared(logs) -> Comparison:
     """Two flights, the nominal vehicle and one with an offset of the centre of mass."""
     model = set_by_hand(model_file.load(MODEL), ["com_offset=-0.004,0.007,-0.005"])
     found, _ = predictors(model)
@@ -44,7 +39,7 @@ def compared(logs: Any) -> Comparison:
 
 
 @pytest.fixture(scope="module")
-def added(logs: Any) -> Addition:
+def added(logs) -> Addition:
     """The hidden offset of the centre of mass, fitted."""
     model = model_file.load(MODEL)
     return add(model, ["com_offset"], open_flights([logs.train], model))
@@ -58,7 +53,7 @@ def one_flight(compared: Comparison) -> Comparison:
     return replace(compared, flights=compared.flights[:1], records=compared.records[:1], evaluations=evaluations)
 
 
-def check_panels(figure: Any) -> None:
+def check_panels(figure):
     """Every panel says what its axes are, and no legend lies on a panel."""
     figure.canvas.draw()
     panels = [a for a in figure.axes if a.axison]
@@ -74,7 +69,7 @@ def check_panels(figure: Any) -> None:
             )
 
 
-def test_the_residual_is_drawn_with_its_noise_floor(compared: Comparison) -> None:
+def test_the_residual_is_drawn_with_its_noise_floor(compared):
     one = one_flight(compared)
     axes = one.plot()
     assert axes.shape == (6, 2)
@@ -91,7 +86,7 @@ def test_the_residual_is_drawn_with_its_noise_floor(compared: Comparison) -> Non
     check_panels(axes[0, 0].get_figure())
 
 
-def test_several_flights_follow_one_another_with_their_names_and_their_rms(compared: Comparison) -> None:
+def test_several_flights_follow_one_another_with_their_names_and_their_rms(compared):
     axes = compared.plot()
     assert axes.shape == (7, 2)
     names = [text.get_text() for text in axes[0, 0].texts]
@@ -104,7 +99,7 @@ def test_several_flights_follow_one_another_with_their_names_and_their_rms(compa
     check_panels(axes[0, 0].get_figure())
 
 
-def test_ten_minutes_keep_every_peak_and_stay_light() -> None:
+def test_ten_minutes_keep_every_peak_and_stay_light():
     time = np.arange(0.0, 600.0, 0.005)
     values = np.sin(40.0 * time)
     values[54321], values[98765] = 7.0, -5.0
@@ -117,14 +112,14 @@ def test_ten_minutes_keep_every_peak_and_stay_light() -> None:
     assert corners[corners[:, 1].argmax(), 0] == pytest.approx(time[54321], abs=600.0 / style.COLUMNS)
 
 
-def test_a_slow_curve_stays_a_line_however_long() -> None:
+def test_a_slow_curve_stays_a_line_however_long():
     time = np.arange(0.0, 600.0, 0.005)
     panel = Figure().subplots()
     assert not style.curve(panel, time, np.sin(0.02 * time), "black")
     assert len(panel.lines[0].get_xdata()) <= 2 * style.COLUMNS + 2
 
 
-def test_small_numbers_get_a_prefix_and_data_stay_in_si() -> None:
+def test_small_numbers_get_a_prefix_and_data_stay_in_si():
     panel = Figure().subplots()
     panel.plot([0.0, 1.0], [0.0, 4e-4])
     style.labelled(panel, "torque x", "Nm")
@@ -133,7 +128,7 @@ def test_small_numbers_get_a_prefix_and_data_stay_in_si() -> None:
     assert panel.lines[0].get_ydata()[1] == 4e-4
 
 
-def test_ticks_of_a_narrow_range_are_written_in_full() -> None:
+def test_ticks_of_a_narrow_range_are_written_in_full():
     panel = Figure().subplots()
     panel.plot([1.6001, 1.6002], [0.0, 1.0])
     style.labelled(panel, "height", "m", "x")
@@ -144,7 +139,7 @@ def test_ticks_of_a_narrow_range_are_written_in_full() -> None:
     assert all(t.startswith("1.6") for t in ticks)
 
 
-def test_axes_of_the_user_are_drawn_into_and_others_refused(added: Addition) -> None:
+def test_axes_of_the_user_are_drawn_into_and_others_refused(added):
     axes = Figure().subplots(1, 2)
     assert added.plot(axes) is axes
     assert axes[1].get_ylabel() == "torque error, rms [Nm]"
@@ -153,7 +148,7 @@ def test_axes_of_the_user_are_drawn_into_and_others_refused(added: Addition) -> 
         added.plot(Figure().subplots(2, 3))
 
 
-def test_an_addition_shows_the_error_before_and_after(added: Addition) -> None:
+def test_an_addition_shows_the_error_before_and_after(added):
     assert added.trial is not None
     axes = added.plot()
     heights = [bar.get_height() for bar in axes[0, 1].patches]
@@ -161,7 +156,7 @@ def test_an_addition_shows_the_error_before_and_after(added: Addition) -> None:
     check_panels(axes[0, 0].get_figure())
 
 
-def test_a_process_and_its_replay(logs: Any) -> None:
+def test_a_process_and_its_replay(logs):
     """Sigma has the unit of the outputs, beta is a share, the band around the correction is that sigma."""
     model = model_file.load(MODEL)
     train, test = open_flights([logs.train, logs.test], model)
@@ -187,7 +182,7 @@ def test_a_process_and_its_replay(logs: Any) -> None:
     check_panels(axes[0, 0].get_figure())
 
 
-def test_a_log_shows_the_rate_of_every_role(logs: Any) -> None:
+def test_a_log_shows_the_rate_of_every_role(logs):
     seen = inspect(logs.test)
     axes = seen.plot()
     assert seen.inspection.flight is not None
@@ -198,7 +193,7 @@ def test_a_log_shows_the_rate_of_every_role(logs: Any) -> None:
     check_panels(axes[0, 0].get_figure())
 
 
-def test_files_are_written_without_pyplot_and_never_over_another(added: Addition, tmp_path: Path) -> None:
+def test_files_are_written_without_pyplot_and_never_over_another(added, tmp_path):
     path = tmp_path / "added.png"
     figures.save(added, path)
     assert path.read_bytes().startswith(b"\x89PNG")

@@ -1,10 +1,7 @@
 """From learning to compensating with physics as the mean, with more inputs, and with what `learn` warned of."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,15 +33,13 @@ FAST = ("--points", 40, "--restarts", 0, "--no-guard")
 LINES = ("constant offset", "linear in the command")
 
 
-def flown(
-    truth: Any, trajectory: str, seconds: float, name: str, excitation: float = 0.0, **more: Any
-) -> flight.Flight:
+def flown(truth, trajectory: str, seconds: float, name: str, excitation: float = 0.0, **more) -> flight.Flight:
     path = named(trajectory, 12.0, excitation=excitation, seed=1)
     return simulate(truth, MODEL, path, seconds, rng=np.random.default_rng(5), name=name, **more)
 
 
 @pytest.fixture(scope="module")
-def files(logs: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(logs, tmp_path_factory) -> Path:
     """A folder with a model that knows the displaced centre of mass, and a short flight of that vehicle."""
     folder = tmp_path_factory.mktemp("known")
     model_file.save(KNOWN, folder / "good.toml")
@@ -53,7 +48,7 @@ def files(logs: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def on_physics(logs: Any, files: Path) -> Learnt:
+def on_physics(logs, files) -> Learnt:
     """A process on what the known centre of mass leaves: nothing but noise."""
     model = model_file.load(str(files / "good.toml"))
     flights = [opened(flight.load(path), model) for path in (logs.train, logs.test)]
@@ -65,7 +60,7 @@ def on_physics(logs: Any, files: Path) -> Learnt:
 # --- physics as the mean ----------------------------------------------------------------------------------------------
 
 
-def test_learn_takes_the_effects_of_the_model_for_its_mean(logs: Any, files: Path, result_of: Any) -> None:
+def test_learn_takes_the_effects_of_the_model_for_its_mean(logs, files, result_of):
     asked = ("learn", logs.train, "-m", files / "good.toml", "-o", "rest.gp", *FAST)
     result = result_of(*asked)
     assert (result["settings"]["mean"], result["physics"]) == ("physics", "com_offset")
@@ -79,7 +74,7 @@ def test_learn_takes_the_effects_of_the_model_for_its_mean(logs: Any, files: Pat
     assert max(store.load("rest.gp").mismatch_max) > 0.2
 
 
-def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_physics: Learnt, result_of: Any) -> None:
+def test_replay_commands_the_lever_of_the_known_centre_of_mass(files, on_physics, result_of):
     """And repeats what learn said: the offset was all there was, so the process on top is not worth it."""
     asked = ("replay", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp", "--csv", "steps.csv")
     result = result_of(*asked)
@@ -96,9 +91,7 @@ def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_p
     assert any(caution(said) in note for note in result["notes"])
 
 
-def test_counterfactual_flies_with_the_physics_in_the_compensation(
-    files: Path, on_physics: Learnt, result_of: Any
-) -> None:
+def test_counterfactual_flies_with_the_physics_in_the_compensation(files, on_physics, result_of):
     """Of the lean that the offset makes without an integral nearly nothing is left."""
     asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
     result = result_of(*asked, "--gains", "integral=0", "--start", 0.5, "--duration", 1)
@@ -109,14 +102,14 @@ def test_counterfactual_flies_with_the_physics_in_the_compensation(
     assert any(caution(on_physics.gp.provenance.warnings[0]) in note for note in result["notes"])
 
 
-def test_another_version_of_the_physics_is_told(on_physics: Learnt) -> None:
+def test_another_version_of_the_physics_is_told(on_physics):
     other = KNOWN.with_effects([make_effect(MODEL.vehicle, "com_offset", 2 * OFFSET)])
     assert OtherVersion(other.name, on_physics.gp.provenance.physics) in compensating.caveats(on_physics.gp, other)
     assert on_physics.gp.provenance.physics == "com_offset"
     assert not any(isinstance(c, OtherVersion) for c in compensating.caveats(on_physics.gp, KNOWN))
 
 
-def test_physics_that_is_not_there_is_refused(files: Path, on_physics: Learnt, run: Any) -> None:
+def test_physics_that_is_not_there_is_refused(files, on_physics, run):
     done = run("replay", files / "short.mcap", "-m", NAME, "--gp", files / "rest.gp")
     assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
     assert "has no effects, but the GP is the residual of com_offset" in done.stderr
@@ -125,7 +118,7 @@ def test_physics_that_is_not_there_is_refused(files: Path, on_physics: Learnt, r
     assert "lead is 0.0 s" in late.stderr
 
 
-def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
+def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks():
     """Thrust that follows the battery, W (1 + q V - k): the correction is the falling share of the weight."""
     sag = MODEL.with_effects([make_effect(MODEL.vehicle, "battery_sag", {"sensitivity": 2.0, "per_volt": 0.08})])
 
@@ -153,7 +146,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
 
 
 @pytest.fixture(scope="module")
-def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def slow(tmp_path_factory) -> Path:
     """A folder with flights of a vehicle whose servos lag by 60 ms."""
     folder = tmp_path_factory.mktemp("slow")
     for name, path, seconds, excitation in (("train", "multi_axis", 12.0, 1.5), ("test", "figure8", 4.0, 1.0)):
@@ -161,9 +154,7 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_counterfactual_flies_the_alternatives_beside_the_process(
-    files: Path, on_physics: Learnt, result_of: Any
-) -> None:
+def test_counterfactual_flies_the_alternatives_beside_the_process(files, on_physics, result_of):
     """Effects alone are all there is here: they do as well as with the process, and an observer does not have to."""
     asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
     result = result_of(*asked, "--duration", 1, "--baselines")
@@ -175,7 +166,7 @@ def test_counterfactual_flies_the_alternatives_beside_the_process(
     assert result_of(*asked, "--duration", 1)["baselines"] == {}
 
 
-def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path, result_of: Any) -> None:
+def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow, result_of):
     """What slow servos leave of a command is a function of its past, not of its value."""
     asked = ("learn", slow / "train.mcap", "-m", NAME, "--validate", slow / "test.mcap", *FAST)
     rms = {}
@@ -197,7 +188,7 @@ def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path,
     assert after < 0.9 * before
 
 
-def test_log_without_pose_has_no_velocity_to_offer(slow: Path) -> None:
+def test_log_without_pose_has_no_velocity_to_offer(slow):
     log = flight.load(slow / "train.mcap")
     gp = learn_process([opened(log, MODEL)], MODEL, TORQUE, replace(QUICK, inputs=("velocity",))).gp
     with pytest.raises(FitError, match="input velocity needs odometry"):
@@ -209,7 +200,7 @@ def test_log_without_pose_has_no_velocity_to_offer(slow: Path) -> None:
 # --- whether it is worth it -------------------------------------------------------------------------------------------
 
 
-def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, result_of: Any) -> None:
+def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs, result_of):
     """The torque of a displaced centre of mass, -c x F, is a straight line in the command."""
     result = result_of("learn", logs.train, "-m", NAME, "--validate", logs.test, "-o", "zero.gp", *FAST)
     rms = {m["name"]: np.array(m["rms"][3:]) for m in result["validation"]["models"]}
@@ -224,7 +215,7 @@ def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, res
 # --- what is asked of a compensation ----------------------------------------------------------------------------------
 
 
-def test_lead_is_said_among_the_changes(on_physics: Learnt) -> None:
+def test_lead_is_said_among_the_changes(on_physics):
     asked = change(KNOWN, period=0.005, gp=("rest.gp", on_physics.gp), lead=0.05)
     assert asked.words == ("compensated by rest.gp, lead time 0.05 s",)
     assert asked.compensator is not None

@@ -1,7 +1,5 @@
 """The report: the whole story on one page that needs nothing else."""
 
-from __future__ import annotations
-
 import base64
 import html.parser
 import re
@@ -41,7 +39,7 @@ SECTIONS = ("timing", "error", "ranking", "parameters", "where", "left", "fly", 
 class Reader(html.parser.HTMLParser):
     """Elements with their attributes, text by section, and whether every element is closed."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str):
         super().__init__()
         self.elements: list[tuple[str, dict[str, str | None]]] = []
         self.open: list[str] = []
@@ -49,22 +47,22 @@ class Reader(html.parser.HTMLParser):
         self.texts: dict[str, str] = {}
         self.feed(text)
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]):
         self.elements.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
         if tag == "section":
             self.section = dict(attrs)["id"] or ""
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag: str):
         assert self.open.pop() == tag
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, data: str):
         self.texts[self.section] = self.texts.get(self.section, "") + data
 
 
 @pytest.fixture(scope="module")
-def made(logs: Any) -> Report:
+def made(logs) -> Report:
     model = model_file.load(MODEL)
     flights = open_flights([logs.train, logs.test], model)
     with pytest.MonkeyPatch.context() as patch:  # the budget's processes are tested with `where`, and take long
@@ -73,22 +71,22 @@ def made(logs: Any) -> Report:
 
 
 @pytest.fixture(scope="module")
-def repetition(made: Report) -> Repetition:
+def repetition(made) -> Repetition:
     said = "wrenchgap report train.mcap -m tilt_hexarotor -o report.html"
     return Repetition.of(made, Request(MODEL, said, " --cutoff 8"))
 
 
 @pytest.fixture(scope="module")
-def written(made: Report, repetition: Repetition) -> str:
+def written(made, repetition) -> str:
     return page(made, repetition)
 
 
 @pytest.fixture
-def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_charts(monkeypatch):
     monkeypatch.setattr(Image, "of", lambda figure, alt, caption, form="png": Image("data:", alt, caption))
 
 
-def test_has_all_its_parts(written: str, made: Report, repetition: Repetition) -> None:
+def test_has_all_its_parts(written, made, repetition):
     read = Reader(written)
     assert read.open == []
     assert [a["id"] for tag, a in read.elements if tag == "section"] == list(SECTIONS)
@@ -104,7 +102,7 @@ def test_has_all_its_parts(written: str, made: Report, repetition: Repetition) -
     assert dict(repetition.versions)["numpy"] == np.__version__
 
 
-def test_needs_nothing_else_and_is_small(written: str) -> None:
+def test_needs_nothing_else_and_is_small(written):
     assert len(written) < 5e6
     for tag, attributes in Reader(written).elements:
         assert tag not in ("script", "link", "iframe", "object")
@@ -114,7 +112,7 @@ def test_needs_nothing_else_and_is_small(written: str) -> None:
     assert not re.search(r"https?://|url\(|@import", written)
 
 
-def test_every_image_says_what_it_shows(written: str) -> None:
+def test_every_image_says_what_it_shows(written):
     images = [a for tag, a in Reader(written).elements if tag == "img"]
     assert len(images) >= 6
     for image in images:
@@ -124,7 +122,7 @@ def test_every_image_says_what_it_shows(written: str) -> None:
         assert base64.b64decode(data).startswith(start)
 
 
-def test_error_goes_down_to_the_noise_on_both_kinds_of_data(made: Report) -> None:
+def test_error_goes_down_to_the_noise_on_both_kinds_of_data(made):
     held_out, unseen = made.staircases
     assert (held_out.basis, unseen.basis) == (Basis.HELD_OUT, Basis.UNSEEN)
     for case in (held_out, unseen):
@@ -139,7 +137,7 @@ def test_error_goes_down_to_the_noise_on_both_kinds_of_data(made: Report) -> Non
     np.testing.assert_allclose(unseen.stairs[0].rms[3:], np.sqrt(np.mean(torque**2, axis=0)), rtol=0.05)
 
 
-def test_the_model_inside_is_the_fitted_one(written: str) -> None:
+def test_the_model_inside_is_the_fitted_one(written):
     (link,) = [a for tag, a in Reader(written).elements if tag == "a" and a.get("download")]
     text = base64.b64decode((link["href"] or "").partition(",")[2]).decode()
     model = model_file.loads(text)
@@ -149,7 +147,7 @@ def test_the_model_inside_is_the_fitted_one(written: str) -> None:
     assert not model_file.changed_since(model)
 
 
-def test_commands_are_commands(repetition: Repetition) -> None:
+def test_commands_are_commands(repetition):
     import typer
 
     known = typer.main.get_command(app).commands  # type: ignore[attr-defined]
@@ -160,7 +158,7 @@ def test_commands_are_commands(repetition: Repetition) -> None:
         assert words[-2:] == ["--cutoff", "8"]
 
 
-def test_nothing_from_a_log_becomes_markup(made: Report, repetition: Repetition, without_charts: None) -> None:
+def test_nothing_from_a_log_becomes_markup(made, repetition, without_charts):
     evil = '<script>alert("x")</script>'
     cases = tuple(replace(s, flights=(evil,), basis=Basis.UNSEEN) for s in made.staircases)
     timing = tuple(replace(t, flight=evil) for t in made.explanation.timing)
@@ -194,7 +192,7 @@ def test_nothing_from_a_log_becomes_markup(made: Report, repetition: Repetition,
     assert Reader(text).open == []
 
 
-def test_no_template_switches_escaping_off() -> None:
+def test_no_template_switches_escaping_off():
     folder = Path(report_package.__file__).parent / "templates"
     sources = [path.read_text(encoding="utf-8") for path in folder.rglob("*.jinja")]
     assert len(sources) > 9
@@ -202,7 +200,7 @@ def test_no_template_switches_escaping_off() -> None:
         assert not re.search(r"\|\s*safe|autoescape|Markup", source)
 
 
-def test_held_out_part_of_the_last_step_is_that_of_the_search(made: Report, logs: Any) -> None:
+def test_held_out_part_of_the_last_step_is_that_of_the_search(made, logs):
     """What the search found on held-out time is what the last step shows: it is the same fit."""
     last = made.staircases[0].falling[-1]
     assert last.name == made.explanation.effects[-1]
@@ -213,7 +211,7 @@ def test_held_out_part_of_the_last_step_is_that_of_the_search(made: Report, logs
     assert last.in_all == pytest.approx(float(np.linalg.norm(weights * last.rms)))
 
 
-def test_what_is_at_the_noise_is_not_said_to_lie_below_it(made: Report) -> None:
+def test_what_is_at_the_noise_is_not_said_to_lie_below_it(made):
     """The last step is at the sensor noise, whose own estimate may be a little larger: no share of it is stated."""
     case = made.staircases[0]
     first, second = case.stairs[:2]
@@ -226,7 +224,7 @@ def test_what_is_at_the_noise_is_not_said_to_lie_below_it(made: Report) -> None:
     assert staircase.remains(above, above.stairs[1]).endswith("%")
 
 
-def test_prints_tabulates_and_draws_itself(made: Report) -> None:
+def test_prints_tabulates_and_draws_itself(made):
     assert "com_offset" in str(made)
     frame = made.to_frame()
     assert len(frame) == sum(len(case.stairs) + 1 for case in made.staircases)
@@ -237,7 +235,7 @@ def test_prints_tabulates_and_draws_itself(made: Report) -> None:
     assert body["staircases"][0]["stairs"][0]["name"] == "nominal"
 
 
-def test_a_given_process_is_told_what_it_was_learnt_on(logs: Any, made: Report) -> None:
+def test_a_given_process_is_told_what_it_was_learnt_on(logs, made):
     """On the model: what it absorbs; on the nominal vehicle below a model with effects: that it counts them twice."""
     model = made.model
     flights = open_flights([logs.train], model)
@@ -248,7 +246,7 @@ def test_a_given_process_is_told_what_it_was_learnt_on(logs: Any, made: Report) 
     assert contents._given(flights, made.addition.model, gp).notes == (OnNominal(),)
 
 
-def test_a_group_gets_the_flight_that_separates_it(made: Report, repetition: Repetition, without_charts: None) -> None:
+def test_a_group_gets_the_flight_that_separates_it(made, repetition, without_charts):
     """A designed flight is described, and its file can be saved and read; where there is none, the page says why."""
     turn = Turn(0.5, 7.0, 6.28)
     found: Any = SimpleNamespace(

@@ -1,10 +1,6 @@
 """`wrenchgap where` as a user runs it, and the figures it draws."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,13 +14,13 @@ MODEL = "tilt_hexarotor"
 
 
 @pytest.fixture(scope="module")
-def found(logs: Any) -> Where:
+def found(logs) -> Where:
     """The flight with a hidden offset of the centre of mass."""
     model = model_file.load(MODEL)
     return examine(open_flights([logs.train], model), model)
 
 
-def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found: Where) -> None:
+def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found):
     """M = -r x F: a function of the commanded force alone, which a process of the command takes off entirely."""
     shares = found.budget.shares()
     assert (shares["process"][3:] > 0.9).all()
@@ -33,7 +29,7 @@ def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found: Where) -
     assert not any(a.white for a in found.whiteness.autocorrelation if a.axis.startswith("torque"))
 
 
-def test_what_is_left_of_the_right_model_is_noise(logs: Any, run: Any, tmp_path: Path) -> None:
+def test_what_is_left_of_the_right_model_is_noise(logs, run, tmp_path):
     """With the effect in the model, its part is the physics' part, and nothing is left to map."""
     assert run("add", "-m", MODEL, "--value", "com_offset=-0.004,0.007,-0.005", "-o", "good.toml").exit_code == 0
     model = model_file.load(tmp_path / "good.toml")
@@ -45,7 +41,7 @@ def test_what_is_left_of_the_right_model_is_noise(logs: Any, run: Any, tmp_path:
     assert found.rms == pytest.approx(np.sqrt(found.budget.nominal - found.budget.physics))
 
 
-def test_command_prints_writes_and_draws(logs: Any, run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_prints_writes_and_draws(logs, run, tmp_path, monkeypatch):
     few = ("--points", 40, "--restarts", 0, "--outputs", "torque_x,torque_z")
     assert run("learn", logs.train, "-m", MODEL, *few, "-o", "t.gp").exit_code == 0
     monkeypatch.setenv("COLUMNS", "120")

@@ -4,8 +4,6 @@ Without Chromium or Playwright these tests are skipped, except in CI (CI=true), 
 serves the whole run; each module has its own page on its own session.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

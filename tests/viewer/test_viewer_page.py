@@ -44,7 +44,7 @@ def scene(name="one") -> Scene:
 class Two:
     """A session of two flights."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle):
         self.vehicle = vehicle
         self.flights = ("one", "two")
         self.capabilities = Capabilities()
