@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -84,5 +86,18 @@ def refused(run: Run) -> Callable[..., str]:
         (line,) = done.stderr.splitlines()
         assert line.startswith("wrenchgap: ")
         return str(line)
+
+    return wrapped
+
+
+@pytest.fixture(scope="session")
+def grounded() -> Callable[[flight.Flight, float], flight.Flight]:
+    """`grounded(log, until)` is the same log as if the rotors had stood still until a time [s]."""
+
+    def wrapped(log: flight.Flight, until: float) -> flight.Flight:
+        parts = {"commanded": "wrench_B", "desired": "wrench_B", "actuators": "rotor_speed"}
+        series = {role: getattr(log, role) for role in parts}
+        still = {role: np.where(s.time[:, None] < until, 0.0, getattr(s, parts[role])) for role, s in series.items()}
+        return replace(log, **{role: replace(s, **{parts[role]: still[role]}) for role, s in series.items()})
 
     return wrapped

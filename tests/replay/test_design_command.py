@@ -1,6 +1,6 @@
 """`wrenchgap design` and the flight that `simulate -t` makes of it."""
 
-import csv
+import json
 import tomllib
 
 import numpy as np
@@ -23,18 +23,14 @@ def test_a_group_is_told_apart_by_the_flight_that_is_designed_for_it(run, tmp_pa
     """From a hover that cannot tell, to a flight, its log, and the one name."""
     tether = "tether=force_x:0.8,force_z:-0.4,point_x:0.1"
     hexa = ("-m", "tilt_hexarotor")
-    assert (
-        run("simulate", *hexa, "-t", "hover", "--duration", "8", "--hide", tether, "-o", "hover.mcap", "-q").exit_code
-        == 0
-    )
     pair = ("tether", "constant_wrench")
+    hovering = ("-t", "hover", "--duration", "8", "--hide", tether, "-o", "hover.mcap")
+    assert run("simulate", *hexa, *hovering).exit_code == 0
     outputs = ("-o", "fly.toml", "--json", "d.json", "--csv", "fly.csv", "--figure", "fly.png")
     done = run("design", *pair, *hexa, "--from", "hover.mcap", "--duration", "9", *outputs)
     assert done.exit_code == 0, done.output
     assert "separates tether and constant_wrench" in done.output
     assert "The given logs: " in " ".join(done.output.split())
-
-    import json
 
     found = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert found["schema"] == "wrenchgap.design/1"
@@ -56,8 +52,7 @@ def test_a_group_is_told_apart_by_the_flight_that_is_designed_for_it(run, tmp_pa
     np.testing.assert_allclose(log.reference.position_E, want.position_E, atol=1e-9)
     np.testing.assert_allclose(log.reference.omega_D, want.omega_D, atol=1e-9)
     assert log.reference.time[-1] == pytest.approx(9.0, abs=0.01)
-    with (tmp_path / "fly.csv").open(encoding="utf-8") as stream:
-        table = np.array(list(csv.reader(stream))[1:], dtype=float)
+    table = np.genfromtxt(tmp_path / "fly.csv", delimiter=",", skip_header=1)
     np.testing.assert_allclose(table[: len(want.time), 1:4], want.position_E, atol=1e-6)
     named = run("explain", "fly.mcap", *hexa, "--effects-only", "tether,constant_wrench")
     assert "Explained by tether" in named.output

@@ -6,6 +6,7 @@ import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -64,9 +65,6 @@ def swinging(found: Explanation) -> Explanation:
     return replace(found, verdict=Verdict.UNKNOWN, oscillation=Oscillation(0.724, 0.012, "E", 0.75, 2.3))
 
 
-# ---------------------------------------------------------------- words
-
-
 def test_an_effect_is_told_with_its_values_and_how_sure(named):
     words = summary(named)
     assert named.verdict == "effect"
@@ -116,9 +114,6 @@ def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
     assert "heading" not in without
 
 
-# ---------------------------------------------------------------- what next
-
-
 def commands(lines: list[Line]) -> list[list[str]]:
     """The commands in these lines, as arguments."""
     return [shlex.split(re.sub(r".*?\bwrenchgap ", "", line.text, count=1)) for line in lines]
@@ -146,9 +141,8 @@ def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named, noth
     look, add = commands(what_next(swinging(named), MODEL, ["a.mcap"]))
     assert look[:2] == ["where", "a.mcap"]
     assert add[:2] == ["add", "com_offset"]
-    assert [c[0] for c in commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), MODEL, ["a.mcap"]))] == [
-        "where"
-    ]
+    (only,) = commands(what_next(replace(nothing, verdict=Verdict.UNKNOWN), MODEL, ["a.mcap"]))
+    assert only[0] == "where"
 
 
 def test_what_could_not_be_tried_is_listed_by_reason(named):
@@ -159,19 +153,10 @@ def test_what_could_not_be_tried_is_listed_by_reason(named):
 
 
 def test_what_could_not_be_fitted_says_so_once(logs, monkeypatch):
-    candidate = Search.candidate
-
-    def refuse(self: Search, others, name: str, *more):
-        if name == "mass":
-            raise ModelError("effect mass: the change is too large")
-        return candidate(self, others, name, *more)
-
+    refuse = Mock(side_effect=ModelError("effect mass: the change is too large"))
     monkeypatch.setattr(Search, "candidate", refuse)
-    untried = explained(logs.ideal, "com_offset", "mass").untried
+    untried = explained(logs.ideal, "mass").untried
     assert not_tried(untried) == {"could not be fitted (the change is too large)": ["mass"]}
-
-
-# ---------------------------------------------------------------- table
 
 
 @pytest.mark.parametrize("which", ["named", "grouped"])
@@ -189,54 +174,45 @@ def test_table_of_members_fits_a_terminal(which, request):
             assert f"{other.name} (cosine {other.cosine:.2f})" in line
 
 
-# ---------------------------------------------------------------- JSON
-
-
-def documented() -> tuple[set[str], str]:
-    """Keys of the result of explain that docs/json.md lists, and the section's text."""
-    section = DOCS.read_text(encoding="utf-8").split("\n## explain\n")[1].split("\n## ")[0]
-    heads = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
-    whole = [head for head in heads if not re.match(r" `\w+(\[\])?\.", head)]
-    return {key for head in whole for key in re.findall(r"`(\w+)`", head)}, section
+SECTION = DOCS.read_text(encoding="utf-8").split("\n## explain\n")[1].split("\n## ")[0]
+WORDS = set(re.findall(r"\w+", SECTION))
 
 
 def test_json_has_the_keys_that_are_documented_and_no_others(logs, result_of):
     result = result_of("explain", logs.train, "-m", MODEL, "--effects-only", "com_offset,mass,constant_wrench")
     assert result["schema"] == "wrenchgap.explain/2"
     assert VERSIONS["explain"] == 2
-    keys, _ = documented()
+    heads = [line.split("|")[1] for line in SECTION.splitlines() if line.startswith("| `")]
+    whole = [head for head in heads if not re.match(r" `\w+(\[\])?\.", head)]
+    keys = {key for head in whole for key in re.findall(r"`(\w+)`", head)}
     assert set(result) - {"schema", "version", "inputs", "notes"} == keys
     assert result["validation"] is None
 
 
 def test_json_tells_what_the_explanation_holds(grouped):
-    body = json.loads(json.dumps(to_json(grouped), default=np.ndarray.tolist))
-    _, section = documented()
+    body = written(grouped)
     assert [m["effect"] for m in body["members"]] == body["effects"] == list(grouped.effects)
     shares = [m["share"] for m in body["members"]]
     assert shares == sorted(shares, reverse=True)
     for member, listed in zip(grouped.members, body["members"], strict=True):
         assert listed["group"] == [member.name, *(r["effect"] for r in listed["rivals"] if r["alike"])]
         assert 0 < listed["probability"] < 1
-        assert set(listed) <= words(section)
-        for rival in listed["rivals"]:
-            assert set(rival) <= words(section)
+        assert set().union(listed, *listed["rivals"]) <= WORDS
     assert body["groups"] == [m["group"] for m in body["members"] if len(m["group"]) > 1]
     assert body["summary"] == summary(grouped)
     assert body["left"]["over_noise"] == grouped.left
-    assert set(body["left"]) <= words(section)
+    assert set(body["left"]) <= WORDS
 
 
 def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named):
     found = replace(swinging(named), depends=heading(0.62))
-    left = json.loads(json.dumps(to_json(found), default=np.ndarray.tolist))["left"]
-    _, section = documented()
+    left = written(found)["left"]
     assert left["swing"]["frequency_hz"] == 0.724
-    assert left["swing"]["words"] == oscillation_in_words(found.oscillation)  # type: ignore[arg-type]
-    assert set(left["swing"]) <= words(section)
+    assert left["swing"]["words"] == oscillation_in_words(found.oscillation)
+    assert set(left["swing"]) <= WORDS
     assert [g["name"] for g in left["depends_on"]["groups"] if g["chosen"]] == ["heading"]
     assert to_json(named)["left"]["swing"] is None
 
 
-def words(text: str) -> set[str]:
-    return set(re.findall(r"\w+", text))
+def written(found: Explanation) -> dict:
+    return json.loads(json.dumps(to_json(found), default=np.ndarray.tolist))

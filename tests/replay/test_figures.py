@@ -47,10 +47,8 @@ def added(logs) -> Addition:
 
 def one_flight(compared: Comparison) -> Comparison:
     """Only the first of the flights."""
-    evaluations = tuple(
-        replace(e, predictions=e.predictions[:1], by_flight=e.by_flight[:1]) for e in compared.evaluations
-    )
-    return replace(compared, flights=compared.flights[:1], records=compared.records[:1], evaluations=evaluations)
+    first = tuple(replace(e, predictions=e.predictions[:1], by_flight=e.by_flight[:1]) for e in compared.evaluations)
+    return replace(compared, flights=compared.flights[:1], records=compared.records[:1], evaluations=first)
 
 
 def check_panels(figure):
@@ -61,12 +59,9 @@ def check_panels(figure):
     for panel in panels:
         assert panel.get_ylabel() or panel.get_yticklabels(), panel
         assert panel.yaxis.get_offset_text().get_text() == ""
-        found = panel.get_legend()
-        if found is not None:
-            legend = found.get_window_extent()
-            assert not any(
-                legend.y0 < box.y1 - 1 and legend.y1 > box.y0 + 1 and box.x0 < legend.x0 < box.x1 for box in boxes
-            )
+        if found := panel.get_legend():
+            legend = found.get_window_extent().padded(-1.0)
+            assert not any(legend.overlaps(box) for box in boxes)
 
 
 def test_the_residual_is_drawn_with_its_noise_floor(compared):
@@ -89,8 +84,7 @@ def test_the_residual_is_drawn_with_its_noise_floor(compared):
 def test_several_flights_follow_one_another_with_their_names_and_their_rms(compared):
     axes = compared.plot()
     assert axes.shape == (7, 2)
-    names = [text.get_text() for text in axes[0, 0].texts]
-    assert names == list(compared.flights)
+    assert [text.get_text() for text in axes[0, 0].texts] == list(compared.flights)
     times = [line.get_xdata() for line in axes[0, 0].lines if line.get_color() == style.MEASURED]
     assert times[0][-1] < times[1][0]
     bars = [bar.get_height() for bar in axes[6, 1].patches]
@@ -149,7 +143,6 @@ def test_axes_of_the_user_are_drawn_into_and_others_refused(added):
 
 
 def test_an_addition_shows_the_error_before_and_after(added):
-    assert added.trial is not None
     axes = added.plot()
     heights = [bar.get_height() for bar in axes[0, 1].patches]
     np.testing.assert_allclose(heights, [*added.trial.before[3:], *added.trial.after[3:]])
@@ -172,11 +165,10 @@ def test_a_process_and_its_replay(logs):
     assert axes[2, 0].get_ylabel().startswith("sigma [")
     assert axes[2, 0].get_ylabel().endswith("Nm]")
     assert axes[2, 1].get_ylabel() == "beta: share of the\noptimum that is withheld [%]"
-    halves = []
+    halves, count = [], len(replayed)
     for panel in axes[:2, 1]:
         (band,) = [c for c in panel.collections if "sigma" in c.get_label()]
         edges = band.get_paths()[0].vertices[:, 1]
-        count = len(replayed)
         halves.append(0.5 * np.abs(edges[1 : count + 1] - edges[count + 2 : 2 * count + 2][::-1]))
     np.testing.assert_allclose(np.max(halves, axis=0), replayed.steps.sigma, rtol=1e-6)
     check_panels(axes[0, 0].get_figure())
@@ -185,7 +177,6 @@ def test_a_process_and_its_replay(logs):
 def test_a_log_shows_the_rate_of_every_role(logs):
     seen = inspect(logs.test)
     axes = seen.plot()
-    assert seen.inspection.flight is not None
     roles = list(seen.inspection.flight.series())
     assert [a.get_title("left").split(":")[0] for a in axes[:, 0]] == roles
     imu = axes[roles.index("imu"), 0].patches[0].get_data().values

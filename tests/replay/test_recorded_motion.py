@@ -21,15 +21,8 @@ BIAS, ACCEL_BIAS = (0.01, -0.02, 0.005), (0.05, 0.08, -0.1)
 def fly(sensors):
     model = model_file.load("tilt_hexarotor")
     model = replace(model, vehicle=replace(model.vehicle, imu_position_B=LEVER))
-    return simulate(
-        model,
-        None,
-        named("multi_axis", 13.4, excitation=1.0),
-        duration=9.0,
-        rng=np.random.default_rng(3),
-        feedback="true",
-        sensors=sensors(model.sensors),
-    )
+    path, rng = named("multi_axis", 13.4, excitation=1.0), np.random.default_rng(3)
+    return simulate(model, None, path, duration=9.0, rng=rng, feedback="true", sensors=sensors(model.sensors))
 
 
 @pytest.fixture(scope="module")
@@ -78,14 +71,13 @@ def test_position_velocity_and_acceleration_belong_together(log):
     motion = motion_of(log)
     state, dt = motion.state, motion.state.time[1] - motion.state.time[0]
     acceleration = so3.rotate(state.quat_EB, motion.motion.specific_force_B) - [0.0, 0.0, 9.80665]
-    step = np.diff(state.velocity_E, axis=0) / dt
-    assert np.abs(step - 0.5 * (acceleration[1:] + acceleration[:-1])).max() < 1e-3
-    assert (
-        np.abs(np.diff(state.position_E, axis=0) / dt - 0.5 * (state.velocity_E[1:] + state.velocity_E[:-1])).max()
-        < 1e-3
-    )
-    turned = so3.log(so3.multiply(so3.conjugate(state.quat_EB[:-1]), state.quat_EB[1:])) / dt
-    assert np.abs(turned - 0.5 * (state.omega_B[1:] + state.omega_B[:-1])).max() < 1e-3
+    turned = so3.log(so3.multiply(so3.conjugate(state.quat_EB[:-1]), state.quat_EB[1:]))
+    for steps, rate in (
+        (np.diff(state.velocity_E, axis=0), acceleration),
+        (np.diff(state.position_E, axis=0), state.velocity_E),
+        (turned, state.omega_B),
+    ):
+        assert np.abs(steps / dt - 0.5 * (rate[1:] + rate[:-1])).max() < 1e-3
 
 
 def test_a_constant_rate_integrates_to_its_rotation():

@@ -7,10 +7,10 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
+import typer
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.dataset import dataset
@@ -41,13 +41,15 @@ class Reader(html.parser.HTMLParser):
 
     def __init__(self, text: str):
         super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.section = ""
-        self.texts: dict[str, str] = {}
+        self.elements, self.open, self.section, self.texts = [], [], "", {}
         self.feed(text)
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]):
+    def downloaded(self, name=None):
+        """The text of the file that a link of the page saves."""
+        (link,) = [a for _, a in self.elements if a.get("download") and name in (None, a["download"])]
+        return base64.b64decode(link["href"].partition(",")[2]).decode()
+
+    def handle_starttag(self, tag, attrs):
         self.elements.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
@@ -91,13 +93,10 @@ def test_has_all_its_parts(written, made, repetition):
     assert read.open == []
     assert [a["id"] for tag, a in read.elements if tag == "section"] == list(SECTIONS)
     assert "com_offset" in read.texts[""]
-    for case in made.staircases:
-        for stair in case.stairs:
-            assert staircase.label(stair) in read.texts["error"]
+    assert all(staircase.label(stair) in read.texts["error"] for case in made.staircases for stair in case.stairs)
     assert "rotor_thrust" in read.texts["ranking"]
     assert read.texts["parameters"].count(" to ") >= 2 * 3  # an interval and a plausible range each
-    for item in repetition.inputs:
-        assert item.sha256 in read.texts["repeat"]
+    assert all(item.sha256 in read.texts["repeat"] for item in repetition.inputs)
     assert {i.role for i in repetition.inputs} == {"log", "unseen log", "model"}
     assert dict(repetition.versions)["numpy"] == np.__version__
 
@@ -138,9 +137,7 @@ def test_error_goes_down_to_the_noise_on_both_kinds_of_data(made):
 
 
 def test_the_model_inside_is_the_fitted_one(written):
-    (link,) = [a for tag, a in Reader(written).elements if tag == "a" and a.get("download")]
-    text = base64.b64decode((link["href"] or "").partition(",")[2]).decode()
-    model = model_file.loads(text)
+    model = model_file.loads(Reader(written).downloaded())
     assert [e.name for e in model.effects] == ["com_offset"]
     np.testing.assert_allclose(model.effects[0].theta, [-0.004, 0.007, -0.005], atol=2e-4)
     assert [v.number for v in model.history] == [1, 2]
@@ -148,9 +145,7 @@ def test_the_model_inside_is_the_fitted_one(written):
 
 
 def test_commands_are_commands(repetition):
-    import typer
-
-    known = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    known = typer.main.get_command(app).commands
     lines = [shlex.split(line) for line in repetition.commands]
     assert [words[1] for words in lines] == ["report", "explain", "add", "compare", "where", "learn"]
     for words in lines[1:]:
@@ -158,35 +153,23 @@ def test_commands_are_commands(repetition):
         assert words[-2:] == ["--cutoff", "8"]
 
 
-def test_nothing_from_a_log_becomes_markup(made, repetition, without_charts):
+def test_nothing_from_a_log_becomes_markup(made, repetition, without_charts, monkeypatch):
     evil = '<script>alert("x")</script>'
-    cases = tuple(replace(s, flights=(evil,), basis=Basis.UNSEEN) for s in made.staircases)
     timing = tuple(replace(t, flight=evil) for t in made.explanation.timing)
     flights = tuple(replace(f, records=tuple(replace(r, flight=evil) for r in f.records)) for f in made.flights)
-    found = replace(made.explanation, timing=timing, flights=flights)
-    rest = replace(made.rest, notes=(evil,))
-    apart = (NextFlight((evil, "com_offset"), None, evil),)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sections, "find", lambda name: SimpleNamespace(excited_by=evil))
-        text = page(
-            replace(
-                made,
-                model=replace(made.model, path=Path(f"{evil}.toml")),
-                explanation=found,
-                staircases=cases,
-                rest=rest,
-                next_flights=apart,
-                comparison=None,
-            ),
-            replace(
-                repetition,
-                inputs=(replace(repetition.inputs[0], file=evil),),
-                commands=(evil,),
-                options=((evil, evil),),
-                fitted_model=evil,
-                date=evil,
-            ),
-        )
+    spoilt = replace(
+        made,
+        model=replace(made.model, path=Path(f"{evil}.toml")),
+        explanation=replace(made.explanation, timing=timing, flights=flights),
+        staircases=tuple(replace(s, flights=(evil,), basis=Basis.UNSEEN) for s in made.staircases),
+        rest=replace(made.rest, notes=(evil,)),
+        next_flights=(NextFlight((evil, "com_offset"), None, evil),),
+        comparison=None,
+    )
+    inputs, options = (replace(repetition.inputs[0], file=evil),), ((evil, evil),)
+    again = replace(repetition, inputs=inputs, commands=(evil,), options=options, fitted_model=evil, date=evil)
+    monkeypatch.setattr(sections, "find", lambda name: SimpleNamespace(excited_by=evil))
+    text = page(spoilt, again)
     assert "<script" not in text
     assert text.count("&lt;script&gt;alert(") > 12
     assert Reader(text).open == []
@@ -196,8 +179,7 @@ def test_no_template_switches_escaping_off():
     folder = Path(report_package.__file__).parent / "templates"
     sources = [path.read_text(encoding="utf-8") for path in folder.rglob("*.jinja")]
     assert len(sources) > 9
-    for source in sources:
-        assert not re.search(r"\|\s*safe|autoescape|Markup", source)
+    assert not re.search(r"\|\s*safe|autoescape|Markup", "\n".join(sources))
 
 
 def test_held_out_part_of_the_last_step_is_that_of_the_search(made, logs):
@@ -249,7 +231,7 @@ def test_a_given_process_is_told_what_it_was_learnt_on(logs, made):
 def test_a_group_gets_the_flight_that_separates_it(made, repetition, without_charts):
     """A designed flight is described, and its file can be saved and read; where there is none, the page says why."""
     turn = Turn(0.5, 7.0, 6.28)
-    found: Any = SimpleNamespace(
+    found = SimpleNamespace(
         file=TrajectoryFile("next", Moves(8.0, (0.0, 0.0, 1.5), (turn,))),
         segments=("turn",),
         before=SimpleNamespace(separation=0.3),
@@ -261,6 +243,4 @@ def test_a_group_gets_the_flight_that_separates_it(made, repetition, without_cha
     read = Reader(page(replace(made, next_flights=flights), repetition))
     assert "com_offset from rotor_thrust" in read.texts["fly"]
     assert "no <room>" in read.texts["fly"]
-    (link,) = [a for _, a in read.elements if a.get("download") == "next-flight-1.toml"]
-    text = base64.b64decode((link["href"] or "").partition(",")[2]).decode()
-    assert trajectory_file.loads(text).trajectory.duration == pytest.approx(8.0)
+    assert trajectory_file.loads(read.downloaded("next-flight-1.toml")).trajectory.duration == pytest.approx(8.0)

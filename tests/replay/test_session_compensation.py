@@ -36,6 +36,10 @@ def series(session, title):
     return next((s for s in session.scene("test").series if s.title.startswith(title)), None)
 
 
+def largest(found):
+    return np.max(np.abs(list(found.values.values())))
+
+
 def test_without_a_process_there_is_nothing_to_set(logs):
     session = LogSession([logs.test], MODEL)
     assert session.compensations.setting is None
@@ -69,9 +73,8 @@ def test_gates_withhold_what_they_should(session):
     assert series(session, "correction") is None  # what was replayed with other settings is forgotten
     desk.replay("test", silent)
     assert np.all(series(session, "beta").values["beta"] > 0.99)
-    assert series(session, "correction") is None or np.max(
-        np.abs(list(series(session, "correction").values.values()))
-    ) < 0.02 * np.max(np.abs(list(free.values.values())))
+    held = series(session, "correction")
+    assert held is None or largest(held) < 0.02 * largest(free)
     desk.set(replace(usual, on=False))
     assert series(session, "beta") is None
 

@@ -12,6 +12,7 @@ from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 NAMES = sorted(path.stem for path in (ROOT / "models").glob("*.toml"))
 
 
@@ -21,14 +22,12 @@ def hover(vehicle: Vehicle, pitch: float = 0.0) -> np.ndarray:
     commands, saturation = Allocation(vehicle).allocate(np.concatenate((force, np.zeros(3)))[None, :])
     assert saturation.rotor_speed == 0
     np.testing.assert_allclose(nominal_wrench(vehicle, commands)[0, :3], force, atol=1e-6)
-    assert commands.rotor_speed is not None
     return commands.rotor_speed[0]
 
 
 def test_all_that_are_promised_are_there():
     assert set(NAMES) == {"asymmetric_quadrotor", "crazyflie", "tilt_hexarotor", "variable_tilt_hexacopter", "voliro_x"}
-    page = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
-    assert all(f"| `{name}` |" in page for name in NAMES)
+    assert all(f"| `{name}` |" in PAGE for name in NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -74,8 +73,7 @@ def test_the_asymmetric_quadrotor_balances_only_with_unequal_speeds():
 
 
 def test_the_documented_example_is_a_model():
-    page = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (example,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     model = model_file.loads(example)
     arms, rotors = model.vehicle.geometry()
     assert (len(arms), len(rotors), arms.tilts.tolist()) == (4, 4, [False, False, False, True])
@@ -84,7 +82,6 @@ def test_the_documented_example_is_a_model():
 
 
 def test_the_documented_example_shows_every_key_of_controller_and_sensors():
-    page = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
     model = model_file.load("voliro_x")
     for part in (model.controller, model.sensors):
-        assert all(re.search(rf"^{name} = ", page, re.MULTILINE) for name in part.__dataclass_fields__)
+        assert all(re.search(rf"^{name} = ", PAGE, re.MULTILINE) for name in part.__dataclass_fields__)

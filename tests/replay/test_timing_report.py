@@ -58,11 +58,8 @@ def test_a_shifted_log_is_the_log_as_it_was(late, logs):
 
 
 @pytest.mark.parametrize("text", ["odometry", "=0.1", "odometry=", "odometry=12ms", "odometry=nan"])
-def test_a_shift_that_is_not_understood_is_refused(text):
+def test_a_shift_that_is_not_understood_or_given_twice_is_refused(text):
     with pytest.raises(UsageError, match="ROLE=SECONDS"):
         parse_shifts([text])
-
-
-def test_the_same_shift_twice_is_refused():
     with pytest.raises(UsageError, match="given twice"):
         parse_shifts(["imu=0.1", "imu=0.2"])
