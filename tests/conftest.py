@@ -9,6 +9,7 @@ import os
 import pickle
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -77,6 +78,33 @@ def once(shared_folder: Path) -> Callable[[str, Callable[[], Any]], Any]:
             return pickle.loads(path.read_bytes())
 
     return made
+
+
+OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
+
+
+def fly_logs(folder: Path) -> Path:
+    """Write logs of one vehicle: train and test hide a centre-of-mass offset, ideal hides nothing."""
+    from wrenchgap import flight  # here, for test_last_line runs this file without the package
+    from wrenchgap.plant import model_file
+    from wrenchgap.plant.flight_plan import Plan, fly, provenance
+
+    folder.mkdir()
+    for name, trajectory, seconds, excitation, hidden in (
+        ("train", "multi_axis", 14.0, 1.0, (OFFSET,)),
+        ("test", "figure8", 12.0, 0.0, (OFFSET,)),
+        ("ideal", "multi_axis", 12.0, 1.0, ()),
+    ):
+        plan = Plan(model_file.load("tilt_hexarotor"), trajectory, seconds, excitation, 1, None, hidden)
+        flight.write(fly(plan, name=name), folder / f"{name}.mcap", metadata=provenance(plan))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def logs(shared_folder: Path, once: Callable[[str, Callable[[], Path]], Path]) -> SimpleNamespace:
+    """The paths `train`, `test` and `ideal` of those logs, and their `folder`; nobody writes to it."""
+    folder = once("logs", lambda: fly_logs(shared_folder / "logs"))
+    return SimpleNamespace(folder=folder, **{path.stem: path for path in folder.iterdir()})
 
 
 @pytest.hookimpl(trylast=True)

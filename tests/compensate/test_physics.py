@@ -54,9 +54,6 @@ def wrenches(count, seed=0):
     return HOVER + spread * np.random.default_rng(seed).uniform(-1, 1, (count, 6))
 
 
-# --- effects that act at once -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.7, -1.2, 2.0)])
 def test_displaced_centre_of_mass_makes_the_torque_of_its_lever(omega):
     """Euler about the true centre of mass: -c x F is added, however the body turns."""
@@ -152,9 +149,6 @@ def test_vehicle_without_rotors():
     assert alone(late).step(wrench, REST).correction == pytest.approx(np.zeros(6), abs=1e-9)
 
 
-# --- lags -------------------------------------------------------------------------------------------------------------
-
-
 def after_hover(mismatch, wrench, dt):
     """The step that asks for `wrench` after a while of hovering."""
     compensator = alone(mismatch, dt)
@@ -244,9 +238,6 @@ def test_lead_takes_the_lag_out_of_the_loop():
     assert led < 0.5 * plain
 
 
-# --- with a process on top --------------------------------------------------------------------------------------------
-
-
 def process(size=0.1, inputs=6):
     """A process that has seen a constant mismatch of `size` [Nm] about hover, and knows how far that is."""
     seen = np.random.default_rng(0).uniform(-1.0, 1.0, (120, inputs))
@@ -319,9 +310,6 @@ def test_process_with_the_past_as_input_is_told_the_past():
     expected = seeing.mean(np.hstack((np.tile(HOVER, (8, 1)), past)))
     assert np.array(found) == pytest.approx(expected, abs=1e-12)
     assert np.ptp(expected, axis=0).min() > 1e-3
-
-
-# --- what is refused --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 import math
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,26 +12,9 @@ from wrenchgap.plant.mismatch import LinearMismatch
 ONE = UncertaintyFilter(np.array([True]), np.zeros(1), np.ones(1), threshold=0.38, kappa=40.0, decay=0.9)
 
 
-@dataclass(frozen=True)
-class Trained:
-    """A model that knows its data, for its levels alone."""
-
-    outputs: tuple[str, ...]
-    sigma_training: np.ndarray
-    sigma_prior: np.ndarray
-
-    @property
-    def mismatch_max(self):
-        return np.ones(len(self.outputs))
-
-    def mean(self, wrench):
-        return np.zeros((len(wrench), len(self.outputs)))
-
-    std = jacobian = mean
-
-
 def levels(training, prior, outputs=("torque_x", "torque_y", "torque_z"), **options):
-    model = Trained(outputs, np.array(training), np.array(prior))
+    unused = dict.fromkeys(("mean", "std", "jacobian", "mismatch_max"))
+    model = SimpleNamespace(outputs=outputs, sigma_training=np.array(training), sigma_prior=np.array(prior), **unused)
     options = {"threshold": None, "kappa": None, "normalise": None} | options
     return default_filter(model, 0.9, **options)
 

@@ -1,6 +1,4 @@
-"""Short simulated flights, made once for all tests of this folder, and the command line in this process."""
-
-from __future__ import annotations
+"""The command line in this process, and logs that begin on the ground."""
 
 import json
 from collections.abc import Callable
@@ -13,43 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from wrenchgap import flight
-from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly, provenance
 from wrenchgap.replay.cli.main import app
-
-OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
-
-
-class Logs:
-    """A folder with logs of one vehicle: train and test hide a centre-of-mass offset, ideal hides nothing."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.train, self.test, self.ideal = (folder / f"{name}.mcap" for name in ("train", "test", "ideal"))
-
-    def fly(self) -> Logs:
-        """Write the logs."""
-        self.folder.mkdir()
-        believed = model_file.load("tilt_hexarotor")
-        for path, trajectory, seconds, hidden in (
-            (self.train, "multi_axis", 14.0, (OFFSET,)),
-            (self.test, "figure8", 12.0, (OFFSET,)),
-            (self.ideal, "multi_axis", 12.0, ()),
-        ):
-            plan = Plan(believed, trajectory, seconds, 1.0 if path != self.test else 0.0, 1, None, hidden)
-            flight.write(fly(plan, name=path.stem), path, metadata=provenance(plan))
-        return self
-
-
-@pytest.fixture(scope="session")
-def logs(shared_folder: Path, once: Callable[[str, Callable[[], Path]], Path]) -> Logs:
-    """The logs; nobody writes to this folder."""
-
-    def made() -> Path:
-        return Logs(shared_folder / "logs").fly().folder
-
-    return Logs(once("logs of the replay tests", made))
-
 
 Run = Callable[..., Result]
 

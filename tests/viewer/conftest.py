@@ -1,4 +1,4 @@
-"""A real browser for the tests marked `browser`, two short logs, and pages on them.
+"""A real browser for the tests marked `browser`, and pages on two short logs.
 
 Without Chromium or Playwright these tests are skipped, except in CI (CI=true), where that is a failure. One browser
 serves the whole run; each module has its own page on its own session.
@@ -15,13 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wrenchgap import flight
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly, provenance
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 
-OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 WEBGL_WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 FIVE_FRAMES = """() => new Promise(done => { const start = performance.now(); let left = 5;
@@ -41,12 +38,10 @@ def lacking(what: str) -> None:
 def eventually(condition: Callable[[], Any], words: str = "", seconds: float = PATIENCE) -> Any:
     """Poll until true and return what it gave; fails with `words` otherwise."""
     end = time.monotonic() + seconds
-    while True:
-        found = condition()
-        if found:
-            return found
+    while not (found := condition()):
         assert time.monotonic() < end, words or "waited in vain"
         time.sleep(0.03)
+    return found
 
 
 @pytest.fixture(name="eventually", scope="session")
@@ -65,9 +60,7 @@ class Visitor:
     def __init__(self, browser: Any, url: str, width: int = 1120, height: int = 620, *, smooth: bool = True) -> None:
         self.tab = browser.new_page(viewport={"width": width, "height": height})
         self.errors: list[str] = []
-        self.tab.on(
-            "console", lambda m: self.errors.append(m.text) if m.type == "error" and LATE not in m.text else None
-        )
+        self.tab.on("console", lambda m: m.type == "error" and LATE not in m.text and self.errors.append(m.text))
         self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
         self.tab.goto(url)
         self.tab.wait_for_selector("canvas", timeout=1000 * PATIENCE)
@@ -79,12 +72,11 @@ class Visitor:
 
     def node(self, name: str) -> dict[str, Any]:
         """Pose of a scene node in its parent, and whether it is drawn: those of the three.js object itself."""
-        found: dict[str, Any] = self.tab.evaluate(
+        return self.tab.evaluate(
             """n => { const o = window.__viserMutable.nodeRefFromName[n], p = o.position, q = o.quaternion;
                 return {position: [p.x, p.y, p.z], wxyz: [q.w, q.x, q.y, q.z], visible: o.visible}; }""",
             name,
         )
-        return found
 
     def stands(self, name: str, position: Any, wxyz: Any) -> bool:
         """Whether a node has this pose, to 2 mm and 3 mrad: the log's noise is in both, but at other stamps."""
@@ -118,16 +110,9 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def flown(logs: Any) -> tuple[Path, Path]:
     """Logs of two flights with a hidden offset of the centre of mass: train and test."""
-    folder = tmp_path_factory.mktemp("flown")
-    believed = model_file.load("tilt_hexarotor")
-    paths = []
-    for name, trajectory, excitation in (("train", "multi_axis", 1.0), ("test", "figure8", 0.0)):
-        plan = Plan(believed, trajectory, 12.0, excitation, 1, None, (OFFSET,))
-        paths.append(folder / f"{name}.mcap")
-        flight.write(fly(plan, name=name), paths[-1], metadata=provenance(plan))
-    return paths[0], paths[1]
+    return logs.train, logs.test
 
 
 @pytest.fixture(scope="module")
