@@ -22,6 +22,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("flight", "plant", "learn", "compensate", "viewer", "replay")
 PROGRAMS = ("benchmarks", "scripts", "examples")
 
+
+def text_of(path: str) -> str:
+    return (ROOT / path).read_text(encoding="utf-8")
+
+
+PROJECT = tomllib.loads(text_of("pyproject.toml"))["project"]
 LONGEST_FUNCTION, LONGEST_FILE = 60, 350
 """Lines. What is longer holds a comment that begins with REASON and says why."""
 REASON = "# Long because"
@@ -79,10 +85,8 @@ def lint_imports(root: Path) -> subprocess.CompletedProcess[str]:
     """Import-linter on the tree at `root`, with that tree's configuration."""
     run = "from importlinter.cli import lint_imports_command as run; run()"
     code = f"import sys; sys.path.insert(0, {str(root / 'src')!r}); {run}"
-    command = [sys.executable, "-c", code, "--no-cache"]
-    return subprocess.run(
-        command, cwd=root, env={**os.environ, "COLUMNS": "200"}, capture_output=True, text=True, check=False
-    )
+    command, wide = [sys.executable, "-c", code, "--no-cache"], os.environ | {"COLUMNS": "200"}
+    return subprocess.run(command, cwd=root, env=wide, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
@@ -123,23 +127,18 @@ def test_an_import_upwards_or_sideways_is_noticed(copy):
 
 
 def test_changelog_begins_with_the_version_of_the_project():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    newest = re.search(r"^## \[(\d[^\]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert newest is not None
-    assert newest[1] == project["version"]
+    newest = re.search(r"^## \[(\d[^\]]*)\]", text_of("CHANGELOG.md"), re.MULTILINE)
+    assert newest[1] == PROJECT["version"]
 
 
 def test_lock_pins_every_dependency():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    asked = project["dependencies"] + project["optional-dependencies"]["dev"]
+    asked = PROJECT["dependencies"] + PROJECT["optional-dependencies"]["dev"]
     names = {re.split(r"[<>=!~;\[ ]", line)[0].lower().replace("_", "-") for line in asked}
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    pinned = set(re.findall(r"^([a-z0-9][a-z0-9.-]*)==", lock, re.MULTILINE))
-    assert names - pinned == set()
+    assert names - set(re.findall(r"^([a-z0-9][a-z0-9.-]*)==", text_of("requirements.lock"), re.MULTILINE)) == set()
 
 
 def test_every_public_name_is_in_the_page_of_the_api():
-    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    page = text_of("docs/api.md")
     for name in ("wrenchgap", *(f"wrenchgap.{package}" for package in PACKAGES[:-1])):
         module = importlib.import_module(name)
         assert all(hasattr(module, public) for public in module.__all__), name
@@ -170,5 +169,4 @@ def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path):
 
 def test_every_effect_has_a_page_and_the_index_is_fresh():
     assert effects_index.missing_pages() == []
-    written = (ROOT / "docs" / "effects" / "README.md").read_text(encoding="utf-8")
-    assert written == effects_index.index(), "run make docs"
+    assert text_of("docs/effects/README.md") == effects_index.index(), "run make docs"

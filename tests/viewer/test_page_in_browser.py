@@ -95,9 +95,7 @@ def test_the_page_does_not_answer_for_the_user(page, visitor, eventually):
     assert page.cursor.time == pytest.approx(at, abs=1e-9)
 
 
-def test_a_second_client_sees_the_same_and_leaves_without_harm(
-    page, visitor, browser, as_logged, eventually
-):
+def test_a_second_client_sees_the_same_and_leaves_without_harm(page, visitor, browser, as_logged, eventually):
     page.cursor.go(5.0)
     second = type(visitor)(browser, page.url, 1000, 400, smooth=False)
     eventually(lambda: as_logged(visitor) and as_logged(second), "not the same pose", 60.0)
