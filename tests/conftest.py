@@ -85,18 +85,17 @@ OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
 
 def fly_logs(folder: Path) -> Path:
     """Write logs of one vehicle: train and test hide a centre-of-mass offset, ideal hides nothing."""
-    from wrenchgap import flight  # here, for test_last_line runs this file without the package
-    from wrenchgap.plant import model_file
-    from wrenchgap.plant.flight_plan import Plan, fly, provenance
+    import wrenchgap as wg  # here, for test_last_line runs this file without the package
 
     folder.mkdir()
+    believed = wg.load_model("tilt_hexarotor")
     for name, trajectory, seconds, excitation, hidden in (
         ("train", "multi_axis", 14.0, 1.0, (OFFSET,)),
         ("test", "figure8", 12.0, 0.0, (OFFSET,)),
         ("ideal", "multi_axis", 12.0, 1.0, ()),
     ):
-        plan = Plan(model_file.load("tilt_hexarotor"), trajectory, seconds, excitation, 1, None, hidden)
-        flight.write(fly(plan, name=name), folder / f"{name}.mcap", metadata=provenance(plan))
+        more = {"duration": seconds, "excitation": excitation, "seed": 1, "hide": hidden}
+        wg.save_log(wg.simulate(believed, trajectory, name=name, **more), folder / f"{name}.mcap")
     return folder
 
 

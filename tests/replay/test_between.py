@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.plant import model_file
 from wrenchgap.replay.cli.options import parse_between
@@ -18,11 +18,6 @@ def test_only_the_part_between_the_times_is_used(logs):
     rows = np.searchsorted(whole.records[0].time, time[5:-5])
     near = whole.records[0].time[np.minimum(rows, len(whole.records[0]) - 1)]
     assert np.abs(near - time[5:-5]).max() < 0.03
-
-
-def test_a_part_outside_the_flight_is_one_clear_line(logs):
-    with pytest.raises(LogError, match="between 100 and 200 s; the flight lasts from"):
-        open_flight(logs.test, model_file.load("tilt_hexarotor"), between=(100.0, 200.0))
 
 
 @pytest.mark.parametrize(

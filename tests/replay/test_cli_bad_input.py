@@ -9,13 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import wrenchgap as wg
 from wrenchgap import flight
-from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.identify.learning import TORQUE, learn_process
-from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant import model_file
-from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.effect_values import set_by_hand
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,6 +60,12 @@ CASES = {
     "replay LOG HEXA --gp @some.gp --lead 0.05 -o out.mcap": "--lead | without physics | wrenchgap add",
     "counterfactual LOG HEXA --gp @some.gp --lead 0.05 -o out.mcap": "--lead | without physics | wrenchgap add",
     "counterfactual LOG HEXA --lead 0.05 -o out.mcap": "--lead 0.05 | --gp",
+    "counterfactual @no_pose.mcap HEXA --json out.json": "no topic plays the role 'odometry' | --topic odometry=",
+    "counterfactual @no_reference.mcap HEXA --json out.json": "no topic plays the role 'reference'",
+    "counterfactual LOG HEXA --start 50 --json out.json": "can be re-simulated within 0.0",
+    "counterfactual LOG HEXA --start -1 --json out.json": "expected seconds since",
+    "counterfactual LOG HEXA --duration 0 --json out.json": "expected a positive number",
+    "compare LOG HEXA --between 100:200 OUT": "between 100 and 200 s; the flight lasts from",
     "compare LOG HEXA --cutoff -1 OUT": "--cutoff -1",
     "compare LOG HEXA --colour": "--colour | wrenchgap compare --help",
     "compare LOG": "--model | wrenchgap compare --help",
@@ -136,6 +139,7 @@ def spoilt(logs, tmp_path_factory):
         "no_command": {"commanded": None, "desired": None, "actuators": None},
         "nan_imu": {"imu": nan_imu, "odometry": None},
         "no_pose": {"odometry": None},
+        "no_reference": {"reference": None},
     }.items():
         flight.write(replace(flown, **lacks), folder / f"{name}.mcap")
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
@@ -147,11 +151,10 @@ def spoilt(logs, tmp_path_factory):
     ):
         assert old in text
         (folder / f"{name}.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
-    model = model_file.load(MODEL)
-    sag = make_effect(model.vehicle, "battery_sag", {"sensitivity": 2.0, "per_volt": 0.08})
-    model_file.save(model.with_effects([sag]), folder / "sag.toml")
-    learnt = learn_process(open_flights([logs.ideal], model), model, TORQUE, FitSettings(points=20, restarts=0))
-    store.save(learnt.gp, folder / "some.gp")
+    model = wg.load_model(MODEL)
+    wg.save_model(set_by_hand(model, ["battery_sag=2.0,0.08"]), folder / "sag.toml")
+    few = FitSettings(points=20, restarts=0)
+    wg.save_gp(wg.learn_gp(wg.open_flights(logs.ideal, model), model, settings=few, guard=False), folder / "some.gp")
     return folder
 
 

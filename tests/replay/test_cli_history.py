@@ -1,8 +1,10 @@
 """Versions of a model on the command line: add, remove, history; own effects; what the GP absorbs."""
 
+import hashlib
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wrenchgap.plant import effects, model_file
@@ -22,11 +24,27 @@ def own(tmp_path):
 
 
 def test_history_tells_what_add_and_remove_did(logs, run, result_of, tmp_path):
+    """An effect is fitted, another besides, and both are taken out again; comments are kept."""
     added = result_of("add", "com_offset", "-m", MODEL, "--from", logs.train, "-o", "a.toml")
+    assert added["schema"] == "wrenchgap.add/1"
+    (effect,) = added["effects"]
+    values = {p["name"]: p["value"] for p in effect["parameters"]}
+    assert values == pytest.approx({"x": -0.004, "y": 0.007, "z": -0.005}, abs=2e-4)
+    assert np.all(np.array(added["rms_after"][3:]) < 0.1 * np.array(added["rms_before"][3:]))
+    (log,) = model_file.load("a.toml").effects[0].provenance.logs
+    assert log == (logs.train.name, hashlib.sha256(logs.train.read_bytes()).hexdigest())
+    original = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
+    assert (tmp_path / "a.toml").read_text(encoding="utf-8").startswith(original.rstrip("\n"))
     assert added["model_version"] == 2
     assert added["held_out"]["outcome"] == "better"
     assert min(added["held_out"]["fall"][3:]) > 0.9
-    assert run("add", "servo_lag", "-m", "a.toml", "--from", logs.train, "-o", "b.toml").exit_code == 0
+    again = result_of("add", "com_offset", "servo_lag", "-m", "a.toml", "--from", logs.train, "-o", "b.toml")
+    assert again["refitted"] == ["com_offset"]
+    assert [e["effect"] for e in again["effects"]] == ["com_offset", "servo_lag"]
+    assert abs(again["effects"][1]["parameters"][0]["value"]) < 0.002  # there is no lag in these flights
+    both = result_of("remove", "servo_lag", "com_offset", "-m", "b.toml", "-o", "d.toml")
+    assert (both["removed"], both["effects"]) == (["servo_lag", "com_offset"], [])
+    assert (tmp_path / "d.toml").read_text(encoding="utf-8").partition("\n[[history]]")[0] == original
     assert run("remove", "com_offset", "-m", "b.toml", "-o", "c.toml").exit_code == 0
     for name in ("a.toml", "b.toml"):
         (tmp_path / name).unlink()
@@ -92,18 +110,6 @@ def test_an_own_effect_that_fails_later_is_one_line(refused, own, logs, tmp_path
     line = refused("add", "field_torque", "-m", MODEL, "--from", logs.train, "--effects", own, "-o", "m.toml")
     assert re.search(r"field_torque\.py:\d+: AssertionError", line)
     assert not (tmp_path / "m.toml").exists()
-
-
-def test_learn_says_what_the_gp_absorbs(logs, result_of):
-    few = ("--points", 40, "--restarts", 0)
-    result = result_of("learn", logs.train, "-m", MODEL, "-o", "t.gp", *few)
-    assert result["absorbs"]["effects"] == ["com_offset"]
-    assert "wrenchgap add com_offset" in result["absorbs"]["summary"]
-    first = result["absorbs"]["tried"][0]
-    assert (first["effect"], first["named"]) == ("com_offset", True)
-    assert first["share"] > 0.9
-    quiet = result_of("learn", logs.train, "-m", MODEL, "-o", "u.gp", *few, "--no-guard")
-    assert quiet["absorbs"] is None
 
 
 def test_history_of_a_simulation_s_truth_is_not_that_of_its_model(run):

@@ -6,29 +6,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.errors import Errors
 from wrenchgap.learn.data.measurement import predict
-from wrenchgap.learn.data.opening import distinct, open_flights, opened
+from wrenchgap.learn.data.opening import distinct, opened
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.identify.validation import ranges
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
-from wrenchgap.plant import model_file
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.vehicle import Body
-from wrenchgap.replay import api
 
-MODEL = model_file.load("tilt_hexarotor")
+MODEL = wg.load_model("tilt_hexarotor")
 
 
 def record_of(path):
-    (opened,) = open_flights([path], MODEL)
-    (record,) = opened.records
-    return record
+    return wg.open_flights(path, MODEL)[0].records[0]
 
 
 def test_errors_of_a_known_residual():
@@ -74,18 +71,18 @@ def test_a_heavier_model_predicts_less_measured_force(logs):
 
 def test_models_of_another_shape_cannot_be_compared():
     with pytest.raises(ModelError, match="one vehicle"):
-        predictors(MODEL, [model_file.load("crazyflie")])
+        predictors(MODEL, [wg.load_model("crazyflie")])
 
 
 def test_an_addition_is_labelled_by_what_it_adds(logs):
     """To the model compared with, or, where that is an addition too or lacks other effects, to the nominal vehicle."""
-    opened = api.open_flights(logs.test, MODEL)
-    found = api.add(MODEL, "com_offset", opened)
+    opened = wg.open_flights(logs.test, MODEL)
+    found = wg.add(MODEL, "com_offset", opened)
     fitted = replace(found.model, path=Path("fitted.toml"))
-    more = api.add(fitted, "mass", opened)
+    more = wg.add(fitted, "mass", opened)
 
     def labels(*models: Model | Addition) -> list[str]:
-        return [e.name for e in api.compare(opened, *models).evaluations]
+        return [e.name for e in wg.compare(opened, *models).evaluations]
 
     assert labels(MODEL, found) == ["nominal", "+ com_offset"]
     assert labels(MODEL, found, more) == ["nominal", "+ com_offset", "+ com_offset + mass"]
@@ -94,7 +91,7 @@ def test_an_addition_is_labelled_by_what_it_adds(logs):
 
 
 def test_flights_with_one_name_are_kept_apart(logs):
-    flights = open_flights([logs.test, logs.train], MODEL)
+    flights = wg.open_flights([logs.test, logs.train], MODEL)
     same = [replace(o, flight=replace(o.flight, name="a")) for o in flights]
     names = [o.records[0].flight for o in distinct(same)]
     assert names[1] == "a (2)"
@@ -102,7 +99,7 @@ def test_flights_with_one_name_are_kept_apart(logs):
 
 
 def test_ranges_say_which_flight_went_further(logs):
-    train, test = (o.records for o in open_flights([logs.train, logs.test], MODEL))
+    train, test = (o.records for o in wg.open_flights([logs.train, logs.test], MODEL))
     assert not any(r.outside for r in ranges([*train, *test], test))
     slow = [replace(r, state_kept=replace(r.state_kept, omega_B=0.01 * r.state_kept.omega_B)) for r in test]
     assert [r.quantity for r in ranges(slow, test) if r.outside] == ["body rate"]
@@ -135,7 +132,7 @@ def test_time_on_the_ground_is_left_out(tmp_path):
     commanded = flight.WrenchSeries("/w", time, wrench)
     imu = flight.ImuSeries("/i", time, np.zeros((len(time), 3)), np.tile([0.0, 0.0, 9.81], (len(time), 1)))
     found = flight.Flight("f", tmp_path / "f.mcap", "0" * 64, 0, commanded=commanded, imu=imu)
-    one = opened(found, model_file.load("crazyflie"))
+    one = opened(found, wg.load_model("crazyflie"))
     assert any("left out" in note and "on the ground" in note for note in one.notes)
     assert one.records[0].time[0] > 2.0
     assert np.abs(one.records[0].measured - one.records[0].commanded).max() < 1e-3 * weight

@@ -9,7 +9,6 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.learn.design import designer as search
 from wrenchgap.plant.trajectory_file import load
-from wrenchgap.replay.present.design import design_command
 
 
 @pytest.fixture(autouse=True)
@@ -74,8 +73,3 @@ def test_where_no_flight_helps_that_is_said_and_nothing_is_written(run, tmp_path
     monkeypatch.setattr(search, "design", lambda *_, **__: kept[0])
     assert run(*arguments, "--anyway", "-q").exit_code == 0
     assert load(tmp_path / "no.toml").trajectory.duration == 8.0
-
-
-def test_the_command_for_the_next_flight_is_one_that_can_be_typed():
-    line = design_command(("tether", "constant_wrench"), "hexa.toml", ("a.mcap", "day 2.mcap"))
-    assert line == "wrenchgap design tether constant_wrench -m hexa.toml --from a.mcap 'day 2.mcap' -o separate.toml"

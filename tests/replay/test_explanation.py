@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
-from wrenchgap.learn.identify.explain import Explanation, Verdict, explain
+from wrenchgap.learn.identify.explain import Explanation, Verdict
 from wrenchgap.learn.identify.search import Search
-from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.explanation import members, not_tried, oscillation_in_words, summary, to_json, what_next
@@ -26,12 +25,12 @@ from wrenchgap.replay.present.numbers import share
 from wrenchgap.replay.present.tables import Line
 
 NAME = "tilt_hexarotor"
-MODEL = model_file.load(NAME)
+MODEL = wg.load_model(NAME)
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "json.md"
 
 
 def explained(path: Path, *names: str) -> Explanation:
-    return explain(open_flights([path], MODEL), MODEL, names=names, jobs=1)
+    return wg.explain(wg.open_flights(path, MODEL), MODEL, names=names, jobs=1)
 
 
 @pytest.fixture(scope="module")
@@ -43,10 +42,9 @@ def named(logs) -> Explanation:
 @pytest.fixture(scope="module")
 def grouped(logs) -> Explanation:
     """6 % less of everything: thin air, or lower rotors that lose 12 %."""
-    (flight,) = open_flights([logs.ideal], MODEL)
-    less = tuple(replace(r, measured=0.94 * r.measured) for r in flight.records)
-    names = ("thrust_scale", "coaxial_loss", "com_offset")
-    return explain([replace(flight, records=less)], MODEL, names=names, jobs=1)
+    (flight,) = wg.open_flights(logs.ideal, MODEL)
+    less = replace(flight, records=tuple(replace(r, measured=0.94 * r.measured) for r in flight.records))
+    return wg.explain(less, MODEL, names=("thrust_scale", "coaxial_loss", "com_offset"), jobs=1)
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +116,7 @@ def commands(lines: list[Line]) -> list[list[str]]:
 def test_the_command_that_is_told_adds_what_was_found(named, logs, run, result_of):
     (command,) = commands(what_next(named, NAME, [str(logs.train)]))
     assert run(*command).exit_code == 0
-    (effect,) = model_file.load("fitted.toml").effects
+    (effect,) = wg.load_model("fitted.toml").effects
     assert effect.name == "com_offset"
     np.testing.assert_allclose(effect.theta, [-0.004, 0.007, -0.005], atol=2e-4)
     after = result_of("compare", logs.test, "-m", "fitted.toml")["models"][-1]
@@ -126,10 +124,10 @@ def test_the_command_that_is_told_adds_what_was_found(named, logs, run, result_o
 
 
 def test_a_group_is_told_the_flight_that_separates_it_first(grouped):
-    design, add = commands(what_next(grouped, NAME, ["a.mcap", "b.mcap"]))
+    design, add = commands(what_next(grouped, NAME, ["a.mcap", "day 2.mcap"]))
     assert design[0] == "design"
     assert set(design[1:3]) == {"thrust_scale", "coaxial_loss"}
-    assert design[3:] == ["-m", NAME, "--from", "a.mcap", "b.mcap", "-o", "separate.toml"]
+    assert design[3:] == ["-m", NAME, "--from", "a.mcap", "day 2.mcap", "-o", "separate.toml"]
     assert add[:2] == ["add", grouped.effects[0]]
 
 

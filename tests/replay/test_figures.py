@@ -7,21 +7,16 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.data.comparison import Comparison, compare
-from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.diagnose.model_checks import inspect
-from wrenchgap.learn.identify.add import Addition, add
-from wrenchgap.learn.identify.learning import learn_process
+from wrenchgap.learn.data.comparison import Comparison
+from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.predictors import predictors
-from wrenchgap.plant import model_file
 from wrenchgap.plant.effect_values import set_by_hand
-from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.present import figures
 from wrenchgap.replay.present.figures import style
 
-MODEL = "tilt_hexarotor"
+MODEL = wg.load_model("tilt_hexarotor")
 
 
 @pytest.fixture(autouse=True)
@@ -33,16 +28,14 @@ def no_figures_left():
 @pytest.fixture(scope="module")
 def compared(logs) -> Comparison:
     """Two flights, the nominal vehicle and one with an offset of the centre of mass."""
-    model = set_by_hand(model_file.load(MODEL), ["com_offset=-0.004,0.007,-0.005"])
-    found, _ = predictors(model)
-    return compare(open_flights([logs.test, logs.train], model), model, found)
+    model = set_by_hand(MODEL, ["com_offset=-0.004,0.007,-0.005"])
+    return wg.compare(wg.open_flights([logs.test, logs.train], model), model)
 
 
 @pytest.fixture(scope="module")
 def added(logs) -> Addition:
     """The hidden offset of the centre of mass, fitted."""
-    model = model_file.load(MODEL)
-    return add(model, ["com_offset"], open_flights([logs.train], model))
+    return wg.add(MODEL, "com_offset", wg.open_flights(logs.train, MODEL))
 
 
 def one_flight(compared: Comparison) -> Comparison:
@@ -151,15 +144,14 @@ def test_an_addition_shows_the_error_before_and_after(added):
 
 def test_a_process_and_its_replay(logs):
     """Sigma has the unit of the outputs, beta is a share, the band around the correction is that sigma."""
-    model = model_file.load(MODEL)
-    train, test = open_flights([logs.train, logs.test], model)
-    outputs = ("torque_x", "torque_y")
-    learnt = learn_process([train], model, outputs, FitSettings(points=40), validation=[test])
+    train, test = wg.open_flights([logs.train, logs.test], MODEL)
+    few = {"outputs": ("torque_x", "torque_y"), "settings": FitSettings(points=40), "guard": False}
+    learnt = wg.learn_gp(train, MODEL, validate=test, **few)
     axes = learnt.plot()
     assert axes.shape == (2, 3)
     assert axes[1, 2].get_ylabel() == "measured within the interval [%]"
     check_panels(axes[0, 0].get_figure())
-    replayed = replay(test, model, learnt.gp)
+    replayed = wg.replay_compensation(test, MODEL, learnt)
     axes = replayed.plot()
     assert axes.shape == (3, 2)
     assert axes[2, 0].get_ylabel().startswith("sigma [")
@@ -175,7 +167,7 @@ def test_a_process_and_its_replay(logs):
 
 
 def test_a_log_shows_the_rate_of_every_role(logs):
-    seen = inspect(logs.test)
+    seen = wg.inspect(logs.test)
     axes = seen.plot()
     roles = list(seen.inspection.flight.series())
     assert [a.get_title("left").split(":")[0] for a in axes[:, 0]] == roles

@@ -22,7 +22,7 @@ from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.compensation.source import checked
 from wrenchgap.replay.compensation.summary import summarise
 from wrenchgap.replay.present.documents import write_csv
-from wrenchgap.replay.present.replay import notes, warnings, write_files, write_log
+from wrenchgap.replay.present.replay import notes, warnings, write_log
 
 MODEL = model_file.load("tilt_hexarotor")
 TORQUES = ("torque_x", "torque_y", "torque_z")
@@ -109,16 +109,6 @@ def test_log_is_the_flown_flight_with_the_replay_beside_it(result, flown, tmp_pa
     assert np.array_equal(replayed.desired.wrench_B, result.steps.correction)
 
 
-def test_table_holds_every_step(result, tmp_path):
-    write_files(result, None, tmp_path / "r.csv", tmp_path / "r.parquet", None)
-    table = pd.read_parquet(tmp_path / "r.parquet")
-    assert len(table) == len(result)
-    assert np.array_equal(table["commanded.torque_y"], result.steps.commanded[:, 4])
-    assert np.array_equal(table["beta"], result.steps.beta)
-    text = pd.read_csv(tmp_path / "r.csv")
-    pd.testing.assert_frame_equal(text, table, rtol=1e-13)
-
-
 def test_compensator_starts_afresh_after_a_gap(flown, gp):
     """With every step distrusted, what is left of the past is all there is to see."""
     settings = Settings(sigma_threshold=0.0, kappa=40.0)
@@ -195,6 +185,9 @@ def test_refusals(flown, gp):
     other = replace(gp, provenance=replace(gp.provenance, vehicle="another"))
     with pytest.raises(FitError, match="another vehicle"):
         replayed_on(flown, other)
+    three = {name: getattr(gp, name)[..., :3] for name in ("input_mean", "input_scale", "inputs", "lengthscales")}
+    with pytest.raises(FitError, match="3 inputs"):
+        replayed_on(flown, replace(gp, mean_coefficients=gp.mean_coefficients[:, :4], **three))
     with pytest.raises(LogError, match="no topic plays the role 'desired'"):
         replayed_on(replace(flown, desired=None), gp, source="desired")
     with pytest.raises(LogError, match="no topic plays the role 'commanded' or 'actuators'"):
@@ -203,7 +196,7 @@ def test_refusals(flown, gp):
         checked("wanted")
 
 
-def test_command_writes_everything(flown, gp, run, tmp_path):
+def test_command_writes_everything(flown, gp, result, run, tmp_path):
     flight.write(flown, tmp_path / "f.mcap")
     store.save(gp, tmp_path / "t.gp")
     asked = ["-o", "r.mcap", "--csv", "r.csv", "--parquet", "r.parquet", "--figure", "r.png", "--json", "r.json"]
@@ -211,13 +204,11 @@ def test_command_writes_everything(flown, gp, run, tmp_path):
     assert done.exit_code == 0, done.output
     assert "accepted" in done.output
     assert all((tmp_path / name).stat().st_size > 0 for name in asked[1::2])
-
-
-def test_gp_of_the_wrong_inputs_is_refused(flown, gp):
-    three = {name: getattr(gp, name)[..., :3] for name in ("input_mean", "input_scale", "inputs", "lengthscales")}
-    narrow = replace(gp, mean_coefficients=gp.mean_coefficients[:, :4], **three)
-    with pytest.raises(FitError, match="3 inputs"):
-        replayed_on(flown, narrow)
+    table = pd.read_parquet(tmp_path / "r.parquet")
+    assert len(table) == len(result)
+    assert table["commanded.torque_y"].to_numpy() == pytest.approx(result.steps.commanded[:, 4], abs=1e-9)
+    assert table["beta"].to_numpy() == pytest.approx(result.steps.beta, abs=1e-9)
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "r.csv"), table, rtol=1e-13)
 
 
 def test_time_on_the_ground_is_left_out(flown, gp, result, grounded):

@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 import typer
 
-from wrenchgap.flight.flight import AXES
+import wrenchgap as wg
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose import where
-from wrenchgap.learn.identify.learning import learn_process
 from wrenchgap.learn.identify.staircase import Basis, Kind
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant import model_file, trajectory_file
@@ -28,7 +26,7 @@ from wrenchgap.replay.present import staircase
 from wrenchgap.replay.present.report import Repetition, Request, page, sections
 from wrenchgap.replay.present.report.elements import Image
 from wrenchgap.replay.report import contents
-from wrenchgap.replay.report.contents import NextFlight, OnNominal, Report, report
+from wrenchgap.replay.report.contents import NextFlight, OnNominal, Report
 
 MODEL = "tilt_hexarotor"
 TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")
@@ -65,11 +63,11 @@ class Reader(html.parser.HTMLParser):
 
 @pytest.fixture(scope="module")
 def made(logs) -> Report:
-    model = model_file.load(MODEL)
-    flights = open_flights([logs.train, logs.test], model)
+    model = wg.load_model(MODEL)
+    train, test = wg.open_flights([logs.train, logs.test], model)
     with pytest.MonkeyPatch.context() as patch:  # the budget's processes are tested with `where`, and take long
         patch.setattr(where, "held_out_process", lambda *args, **kwargs: None)
-        return report(flights[:1], model, names=TRIED, validation=flights[1:])
+        return wg.report(train, model, names=TRIED, validate=test)
 
 
 @pytest.fixture(scope="module")
@@ -188,8 +186,7 @@ def test_held_out_part_of_the_last_step_is_that_of_the_search(made, logs):
     assert last.name == made.explanation.effects[-1]
     np.testing.assert_allclose(last.rms, made.explanation.rms_after, rtol=1e-9)
     assert made.addition.model.effects[0].theta.tolist() == made.explanation.model.effects[0].theta.tolist()
-    records = open_flights([logs.train], made.model)[0].records
-    weights = dataset(records, made.model).weights
+    weights = dataset(wg.open_flights(logs.train, made.model)[0].records, made.model).weights
     assert last.in_all == pytest.approx(float(np.linalg.norm(weights * last.rms)))
 
 
@@ -220,8 +217,8 @@ def test_prints_tabulates_and_draws_itself(made):
 def test_a_given_process_is_told_what_it_was_learnt_on(logs, made):
     """On the model: what it absorbs; on the nominal vehicle below a model with effects: that it counts them twice."""
     model = made.model
-    flights = open_flights([logs.train], model)
-    gp = learn_process(flights, model, AXES[3:], FitSettings(points=60, restarts=0)).gp
+    flights = wg.open_flights(logs.train, model)
+    gp = wg.learn_gp(flights, model, settings=FitSettings(points=60, restarts=0), guard=False).gp
     same = contents._given(flights, model, gp)
     assert same.process.known
     assert same.absorption.effects == ("com_offset",)

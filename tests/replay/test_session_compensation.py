@@ -6,23 +6,20 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant import model_file
-from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.session.log_session import LogSession
 
-MODEL = model_file.load("tilt_hexarotor")
+MODEL = wg.load_model("tilt_hexarotor")
 silent = Mock()
 
 
 @pytest.fixture(scope="module")
 def gp(logs):
     settings = FitSettings(points=80, restarts=0, seed=0, pre_thin=300)
-    return learn_process(open_flights([logs.train], MODEL), MODEL, TORQUE, settings).gp
+    return wg.learn_gp(wg.open_flights(logs.train, MODEL), MODEL, settings=settings, guard=False).gp
 
 
 @pytest.fixture
@@ -48,7 +45,7 @@ def test_without_a_process_there_is_nothing_to_set(logs):
 def test_replay_is_that_of_the_engine_and_joins_the_scene(session, gp):
     assert series(session, "correction") is None
     found = session.compensations.replay("test", silent)
-    direct = replay(session.working.flight("test"), MODEL, gp)
+    direct = wg.replay_compensation(session.working.flight("test"), MODEL, gp)
     drawn = series(session, "correction, torque")
     assert drawn.unit == "Nm"
     for k, axis in enumerate("xyz"):

@@ -5,10 +5,9 @@ import json
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.diagnose.where import Where, examine
-from wrenchgap.plant import model_file
+from wrenchgap.learn.diagnose.where import Where
 
 MODEL = "tilt_hexarotor"
 
@@ -16,8 +15,8 @@ MODEL = "tilt_hexarotor"
 @pytest.fixture(scope="module")
 def found(logs) -> Where:
     """The flight with a hidden offset of the centre of mass."""
-    model = model_file.load(MODEL)
-    return examine(open_flights([logs.train], model), model)
+    model = wg.load_model(MODEL)
+    return wg.where(wg.open_flights(logs.train, model), model)
 
 
 def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found):
@@ -32,8 +31,8 @@ def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found):
 def test_what_is_left_of_the_right_model_is_noise(logs, run, tmp_path):
     """With the effect in the model, its part is the physics' part, and nothing is left to map."""
     assert run("add", "-m", MODEL, "--value", "com_offset=-0.004,0.007,-0.005", "-o", "good.toml").exit_code == 0
-    model = model_file.load(tmp_path / "good.toml")
-    found = examine(open_flights([logs.test], model), model)
+    model = wg.load_model(tmp_path / "good.toml")
+    found = wg.where(wg.open_flights(logs.test, model), model)
     assert found.name == "good"
     assert (found.budget.shares()["physics"][3:] > 0.9).all()
     assert found.budget.whole()["unexplained"] < 0.05
