@@ -8,12 +8,10 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import grimp
 import numpy as np
-import pytest
 from scipy.sparse.csgraph import connected_components
 
 from scripts import check_docs, effects_index
@@ -23,7 +21,7 @@ PACKAGES = ("flight", "plant", "learn", "compensate", "viewer", "replay")
 PROGRAMS = ("benchmarks", "scripts", "examples")
 
 
-def text_of(path: str) -> str:
+def text_of(path):
     return (ROOT / path).read_text(encoding="utf-8")
 
 
@@ -33,7 +31,7 @@ LONGEST_FUNCTION, LONGEST_FILE = 60, 350
 REASON = "# Long because"
 
 
-def sources(*folders: str) -> list[Path]:
+def sources(*folders):
     return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
@@ -42,7 +40,7 @@ def test_every_folder_with_sources_is_a_package():
     assert not [str(folder) for folder in folders if not (folder / "__init__.py").exists()]
 
 
-def too_long(source: str) -> Iterator[tuple[str, int]]:
+def too_long(source):
     """Names of functions above their length, "" for the file itself, and their lines; those with a reason left out."""
     lines = source.splitlines()
     if len(lines) > LONGEST_FILE and not any(line.startswith(REASON) for line in lines):
@@ -81,21 +79,12 @@ def test_no_import_circle_not_even_for_types_alone():
     assert [names for names in members if len(names) > 1] == []
 
 
-def lint_imports(root: Path) -> subprocess.CompletedProcess[str]:
+def lint_imports(root):
     """Import-linter on the tree at `root`, with that tree's configuration."""
     run = "from importlinter.cli import lint_imports_command as run; run()"
     code = f"import sys; sys.path.insert(0, {str(root / 'src')!r}); {run}"
     command, wide = [sys.executable, "-c", code, "--no-cache"], os.environ | {"COLUMNS": "200"}
     return subprocess.run(command, cwd=root, env=wide, capture_output=True, text=True, check=False)
-
-
-@pytest.fixture
-def copy(tmp_path) -> Path:
-    """The packages, linked under src/wrenchgap as in the repository, and the configuration: to be spoilt."""
-    for folder in ("src", *PACKAGES, "models"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    return tmp_path
 
 
 def test_imports_go_down_only():
@@ -116,11 +105,15 @@ UPWARDS_OR_SIDEWAYS = (
 )
 
 
-def test_an_import_upwards_or_sideways_is_noticed(copy):
+def test_an_import_upwards_or_sideways_is_noticed(tmp_path):
+    """In a copy of the packages, linked under src/wrenchgap as in the repository, with the configuration."""
+    for folder in ("src", *PACKAGES, "models"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for low, high in UPWARDS_OR_SIDEWAYS:
-        with (copy / low.replace(".", "/") / "spoilt.py").open("a") as spoilt:
+        with (tmp_path / low.replace(".", "/") / "spoilt.py").open("a") as spoilt:
             spoilt.write(f"import {high}\n")
-    run = lint_imports(copy)
+    run = lint_imports(tmp_path)
     assert run.returncode == 1
     missed = [(low, high) for low, high in UPWARDS_OR_SIDEWAYS if f"wrenchgap.{low}.spoilt -> {high}" not in run.stdout]
     assert not missed, run.stdout

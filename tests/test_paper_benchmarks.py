@@ -18,10 +18,10 @@ from wrenchgap.learn.process.train import fit
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.effects.effect import Context
-from wrenchgap.plant.state import Actuation, Commands, State
+from wrenchgap.plant.state import Commands, State
 
 
-def hovering(tilt: np.ndarray) -> tuple[Actuation, Context]:
+def hovering(tilt):
     """All rotors at hover speed, arms at `tilt` (N, 6)."""
     believed, count = vehicle().believed.vehicle, len(tilt)
     rest = np.zeros((count, 3))
@@ -30,7 +30,7 @@ def hovering(tilt: np.ndarray) -> tuple[Actuation, Context]:
     return actuation(believed, commands), Context(believed, state)
 
 
-def wake(tilt: np.ndarray, theta: tuple[float, float, float]) -> np.ndarray:
+def wake(tilt, theta):
     act, context = hovering(tilt)
     return LegWake().apply(act, np.zeros((len(tilt), 6)), np.array(theta), context)
 
@@ -65,7 +65,7 @@ def test_vehicles_differ_and_repeat():
 
 
 @pytest.fixture(scope="module")
-def known() -> m.Knowledge:
+def known():
     return knowledge(0, seconds=12.0)
 
 

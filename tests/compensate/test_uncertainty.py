@@ -39,17 +39,6 @@ def test_steady_state_gain(beta, decay, optimum):
     assert correction == pytest.approx(np.full(6, optimum * (1 - beta) / (1 - decay * beta)), abs=1e-9)
 
 
-def test_trusted_optimum_is_taken_at_once():
-    assert (ONE.filtered(np.arange(6.0), np.ones(6), 0.0) == np.arange(6.0)).all()
-
-
-def test_distrusted_correction_dies_out_at_its_rate():
-    correction = np.ones(6)
-    for _ in range(5):
-        correction = ONE.filtered(np.full(6, 7.0), correction, 1.0)
-    assert correction == pytest.approx(np.full(6, 0.9**5))
-
-
 def test_default_goes_from_1_to_99_percent_between_data_and_prior():
     found = levels([0.05, 0.1, 0.27], [0.2, 0.3, 0.5])
     assert found.threshold == pytest.approx((0.27 + 0.5) / 2)

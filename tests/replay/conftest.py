@@ -3,21 +3,18 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from wrenchgap import flight
 from wrenchgap.replay.cli.main import app
 
 Run = Callable[..., Result]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(tmp_path, monkeypatch):
     """Run a command in an empty folder, in this process."""
     monkeypatch.chdir(tmp_path)
     runner = CliRunner()
@@ -25,24 +22,24 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
 
 
 @pytest.fixture
-def result_of(run: Run, tmp_path: Path) -> Callable[..., dict[str, Any]]:
+def result_of(run, tmp_path):
     """Run a command with --json, expect success, and return what it wrote."""
 
-    def wrapped(*arguments: object) -> dict[str, Any]:
+    def wrapped(*arguments):
         path = tmp_path / "result.json"
         path.unlink(missing_ok=True)
         done = run(*arguments, "--json", path)
         assert done.exit_code == 0, done.output
-        return json.loads(path.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
+        return json.loads(path.read_text(encoding="utf-8"))
 
     return wrapped
 
 
 @pytest.fixture
-def refused(run: Run) -> Callable[..., str]:
+def refused(run):
     """Run a command that must end with exit code 2, and return its one line on standard error."""
 
-    def wrapped(*arguments: object) -> str:
+    def wrapped(*arguments):
         done = run(*arguments)
         assert (done.exit_code, done.stdout) == (2, ""), done.output
         (line,) = done.stderr.splitlines()
@@ -53,10 +50,10 @@ def refused(run: Run) -> Callable[..., str]:
 
 
 @pytest.fixture(scope="session")
-def grounded() -> Callable[[flight.Flight, float], flight.Flight]:
+def grounded():
     """`grounded(log, until)` is the same log as if the rotors had stood still until a time [s]."""
 
-    def wrapped(log: flight.Flight, until: float) -> flight.Flight:
+    def wrapped(log, until):
         parts = {"commanded": "wrench_B", "desired": "wrench_B", "actuators": "rotor_speed"}
         series = {role: getattr(log, role) for role in parts}
         still = {role: np.where(s.time[:, None] < until, 0.0, getattr(s, parts[role])) for role, s in series.items()}

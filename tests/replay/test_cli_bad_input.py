@@ -12,7 +12,10 @@ import pytest
 import wrenchgap as wg
 from wrenchgap import flight
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effect_values import set_by_hand
+from wrenchgap.plant.moves import Moves, Tilt
+from wrenchgap.plant.trajectory_file import TrajectoryFile
 
 MODEL = "tilt_hexarotor"
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,18 +113,6 @@ CASES = {
 }
 """Commands, and what their one line says, parts between bars."""
 
-TILT = """schema = 1
-[trajectory]
-duration = 4.0
-home = [0.0, 0.0, 1.0]
-[[moves]]
-kind = "tilt"
-start = 0.0
-duration = 4.0
-angle_deg = 20.0
-ramp = 1.0
-"""
-
 
 @pytest.fixture(scope="session")
 def spoilt(logs, tmp_path_factory):
@@ -131,7 +122,8 @@ def spoilt(logs, tmp_path_factory):
     (folder / "cut.mcap").write_bytes(logs.train.read_bytes()[:300])
     for name, text in (("notes.txt", "flew well\n"), ("notes.mcap", "flew well\n" * 100), ("bad.json", "{")):
         (folder / name).write_text(text)
-    (folder / "tilt.toml").write_text(TILT)
+    tilt = TrajectoryFile("tilt", Moves(4.0, (0.0, 0.0, 1.0), (Tilt(0.0, 4.0, np.radians(20.0), ramp=1.0),)))
+    (folder / "tilt.toml").write_text(trajectory_file.dumps(tilt))
     flown = flight.load(logs.test)
     nan_imu = replace(flown.imu, omega_B=np.full_like(flown.imu.omega_B, np.nan))
     for name, lacks in {

@@ -14,11 +14,10 @@ from wrenchgap.learn.data.errors import Errors
 from wrenchgap.learn.data.measurement import predict
 from wrenchgap.learn.data.opening import distinct, opened
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.identify.validation import ranges
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
-from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Body
 
 MODEL = wg.load_model("tilt_hexarotor")
@@ -81,7 +80,7 @@ def test_an_addition_is_labelled_by_what_it_adds(logs):
     fitted = replace(found.model, path=Path("fitted.toml"))
     more = wg.add(fitted, "mass", opened)
 
-    def labels(*models: Model | Addition) -> list[str]:
+    def labels(*models):
         return [e.name for e in wg.compare(opened, *models).evaluations]
 
     assert labels(MODEL, found) == ["nominal", "+ com_offset"]

@@ -16,31 +16,30 @@ import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
-from wrenchgap.learn.identify.explain import Explanation, Verdict
+from wrenchgap.learn.identify.explain import Verdict
 from wrenchgap.learn.identify.search import Search
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.explanation import members, not_tried, oscillation_in_words, summary, to_json, what_next
 from wrenchgap.replay.present.numbers import share
-from wrenchgap.replay.present.tables import Line
 
 NAME = "tilt_hexarotor"
 MODEL = wg.load_model(NAME)
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "json.md"
 
 
-def explained(path: Path, *names: str) -> Explanation:
+def explained(path, *names):
     return wg.explain(wg.open_flights(path, MODEL), MODEL, names=names, jobs=1)
 
 
 @pytest.fixture(scope="module")
-def named(logs) -> Explanation:
+def named(logs):
     """A centre-of-mass offset of (-4, 7, -5) mm."""
     return explained(logs.train, "com_offset", "mass", "battery_sag")
 
 
 @pytest.fixture(scope="module")
-def grouped(logs) -> Explanation:
+def grouped(logs):
     """6 % less of everything: thin air, or lower rotors that lose 12 %."""
     (flight,) = wg.open_flights(logs.ideal, MODEL)
     less = replace(flight, records=tuple(replace(r, measured=0.94 * r.measured) for r in flight.records))
@@ -48,17 +47,17 @@ def grouped(logs) -> Explanation:
 
 
 @pytest.fixture(scope="module")
-def nothing(logs) -> Explanation:
+def nothing(logs):
     return explained(logs.ideal, "com_offset", "mass")
 
 
-def heading(explained: float) -> Relevance:
+def heading(explained):
     group = GroupRelevance("heading", "heading", ("sin", "cos"), 0.6, 0.5, np.zeros(6), np.zeros(6), 9.0, 1)
     other = replace(group, name="height", label="height", step=0)
     return Relevance((group, other), explained, np.zeros(6), {})
 
 
-def swinging(found: Explanation) -> Explanation:
+def swinging(found):
     return replace(found, verdict=Verdict.UNKNOWN, oscillation=Oscillation(0.724, 0.012, "E", 0.75, 2.3))
 
 
@@ -108,7 +107,7 @@ def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
     assert not re.search("Hz|heading", summary(replace(nothing, verdict=Verdict.UNKNOWN)))
 
 
-def commands(lines: list[Line]) -> list[list[str]]:
+def commands(lines):
     """The commands in these lines, as arguments."""
     return [shlex.split(re.sub(r".*?\bwrenchgap ", "", line.text, count=1)) for line in lines]
 
@@ -204,5 +203,5 @@ def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named):
     assert to_json(named)["left"]["swing"] is None
 
 
-def written(found: Explanation) -> dict:
+def written(found):
     return json.loads(json.dumps(to_json(found), default=np.ndarray.tolist))

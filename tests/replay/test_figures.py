@@ -9,8 +9,6 @@ from matplotlib.figure import Figure
 
 import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.effect_values import set_by_hand
 from wrenchgap.replay.present import figures
@@ -26,19 +24,19 @@ def no_figures_left():
 
 
 @pytest.fixture(scope="module")
-def compared(logs) -> Comparison:
+def compared(logs):
     """Two flights, the nominal vehicle and one with an offset of the centre of mass."""
     model = set_by_hand(MODEL, ["com_offset=-0.004,0.007,-0.005"])
     return wg.compare(wg.open_flights([logs.test, logs.train], model), model)
 
 
 @pytest.fixture(scope="module")
-def added(logs) -> Addition:
+def added(logs):
     """The hidden offset of the centre of mass, fitted."""
     return wg.add(MODEL, "com_offset", wg.open_flights(logs.train, MODEL))
 
 
-def one_flight(compared: Comparison) -> Comparison:
+def one_flight(compared):
     """Only the first of the flights."""
     first = tuple(replace(e, predictions=e.predictions[:1], by_flight=e.by_flight[:1]) for e in compared.evaluations)
     return replace(compared, flights=compared.flights[:1], records=compared.records[:1], evaluations=first)

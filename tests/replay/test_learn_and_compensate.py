@@ -1,7 +1,6 @@
 """From learning to compensating with physics as the mean, with more inputs, and with what `learn` warned of."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,7 +9,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.identify.learning import TORQUE, Learnt, learn_process
+from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import CautionKind, FitSettings
 from wrenchgap.plant import model_file
@@ -32,13 +31,13 @@ FAST = ("--points", 40, "--restarts", 0, "--no-guard")
 LINES = ("constant offset", "linear in the command")
 
 
-def flown(truth, trajectory: str, seconds: float, name: str, excitation: float = 0.0, **more) -> flight.Flight:
+def flown(truth, trajectory, seconds, name, excitation=0.0, **more):
     path = named(trajectory, 12.0, excitation=excitation, seed=1)
     return simulate(truth, MODEL, path, seconds, rng=np.random.default_rng(5), name=name, **more)
 
 
 @pytest.fixture(scope="module")
-def files(logs, tmp_path_factory) -> Path:
+def files(logs, tmp_path_factory):
     """A folder with a model that knows the displaced centre of mass, and a short flight of that vehicle."""
     folder = tmp_path_factory.mktemp("known")
     model_file.save(KNOWN, folder / "good.toml")
@@ -47,7 +46,7 @@ def files(logs, tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def on_physics(logs, files) -> Learnt:
+def on_physics(logs, files):
     """A process on what the known centre of mass leaves: nothing but noise."""
     model = model_file.load(str(files / "good.toml"))
     flights = [opened(flight.load(path), model) for path in (logs.train, logs.test)]
@@ -136,7 +135,7 @@ def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks():
 
 
 @pytest.fixture(scope="module")
-def slow(tmp_path_factory) -> Path:
+def slow(tmp_path_factory):
     """A folder with flights of a vehicle whose servos lag by 60 ms."""
     folder = tmp_path_factory.mktemp("slow")
     for name, path, seconds, excitation in (("train", "multi_axis", 12.0, 1.5), ("test", "figure8", 4.0, 1.0)):

@@ -129,21 +129,17 @@ def test_compensator_starts_afresh_after_a_gap(flown, gp):
 
 def test_log_with_actuators_only_gives_the_same_commands(flown, gp):
     """The allocation inverts the actuation, so rotor speeds and tilts contain the commanded wrench."""
-    wrench = replayed_on(flown, gp, source="commanded")
-    actuators = replayed_on(replace(flown, commanded=None, desired=None), gp)
+    wrench, bare = replayed_on(flown, gp, source="commanded"), replace(flown, commanded=None, desired=None)
+    actuators = replayed_on(bare, gp)
     assert actuators.source == "commanded"
     assert actuators.wrench == pytest.approx(wrench.wrench, abs=1e-9)
     assert actuators.steps.commanded == pytest.approx(wrench.steps.commanded, abs=1e-6)
     assert any("computed from" in note for note in notes(actuators))
-
-
-def test_sign_of_rotor_speeds_does_not_matter(flown, gp):
-    """Some logs sign a speed by the direction in which the rotor turns; its thrust has one direction only."""
+    # Some logs sign a speed by the direction in which the rotor turns; its thrust has one direction only.
     turned = flown.actuators.rotor_speed * MODEL.vehicle.rotors.spin
-    signed = replace(flown, commanded=None, desired=None, actuators=replace(flown.actuators, rotor_speed=turned))
-    plain = replayed_on(replace(flown, commanded=None, desired=None), gp)
-    assert np.array_equal(replayed_on(signed, gp).wrench, plain.wrench)
-    wrong = replace(signed, actuators=replace(flown.actuators, rotor_speed=turned[:, :5]))
+    signed = replace(bare, actuators=replace(flown.actuators, rotor_speed=turned))
+    assert np.array_equal(replayed_on(signed, gp).wrench, actuators.wrench)
+    wrong = replace(bare, actuators=replace(flown.actuators, rotor_speed=turned[:, :5]))
     with pytest.raises(FitError, match="5 rotor speeds"):
         replayed_on(wrong, gp)
 
@@ -153,15 +149,6 @@ def test_log_without_motion_is_replayed_without_measurement(flown, gp):
     assert np.isnan(blind.measured).all()
     assert np.isfinite(blind.steps.commanded).all()
     assert any("neither an IMU nor an odometry" in note for note in blind.notes)
-
-
-def test_filter_off_takes_the_optimum(flown, gp):
-    settings = Settings(filter_uncertain=False, sigma_threshold=1e-6)
-    free = replayed_on(flown, gp, settings)
-    held = replayed_on(flown, gp, replace(settings, filter_uncertain=True))
-    assert np.array_equal(free.steps.correction, free.steps.optimum)
-    assert summarise(free).held_back == 0
-    assert np.abs(held.steps.correction).max() < np.abs(free.steps.correction).max()
 
 
 def test_gp_that_cancels_the_command_is_told(flown, gp):

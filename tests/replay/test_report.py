@@ -26,7 +26,7 @@ from wrenchgap.replay.present import staircase
 from wrenchgap.replay.present.report import Repetition, Request, page, sections
 from wrenchgap.replay.present.report.elements import Image
 from wrenchgap.replay.report import contents
-from wrenchgap.replay.report.contents import NextFlight, OnNominal, Report
+from wrenchgap.replay.report.contents import NextFlight, OnNominal
 
 MODEL = "tilt_hexarotor"
 TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")
@@ -37,7 +37,7 @@ SECTIONS = ("timing", "error", "ranking", "parameters", "where", "left", "fly", 
 class Reader(html.parser.HTMLParser):
     """Elements with their attributes, text by section, and whether every element is closed."""
 
-    def __init__(self, text: str):
+    def __init__(self, text):
         super().__init__()
         self.elements, self.open, self.section, self.texts = [], [], "", {}
         self.feed(text)
@@ -54,15 +54,15 @@ class Reader(html.parser.HTMLParser):
         if tag == "section":
             self.section = dict(attrs)["id"] or ""
 
-    def handle_endtag(self, tag: str):
+    def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
-    def handle_data(self, data: str):
+    def handle_data(self, data):
         self.texts[self.section] = self.texts.get(self.section, "") + data
 
 
 @pytest.fixture(scope="module")
-def made(logs) -> Report:
+def made(logs):
     model = wg.load_model(MODEL)
     train, test = wg.open_flights([logs.train, logs.test], model)
     with pytest.MonkeyPatch.context() as patch:  # the budget's processes are tested with `where`, and take long
@@ -71,14 +71,19 @@ def made(logs) -> Report:
 
 
 @pytest.fixture(scope="module")
-def repetition(made) -> Repetition:
+def repetition(made):
     said = "wrenchgap report train.mcap -m tilt_hexarotor -o report.html"
     return Repetition.of(made, Request(MODEL, said, " --cutoff 8"))
 
 
 @pytest.fixture(scope="module")
-def written(made, repetition) -> str:
+def written(made, repetition):
     return page(made, repetition)
+
+
+@pytest.fixture(scope="module")
+def read(written):
+    return Reader(written)
 
 
 @pytest.fixture
@@ -86,8 +91,7 @@ def without_charts(monkeypatch):
     monkeypatch.setattr(Image, "of", lambda figure, alt, caption, form="png": Image("data:", alt, caption))
 
 
-def test_has_all_its_parts(written, made, repetition):
-    read = Reader(written)
+def test_has_all_its_parts(read, made, repetition):
     assert read.open == []
     assert [a["id"] for tag, a in read.elements if tag == "section"] == list(SECTIONS)
     assert "com_offset" in read.texts[""]
@@ -99,9 +103,9 @@ def test_has_all_its_parts(written, made, repetition):
     assert dict(repetition.versions)["numpy"] == np.__version__
 
 
-def test_needs_nothing_else_and_is_small(written):
+def test_needs_nothing_else_and_is_small(written, read):
     assert len(written) < 5e6
-    for tag, attributes in Reader(written).elements:
+    for tag, attributes in read.elements:
         assert tag not in ("script", "link", "iframe", "object")
         for key in ("src", "href", "srcset", "poster", "data", "action"):
             value = attributes.get(key)
@@ -109,8 +113,8 @@ def test_needs_nothing_else_and_is_small(written):
     assert not re.search(r"https?://|url\(|@import", written)
 
 
-def test_every_image_says_what_it_shows(written):
-    images = [a for tag, a in Reader(written).elements if tag == "img"]
+def test_every_image_says_what_it_shows(read):
+    images = [a for tag, a in read.elements if tag == "img"]
     assert len(images) >= 6
     for image in images:
         assert len(image["alt"] or "") > 20
@@ -134,8 +138,8 @@ def test_error_goes_down_to_the_noise_on_both_kinds_of_data(made):
     np.testing.assert_allclose(unseen.stairs[0].rms[3:], np.sqrt(np.mean(torque**2, axis=0)), rtol=0.05)
 
 
-def test_the_model_inside_is_the_fitted_one(written):
-    model = model_file.loads(Reader(written).downloaded())
+def test_the_model_inside_is_the_fitted_one(read):
+    model = model_file.loads(read.downloaded())
     assert [e.name for e in model.effects] == ["com_offset"]
     np.testing.assert_allclose(model.effects[0].theta, [-0.004, 0.007, -0.005], atol=2e-4)
     assert [v.number for v in model.history] == [1, 2]

@@ -30,7 +30,8 @@ def same(one, other):
     return all(np.array_equal(rms(a), rms(b)) for a, b in zip(one.staircases, other.staircases, strict=True))
 
 
-def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session):
+def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session, logs):
+    """And the numbers are those of the library."""
     session.effects.add(("com_offset",), "train")
     state = session.effects.state("train")
     fitted, held_out = state.staircases
@@ -43,13 +44,9 @@ def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session
     for value, truth in zip(installed.values, TRUTH, strict=True):
         assert abs(value.value - truth) < 3.0 * value.std + 1e-4
     assert "train.mcap" in installed.source
-
-
-def test_numbers_are_those_of_the_library(session, logs):
-    session.effects.add(("com_offset",), "train")
     train, test = (dataset(open_flight(p, MODEL).records, MODEL) for p in (logs.train, logs.test))
     fitted = with_fit(MODEL, fit(train, MODEL, ["com_offset"]))
-    for data, stairs in zip((train, test), session.effects.state("train").staircases, strict=True):
+    for data, stairs in zip((train, test), state.staircases, strict=True):
         for k, model in enumerate((MODEL, fitted)):
             left = data.measured - data.predict(model.wrench_model)
             assert stairs.stairs[k].rms == pytest.approx(np.sqrt(np.mean(left**2, axis=0)))

@@ -9,14 +9,14 @@ import pytest
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.vehicle import GRAVITY
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
 NAMES = sorted(path.stem for path in (ROOT / "models").glob("*.toml"))
 
 
-def hover(vehicle: Vehicle, pitch: float = 0.0) -> np.ndarray:
+def hover(vehicle, pitch=0.0):
     """Rotor speeds (R,) that carry the weight at a pitch angle [rad] (nose down positive)."""
     force = vehicle.body.mass * GRAVITY * np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
     commands, saturation = Allocation(vehicle).allocate(np.concatenate((force, np.zeros(3)))[None, :])

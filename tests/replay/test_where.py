@@ -7,13 +7,12 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.diagnose.where import Where
 
 MODEL = "tilt_hexarotor"
 
 
 @pytest.fixture(scope="module")
-def found(logs) -> Where:
+def found(logs):
     """The flight with a hidden offset of the centre of mass."""
     model = wg.load_model(MODEL)
     return wg.where(wg.open_flights(logs.train, model), model)

@@ -8,9 +8,6 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,13 +26,13 @@ PATIENCE = 20.0
 """Seconds after which something that should happen on the page did not."""
 
 
-def lacking(what: str) -> None:
+def lacking(what):
     """Skip, or in CI fail, because the browser cannot be driven."""
     text = f"{what}; tests in a browser need: apt-get install chromium, and playwright from requirements.lock"
     (pytest.fail if os.environ.get("CI", "").lower() == "true" else pytest.skip)(text)
 
 
-def eventually(condition: Callable[[], Any], words: str = "", seconds: float = PATIENCE) -> Any:
+def eventually(condition, words="", seconds=PATIENCE):
     """Poll until true and return what it gave; fails with `words` otherwise."""
     end = time.monotonic() + seconds
     while not (found := condition()):
@@ -45,7 +42,7 @@ def eventually(condition: Callable[[], Any], words: str = "", seconds: float = P
 
 
 @pytest.fixture(name="eventually", scope="session")
-def _eventually() -> Callable[..., Any]:
+def _eventually():
     """The function of that name, for the modules."""
     return eventually
 
@@ -57,7 +54,7 @@ LATE = "Tried to update non-existent component"
 class Visitor:
     """One client: a tab of the browser on a page. `errors` are what its console complained about."""
 
-    def __init__(self, browser: Any, url: str, width: int = 1120, height: int = 620, *, smooth: bool = True) -> None:
+    def __init__(self, browser, url, width=1120, height=620, *, smooth=True):
         self.tab = browser.new_page(viewport={"width": width, "height": height})
         self.errors: list[str] = []
         self.tab.on("console", lambda m: m.type == "error" and LATE not in m.text and self.errors.append(m.text))
@@ -70,7 +67,7 @@ class Visitor:
             eventually(lambda: self.tab.evaluate(FIVE_FRAMES) < 1.0, "the page never runs smoothly", 4 * PATIENCE)
             self.tab.locator(".mantine-Notification-closeButton").first.click()  # that WebGL runs without a GPU
 
-    def node(self, name: str) -> dict[str, Any]:
+    def node(self, name):
         """Pose of a scene node in its parent, and whether it is drawn: those of the three.js object itself."""
         return self.tab.evaluate(
             """n => { const o = window.__viserMutable.nodeRefFromName[n], p = o.position, q = o.quaternion;
@@ -78,23 +75,23 @@ class Visitor:
             name,
         )
 
-    def stands(self, name: str, position: Any, wxyz: Any) -> bool:
+    def stands(self, name, position, wxyz):
         """Whether a node has this pose, to 2 mm and 3 mrad: the log's noise is in both, but at other stamps."""
         node = self.node(name)
         near = np.allclose(node["position"], position, atol=2e-3)
         return bool(near and math.isclose(abs(float(np.dot(node["wxyz"], wxyz))), 1.0, abs_tol=1e-6))
 
-    def text(self) -> str:
+    def text(self):
         """All text on the page."""
         return str(self.tab.inner_text("body"))
 
-    def close(self) -> None:
+    def close(self):
         """Leave the page."""
         self.tab.close()
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """A headless Chromium."""
     try:
         from playwright.sync_api import sync_playwright
@@ -110,13 +107,13 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def flown(logs: Any) -> tuple[Path, Path]:
+def flown(logs):
     """Logs of two flights with a hidden offset of the centre of mass: train and test."""
     return logs.train, logs.test
 
 
 @pytest.fixture(scope="module")
-def page(flown: tuple[Path, Path]) -> Iterator[Page]:
+def page(flown):
     """A page on both flights, as `wrenchgap view` makes it."""
     made = Page(LogSession(flown, model_file.load("tilt_hexarotor")), port=0)
     yield made
@@ -124,7 +121,7 @@ def page(flown: tuple[Path, Path]) -> Iterator[Page]:
 
 
 @pytest.fixture(scope="module")
-def visitor(browser: Any, page: Page) -> Iterator[Visitor]:
+def visitor(browser, page):
     """A client on that page."""
     found = Visitor(browser, page.url)
     yield found

@@ -283,16 +283,7 @@ GROUPS, TESTED, UNTRIED = (("servo_lag", "command_delay"),), ("no further effect
 UNKNOWN = Ranking("train", "tilt_hexarotor", "unknown", SENTENCE, (), (), GROUPS, TESTED, UNTRIED)
 
 
-def test_unknown_is_said_plainly_and_text_from_outside_is_no_html(page, effects):
-    effects.rankings["train"] = UNKNOWN
-    effects.opened(page.scene)
-    assert "UNKNOWN" in effects.found.content
-    assert "no effect of the catalogue explains" in effects.found.content
-    assert "&lt;b&gt;It swings" in effects.found.content
-    effects.rankings.clear()
-
-
-def test_a_group_leads_to_the_flight_that_tells_it_apart(page, effects, eventually, monkeypatch, tmp_path):
+def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eventually, monkeypatch, tmp_path):
     motion = np.arange(50.0), np.cumsum(np.ones((50, 3)), axis=0) * 0.01, np.tile([1.0, 0.0, 0.0, 0.0], (50, 1))
     asked = []
 
@@ -304,6 +295,9 @@ def test_a_group_leads_to_the_flight_that_tells_it_apart(page, effects, eventual
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
     effects.rankings["train"] = UNKNOWN
     effects.opened(page.scene)
+    assert "UNKNOWN" in effects.found.content
+    assert "no effect of the catalogue explains" in effects.found.content
+    assert "&lt;b&gt;It swings" in effects.found.content, "text from outside is no HTML"
     follow_to(effects, effects.found.content, "separate servo_lag")
     eventually(lambda: not effects.design.running)
     assert asked == [(("servo_lag", "command_delay"), "train")]

@@ -4,6 +4,7 @@ import socket
 import urllib.request
 from contextlib import ExitStack
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from wrenchgap.viewer.vehicle_shape import arm_pose
 TIME = np.arange(0.0, 4.0, 0.02)
 
 
-def scene(name="one") -> Scene:
+def scene(name="one"):
     """A circle with a turning body; torques that grow; arms that tilt against each other."""
     zero = np.zeros_like(TIME)
     return Scene(
@@ -40,17 +41,14 @@ def scene(name="one") -> Scene:
     )
 
 
-class Two:
-    """A session of two flights."""
+def two(vehicle, **changes):
+    """A session of two flights, of which the second lies 10 m away; `changes` are those of both scenes."""
 
-    def __init__(self, vehicle: Vehicle):
-        self.vehicle = vehicle
-        self.flights = ("one", "two")
-        self.capabilities = Capabilities()
+    def made(flight):
+        found = replace(scene(flight), **changes)
+        return found if flight == "one" else replace(found, position_E=found.position_E + 10.0, tilt=None)
 
-    def scene(self, flight: str) -> Scene:
-        made = scene(flight)
-        return made if flight == "one" else replace(made, position_E=made.position_E + 10.0, tilt=None)
+    return SimpleNamespace(vehicle=vehicle, flights=("one", "two"), capabilities=Capabilities(), scene=made)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +71,7 @@ def show():
 
 @pytest.fixture
 def page(show, vehicle):
-    return show(Two(vehicle))
+    return show(two(vehicle))
 
 
 def test_body_and_reference_stand_where_the_log_says(page):
@@ -141,7 +139,7 @@ def test_playing_moves_on_and_starts_again_at_the_end(page, eventually):
 
 
 def test_page_is_served_on_this_machine_only_and_stops(vehicle, eventually):
-    made = Page(Two(vehicle), port=0)
+    made = Page(two(vehicle), port=0)
     host, port = made.server.get_host(), made.server.get_port()
     assert host == "127.0.0.1"
     with urllib.request.urlopen(made.url, timeout=5) as answer:
@@ -165,7 +163,7 @@ def test_other_addresses_count_as_exposed():
 
 def test_vehicle_of_which_only_the_wrench_is_known_is_drawn(show):
     plain = Vehicle("plain", Body(0.04, np.diag([16e-6, 16e-6, 29e-6]), np.zeros(3)), None, None, np.zeros(3))
-    made = show(Two(plain))
+    made = show(two(plain))
     made.cursor.go(1.0)
     assert made.drawing.craft.arms == []
     assert 0.03 < made.drawing.size < 0.2
@@ -178,9 +176,7 @@ def test_vehicles_of_any_geometry_are_drawn_with_their_thrusts(name, show):
     vehicle = model_file.load(name).vehicle
     arms, rotors = len(vehicle.arms or ()), len(vehicle.rotors or ())
     thrust = np.outer(1.0 + TIME, np.arange(1.0, rotors + 1.0)) if rotors else None
-    session = Two(vehicle)
-    session.scene = lambda flight: replace(scene(flight), tilt=np.zeros((len(TIME), arms)), thrust=thrust)
-    made = show(session)
+    made = show(two(vehicle, tilt=np.zeros((len(TIME), arms)), thrust=thrust))
     made.cursor.go(1.0)
     assert len(made.drawing.craft.arms) == arms
     if rotors:
@@ -191,9 +187,7 @@ def test_vehicles_of_any_geometry_are_drawn_with_their_thrusts(name, show):
 
 def test_ellipsoids_are_three_sigma_at_the_tips_and_ghosts_stand_where_they_flew(vehicle, show):
     sigma = np.tile([np.nan, np.nan, np.nan, 0.02, 0.01, 0.03], (len(TIME), 1))
-    session = Two(vehicle)
-    session.scene = lambda flight: replace(scene(flight), sigma={"commanded": sigma})
-    made = show(session)
+    made = show(two(vehicle, sigma={"commanded": sigma}))
     made.cursor.go(3.0)
     cloud, arrow = (made.drawing.arrows.clouds["torque", "commanded"], made.drawing.arrows.handles)
     scale = made.drawing.scale.torque
@@ -234,4 +228,4 @@ def test_port_that_is_taken_gives_the_next_one(vehicle, show):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert port < show(Two(vehicle), port=port).server.get_port() <= port + 20
+        assert port < show(two(vehicle), port=port).server.get_port() <= port + 20
