@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from wrenchgap.replay.cli import console
 from wrenchgap.replay.cli.main import app
 
 Run = Callable[..., Result]
@@ -36,15 +37,17 @@ def result_of(run, tmp_path):
 
 
 @pytest.fixture
-def refused(run):
+def refused(run, monkeypatch):
     """Run a command that must end with exit code 2, and return its one line on standard error."""
+    monkeypatch.setattr(console, "PATIENCE", np.inf)  # no lines of progress on a busy machine
 
     def wrapped(*arguments):
         done = run(*arguments)
         assert (done.exit_code, done.stdout) == (2, ""), done.output
-        (line,) = done.stderr.splitlines()
+        assert done.stderr.count("\n") == 1, done.stderr
+        line = done.stderr.rstrip("\n")
         assert line.startswith("wrenchgap: ")
-        return str(line)
+        return line
 
     return wrapped
 
