@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import approx_fprime
 
 from wrenchgap.compensate.optimiser import Optimiser, _Search
 from wrenchgap.flight.flight import AXES
@@ -52,23 +53,17 @@ def solve(model, wrench=HOVER, bound=FREE, start=None, **options):
 
 
 @settings(max_examples=30)
-@given(st.integers(0, 10_000), st.sampled_from([TORQUES, AXES]))
+@given(st.integers(0, 10_000), st.sampled_from([TORQUES, AXES, ("torque_z", "torque_x")]))
 def test_linear_mismatch_has_a_closed_form(seed, outputs):
     """W_des = (1 + G) W_cmd + b in the outputs; what is no output is left alone."""
-    rng, count = np.random.default_rng(seed), len(outputs)
-    gain, offset, wrench = 0.2 * rng.normal(size=(count, 6)), rng.normal(size=count), rng.normal(size=6)
-    slope = np.eye(count) + gain[:, -count:]
+    rng, rows = np.random.default_rng(seed), [AXES.index(axis) for axis in outputs]
+    gain, offset, wrench = 0.2 * rng.normal(size=(len(rows), 6)), rng.normal(size=len(rows)), rng.normal(size=6)
+    slope = np.eye(len(rows)) + gain[:, rows]
     found = solve(line(gain, offset, outputs), wrench)
     if np.linalg.cond(slope) < 30:
         assert found.accepted
-        assert found.correction[-count:] == pytest.approx(-np.linalg.solve(slope, offset + gain @ wrench), abs=1e-3)
-    assert (found.correction[:-count] == 0).all()
-
-
-def test_order_of_outputs_is_respected():
-    gain = np.zeros((2, 6))
-    found = solve(line(gain, np.array([0.5, -0.3]), ("torque_z", "torque_x")))
-    assert found.correction == pytest.approx([0, 0, 0, 0.3, 0, -0.5], abs=1e-6)
+        assert found.correction[rows] == pytest.approx(-np.linalg.solve(slope, offset + gain @ wrench), abs=1e-3)
+    assert (np.delete(found.correction, rows) == 0).all()
 
 
 @pytest.mark.parametrize("scale", [-0.9, 0.5, 0.9])
@@ -135,10 +130,7 @@ def test_gradient_is_the_derivative_of_the_cost(regulariser):
     search = _Search(squash(-1.7), HOVER, np.array([3, 4, 5]), regulariser)
     point, gradient, nothing = np.array([0.3, -0.6, 0.2]), np.zeros(3), np.zeros(0)
     search.objective(point, gradient)
-    for axis in range(3):
-        step = 1e-6 * np.eye(3)[axis]
-        slope = (search.objective(point + step, nothing) - search.objective(point - step, nothing)) / 2e-6
-        assert gradient[axis] == pytest.approx(slope, rel=1e-6)
+    assert gradient == pytest.approx(approx_fprime(point, search.objective, 1e-7, nothing), rel=1e-5)
 
 
 def test_regulariser_shrinks_torque_but_no_force_and_is_left_out_of_the_cost():

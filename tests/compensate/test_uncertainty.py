@@ -19,10 +19,6 @@ def levels(training, prior, outputs=("torque_x", "torque_y", "torque_z"), **opti
     return default_filter(model, 0.9, **options)
 
 
-def test_half_at_the_threshold():
-    assert ONE.beta(0.38) == 0.5
-
-
 @given(st.floats(-1e300, 1e300), st.floats(0, 1e300))
 def test_beta_rises_from_zero_to_one_without_overflow(sigma, more):
     assert 0.0 <= ONE.beta(sigma) <= ONE.beta(sigma + more) <= 1.0
@@ -41,14 +37,11 @@ def test_steady_state_gain(beta, decay, optimum):
 
 def test_default_goes_from_1_to_99_percent_between_data_and_prior():
     found = levels([0.05, 0.1, 0.27], [0.2, 0.3, 0.5])
+    assert found.sigma(np.array([0.2, 0.7, 0.3])) == 0.7, "the largest"
     assert found.threshold == pytest.approx((0.27 + 0.5) / 2)
     assert found.kappa == pytest.approx(9.2 / (0.5 - 0.27), rel=2e-3)
     assert found.beta(0.27) == pytest.approx(0.01)
     assert found.beta(0.5) == pytest.approx(0.99)
-
-
-def test_sigma_is_the_largest():
-    assert levels([0.1, 0.1, 0.1], [1, 1, 1]).sigma(np.array([0.2, 0.7, 0.3])) == 0.7
 
 
 def test_forces_and_torques_are_not_compared_in_newtons():
@@ -64,11 +57,8 @@ def test_forces_and_torques_are_not_compared_in_newtons():
 def test_output_that_is_all_noise_does_not_vote():
     found = levels([0.1, 0.9], [0.5, 0.9], ("torque_x", "torque_z"))
     assert found.sigma(np.array([0.1, 0.9])) == 0.1
+    assert levels([0.3], [0.3], ("torque_x",)).beta(1e9) == 0.0, "a model that is all noise is not filtered"
     assert found.threshold == pytest.approx(0.3)
-
-
-def test_model_that_is_all_noise_is_not_filtered():
-    assert levels([0.3], [0.3], ("torque_x",)).beta(1e9) == 0.0
 
 
 def test_model_without_levels_is_filtered_only_when_told():
@@ -81,4 +71,4 @@ def test_model_without_levels_is_filtered_only_when_told():
 
 def test_given_values_win():
     found = levels([0.1], [0.5], ("torque_x",), threshold=0.2, kappa=7.0)
-    assert (found.threshold, found.kappa) == (0.2, 7.0)
+    assert (found.threshold, found.kappa, found.beta(0.2)) == (0.2, 7.0, 0.5)

@@ -18,6 +18,7 @@ from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.session import Capabilities
 from wrenchgap.viewer.vehicle_shape import arm_pose
 
+VEHICLE = model_file.load("tilt_hexarotor").vehicle
 TIME = np.arange(0.0, 4.0, 0.02)
 
 
@@ -51,11 +52,6 @@ def two(vehicle, **changes):
     return SimpleNamespace(vehicle=vehicle, flights=("one", "two"), capabilities=Capabilities(), scene=made)
 
 
-@pytest.fixture(scope="module")
-def vehicle():
-    return model_file.load("tilt_hexarotor").vehicle
-
-
 @pytest.fixture
 def show():
     """`show(session)` is a page on that session, stopped when the test ends."""
@@ -70,8 +66,8 @@ def show():
 
 
 @pytest.fixture
-def page(show, vehicle):
-    return show(two(vehicle))
+def page(show):
+    return show(two(VEHICLE))
 
 
 def test_body_and_reference_stand_where_the_log_says(page):
@@ -85,18 +81,18 @@ def test_body_and_reference_stand_where_the_log_says(page):
         assert page.drawing.reference.visible
 
 
-def test_arms_point_their_thrust_as_the_plant_does(page, vehicle):
+def test_arms_point_their_thrust_as_the_plant_does(page):
     page.cursor.go(3.0)
     k = int(np.argmin(np.abs(TIME - 3.0)))
-    still = np.zeros((1, len(vehicle.rotors)))
-    normals = Actuation(vehicle, scene().tilt[k : k + 1], still, still).arm_normal_B[0]
+    still = np.zeros((1, len(VEHICLE.rotors)))
+    normals = Actuation(VEHICLE, scene().tilt[k : k + 1], still, still).arm_normal_B[0]
     for handle, normal in zip(page.drawing.craft.arms, normals, strict=True):
         assert so3.rotate(np.asarray(handle.wxyz), np.array([0.0, 0.0, 1.0])) == pytest.approx(normal, abs=1e-12)
 
 
-def test_arm_frames_are_right_handed_for_any_thrust_direction(vehicle):
+def test_arm_frames_are_right_handed_for_any_thrust_direction():
     """A fixed arm may thrust along its own axis; the frame must still be a rotation with z along the thrust."""
-    odd = replace(vehicle.arms, normal_B=vehicle.arms.axis_B.copy())
+    odd = replace(VEHICLE.arms, normal_B=VEHICLE.arms.axis_B.copy())
     for arm in range(6):
         R = so3.matrix(arm_pose(odd, arm, 0.0))
         assert np.linalg.det(R) == pytest.approx(1.0)
@@ -138,8 +134,8 @@ def test_playing_moves_on_and_starts_again_at_the_end(page, eventually):
     page.transport.playing(False)
 
 
-def test_page_is_served_on_this_machine_only_and_stops(vehicle, eventually):
-    made = Page(two(vehicle), port=0)
+def test_page_is_served_on_this_machine_only_and_stops(eventually):
+    made = Page(two(VEHICLE), port=0)
     host, port = made.server.get_host(), made.server.get_port()
     assert host == "127.0.0.1"
     with urllib.request.urlopen(made.url, timeout=5) as answer:
@@ -185,15 +181,15 @@ def test_vehicles_of_any_geometry_are_drawn_with_their_thrusts(name, show):
         assert lengths == pytest.approx(2.0 * np.arange(1.0, rotors + 1.0), rel=1e-5)
 
 
-def test_ellipsoids_are_three_sigma_at_the_tips_and_ghosts_stand_where_they_flew(vehicle, show):
+def test_ellipsoids_are_three_sigma_at_the_tips_and_ghosts_stand_where_they_flew(show):
     sigma = np.tile([np.nan, np.nan, np.nan, 0.02, 0.01, 0.03], (len(TIME), 1))
-    made = show(two(vehicle, sigma={"commanded": sigma}))
+    made = show(two(VEHICLE, sigma={"commanded": sigma}))
     made.cursor.go(3.0)
     cloud, arrow = (made.drawing.arrows.clouds["torque", "commanded"], made.drawing.arrows.handles)
     scale = made.drawing.scale.torque
     assert cloud.visible
     assert np.asarray(cloud.scale) == pytest.approx(3.0 * scale * np.array([0.02, 0.01, 0.03]))
-    tip = scene().wrenches["commanded"][made.cursor.index, 3:] * scale + vehicle.body.com_B
+    tip = scene().wrenches["commanded"][made.cursor.index, 3:] * scale + VEHICLE.body.com_B
     assert np.asarray(cloud.position) == pytest.approx(tip)
     assert arrow["torque", "commanded"].visible
     assert not made.drawing.arrows.clouds["force", "commanded"].visible
@@ -223,9 +219,9 @@ def test_playing_between_the_marks_stays_there(page):
     assert page.cursor.time == TIME[0]
 
 
-def test_port_that_is_taken_gives_the_next_one(vehicle, show):
+def test_port_that_is_taken_gives_the_next_one(show):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert port < show(two(vehicle), port=port).server.get_port() <= port + 20
+        assert port < show(two(VEHICLE), port=port).server.get_port() <= port + 20
