@@ -3,15 +3,11 @@
 The last line of a run says what was not run.
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import os
 import pickle
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
 
 import pytest
 
@@ -33,14 +29,14 @@ LONG_FIRST = (
 """Files that take longest: begun last, one worker would be left alone with one of them."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     """Begin with LONG_FIRST; pass --no-loadscope-reorder to xdist, or it begins with the files of most tests."""
     rank = {name: place for place, name in enumerate(LONG_FIRST)}
     items.sort(key=lambda item: min((rank[name] for name in rank if name in item.nodeid), default=len(rank)))
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+def pytest_xdist_make_scheduler(config, log):
     """With `--dist loadfile`: a file's tests on one worker, and those of all files that drive a browser on one.
 
     A browser without a GPU takes half a minute to compile what it draws with, and two of them at once twice that.
@@ -48,8 +44,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     if config.getvalue("dist") != "loadfile" or LoadFileScheduling is None:
         return None
 
-    class BrowsersTogether(LoadFileScheduling):  # type: ignore[misc, valid-type]
-        def _split_scope(self, nodeid: str) -> str:
+    class BrowsersTogether(LoadFileScheduling):
+        def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
             return "in_browser" if "in_browser" in file else str(file)
 
@@ -57,7 +53,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 @pytest.fixture(scope="session")
-def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def shared_folder(tmp_path_factory):
     """A folder of this run that all workers see."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -67,10 +63,10 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def once(shared_folder: Path) -> Callable[[str, Callable[[], Any]], Any]:
+def once(shared_folder):
     """`once(name, make)` is `make()`, called by the first worker that asks for that name; the others wait and read."""
 
-    def made(name: str, make: Callable[[], Any]) -> Any:
+    def made(name, make):
         path = shared_folder / hashlib.sha256(name.encode()).hexdigest()[:16]
         with path.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
@@ -81,8 +77,34 @@ def once(shared_folder: Path) -> Callable[[str, Callable[[], Any]], Any]:
     return made
 
 
+OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
+
+
+def fly_logs(folder):
+    """Write logs of one vehicle: train and test hide a centre-of-mass offset, ideal hides nothing."""
+    import wrenchgap as wg  # here, for test_last_line runs this file without the package
+
+    folder.mkdir()
+    believed = wg.load_model("tilt_hexarotor")
+    for name, trajectory, seconds, excitation, hidden in (
+        ("train", "multi_axis", 14.0, 1.0, (OFFSET,)),
+        ("test", "figure8", 12.0, 0.0, (OFFSET,)),
+        ("ideal", "multi_axis", 12.0, 1.0, ()),
+    ):
+        more = {"duration": seconds, "excitation": excitation, "seed": 1, "hide": hidden}
+        wg.save_log(wg.simulate(believed, trajectory, name=name, **more), folder / f"{name}.mcap")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def logs(shared_folder, once):
+    """The paths `train`, `test` and `ideal` of those logs, and their `folder`; nobody writes to it."""
+    folder = once("logs", lambda: fly_logs(shared_folder / "logs"))
+    return SimpleNamespace(folder=folder, **{path.stem: path for path in folder.iterdir()})
+
+
 @pytest.hookimpl(trylast=True)
-def pytest_unconfigure(config: pytest.Config) -> None:
+def pytest_unconfigure(config):
     """Below pytest's closing line, where nobody overlooks it: "passed" alone would hide the skipped browser tests."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is None:

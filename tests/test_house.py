@@ -1,7 +1,5 @@
 """The house keeps its own rules: layers, no circles, lengths, versions, links, a page for every effect."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import os
@@ -10,12 +8,10 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import grimp
 import numpy as np
-import pytest
 from scipy.sparse.csgraph import connected_components
 
 from scripts import check_docs, effects_index
@@ -24,21 +20,27 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("flight", "plant", "learn", "compensate", "viewer", "replay")
 PROGRAMS = ("benchmarks", "scripts", "examples")
 
+
+def text_of(path):
+    return (ROOT / path).read_text(encoding="utf-8")
+
+
+PROJECT = tomllib.loads(text_of("pyproject.toml"))["project"]
 LONGEST_FUNCTION, LONGEST_FILE = 60, 350
 """Lines. What is longer holds a comment that begins with REASON and says why."""
 REASON = "# Long because"
 
 
-def sources(*folders: str) -> list[Path]:
+def sources(*folders):
     return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
-def test_every_folder_with_sources_is_a_package() -> None:
+def test_every_folder_with_sources_is_a_package():
     folders = {source.parent for source in sources(*PACKAGES)}
     assert not [str(folder) for folder in folders if not (folder / "__init__.py").exists()]
 
 
-def too_long(source: str) -> Iterator[tuple[str, int]]:
+def too_long(source):
     """Names of functions above their length, "" for the file itself, and their lines; those with a reason left out."""
     lines = source.splitlines()
     if len(lines) > LONGEST_FILE and not any(line.startswith(REASON) for line in lines):
@@ -50,7 +52,7 @@ def too_long(source: str) -> Iterator[tuple[str, int]]:
                 yield node.name, len(body)
 
 
-def test_functions_and_files_are_short_or_say_why_not() -> None:
+def test_functions_and_files_are_short_or_say_why_not():
     found = {
         (f"{path.relative_to(ROOT)}::{name}" if name else str(path.relative_to(ROOT))): lines
         for path in sources(*PACKAGES, *PROGRAMS)
@@ -60,7 +62,7 @@ def test_functions_and_files_are_short_or_say_why_not() -> None:
     assert not new, f"shorten, or say why in a comment `{REASON} ...`:\n" + "\n".join(new)
 
 
-def test_what_is_long_is_noticed_unless_it_says_why() -> None:
+def test_what_is_long_is_noticed_unless_it_says_why():
     function = "def long():\n" + "    pass\n" * LONGEST_FUNCTION
     assert list(too_long(function)) == [("long", LONGEST_FUNCTION + 1)]
     assert list(too_long(function.replace("pass", f"{REASON} so.\n    pass", 1))) == []
@@ -68,7 +70,7 @@ def test_what_is_long_is_noticed_unless_it_says_why() -> None:
     assert list(too_long("pass\n" * (LONGEST_FILE + 1))) == [("", LONGEST_FILE + 1)]
 
 
-def test_no_import_circle_not_even_for_types_alone() -> None:
+def test_no_import_circle_not_even_for_types_alone():
     graph = grimp.build_graph("wrenchgap", cache_dir=None)
     modules = sorted(graph.modules)
     imports = np.array([[other in graph.find_modules_directly_imported_by(m) for other in modules] for m in modules])
@@ -77,26 +79,15 @@ def test_no_import_circle_not_even_for_types_alone() -> None:
     assert [names for names in members if len(names) > 1] == []
 
 
-def lint_imports(root: Path) -> subprocess.CompletedProcess[str]:
+def lint_imports(root):
     """Import-linter on the tree at `root`, with that tree's configuration."""
     run = "from importlinter.cli import lint_imports_command as run; run()"
     code = f"import sys; sys.path.insert(0, {str(root / 'src')!r}); {run}"
-    command = [sys.executable, "-c", code, "--no-cache"]
-    return subprocess.run(
-        command, cwd=root, env={**os.environ, "COLUMNS": "200"}, capture_output=True, text=True, check=False
-    )
+    command, wide = [sys.executable, "-c", code, "--no-cache"], os.environ | {"COLUMNS": "200"}
+    return subprocess.run(command, cwd=root, env=wide, capture_output=True, text=True, check=False)
 
 
-@pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    """The packages, linked under src/wrenchgap as in the repository, and the configuration: to be spoilt."""
-    for folder in ("src", *PACKAGES, "models"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    return tmp_path
-
-
-def test_imports_go_down_only() -> None:
+def test_imports_go_down_only():
     run = lint_imports(ROOT)
     assert run.returncode == 0, run.stdout
 
@@ -114,49 +105,48 @@ UPWARDS_OR_SIDEWAYS = (
 )
 
 
-def test_an_import_upwards_or_sideways_is_noticed(copy: Path) -> None:
+def test_an_import_upwards_or_sideways_is_noticed(tmp_path):
+    """In a copy of the packages, linked under src/wrenchgap as in the repository, with the configuration."""
+    for folder in ("src", *PACKAGES, "models"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for low, high in UPWARDS_OR_SIDEWAYS:
-        with (copy / low.replace(".", "/") / "spoilt.py").open("a") as spoilt:
+        with (tmp_path / low.replace(".", "/") / "spoilt.py").open("a") as spoilt:
             spoilt.write(f"import {high}\n")
-    run = lint_imports(copy)
+    run = lint_imports(tmp_path)
     assert run.returncode == 1
     missed = [(low, high) for low, high in UPWARDS_OR_SIDEWAYS if f"wrenchgap.{low}.spoilt -> {high}" not in run.stdout]
     assert not missed, run.stdout
 
 
-def test_changelog_begins_with_the_version_of_the_project() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    newest = re.search(r"^## \[(\d[^\]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert newest is not None
-    assert newest[1] == project["version"]
+def test_changelog_begins_with_the_version_of_the_project():
+    newest = re.search(r"^## \[(\d[^\]]*)\]", text_of("CHANGELOG.md"), re.MULTILINE)
+    assert newest[1] == PROJECT["version"]
 
 
-def test_lock_pins_every_dependency() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    asked = project["dependencies"] + project["optional-dependencies"]["dev"]
+def test_lock_pins_every_dependency():
+    asked = PROJECT["dependencies"] + PROJECT["optional-dependencies"]["dev"]
     names = {re.split(r"[<>=!~;\[ ]", line)[0].lower().replace("_", "-") for line in asked}
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    pinned = set(re.findall(r"^([a-z0-9][a-z0-9.-]*)==", lock, re.MULTILINE))
-    assert names - pinned == set()
+    assert names - set(re.findall(r"^([a-z0-9][a-z0-9.-]*)==", text_of("requirements.lock"), re.MULTILINE)) == set()
 
 
-def test_every_public_name_is_in_the_page_of_the_api() -> None:
-    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+def test_every_public_name_is_in_the_page_of_the_api():
+    page = text_of("docs/api.md")
     for name in ("wrenchgap", *(f"wrenchgap.{package}" for package in PACKAGES[:-1])):
         module = importlib.import_module(name)
         assert all(hasattr(module, public) for public in module.__all__), name
         assert [public for public in module.__all__ if f"`{public}`" not in page] == [], name
 
 
-def test_links_of_the_documentation_lead_somewhere() -> None:
+def test_links_of_the_documentation_lead_somewhere():
     assert check_docs.broken_links() == []
 
 
-def test_examples_of_the_documentation_run() -> None:
+def test_examples_of_the_documentation_run():
     assert check_docs.failing_examples() == []
 
 
-def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path: Path) -> None:
+def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path):
     (tmp_path / "good.md").write_text(
         "# One heading, two words\n\n[web](https://example.org) [self](#one-heading-two-words)\n"
     )
@@ -170,7 +160,6 @@ def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path: 
     assert 'File "bad.md", line 10' in failure
 
 
-def test_every_effect_has_a_page_and_the_index_is_fresh() -> None:
+def test_every_effect_has_a_page_and_the_index_is_fresh():
     assert effects_index.missing_pages() == []
-    written = (ROOT / "docs" / "effects" / "README.md").read_text(encoding="utf-8")
-    assert written == effects_index.index(), "run make docs"
+    assert text_of("docs/effects/README.md") == effects_index.index(), "run make docs"

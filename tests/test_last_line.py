@@ -23,14 +23,9 @@ def test_skipped_browser_tests_are_counted_below_the_closing_line(tmp_path, skip
     shutil.copy(Path(__file__).with_name("conftest.py"), tmp_path)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = browser: as here\naddopts = -q\n")
     (tmp_path / "test_inner.py").write_text(INNER.format(skip=skip))
-    run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *workers],
-        cwd=tmp_path,
-        env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},  # seconds, for what is not used here
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *workers]
+    quick = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}  # plugins not used here take seconds
+    run = subprocess.run(command, cwd=tmp_path, env=quick, capture_output=True, text=True, check=True)
     *_, before, last = run.stdout.splitlines()
     if skip:
         assert "1 passed, 4 skipped in" in before

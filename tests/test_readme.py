@@ -11,10 +11,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-LINES = [
-    line for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) for line in block.splitlines() if line.strip()
-]
-COMMANDS = [shlex.split(line, comments=True) for line in LINES]
+LINES = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines()
+COMMANDS = [shlex.split(line, comments=True) for line in LINES if line.strip()]
 
 
 def test_make_targets_exist():
@@ -30,15 +28,10 @@ def test_commands_run_as_written(tmp_path):
     wrenchgap = [words for words in COMMANDS if words[0] == "wrenchgap"]
     assert len(wrenchgap) >= 10
     assert len(wrenchgap) + 2 == len(COMMANDS)
+    source = os.environ | {"PYTHONPATH": str(ROOT / "src")}
     for words in wrenchgap:
-        done = subprocess.run(
-            [sys.executable, "-m", "wrenchgap", *words[1:]],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        command = [sys.executable, "-m", "wrenchgap", *words[1:]]
+        done = subprocess.run(command, cwd=tmp_path, env=source, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
         if words[1] == "explain":
             assert re.search(r"Explained by com_offset .* and arm_twist ", " ".join(done.stdout.split()))

@@ -17,7 +17,7 @@ SCALE = np.array([8.0, 8.0, 5.0, 0.5, 0.5, 0.5])
 FAR = np.array([90.0, -90.0, 0.0, 5.0, 5.0, 5.0])
 
 
-def truth(wrench: np.ndarray) -> np.ndarray:
+def truth(wrench):
     """Torque of the weight about a centre of mass that is off, a loss of control power, and a bias."""
     force, torque = wrench[:, :3], wrench[:, 3:]
     return np.cross(force, [0.004, -0.007, 0.005]) - 0.2 * torque + [0, 0, 0.3]
@@ -47,7 +47,7 @@ def gp():
     return replace(made, sigma_training=np.percentile(made.std(seen), 99, axis=0))
 
 
-def near(seed: int) -> np.ndarray:
+def near(seed):
     return HOVER + SCALE * np.random.default_rng(seed).uniform(-1, 1, 6)
 
 
@@ -56,15 +56,10 @@ def test_plant_gives_what_was_asked_for(gp):
     for seed in range(30):
         wrench = near(seed)
         command = compensator.step(wrench).wrench_cmd
+        assert (command[:3] == wrench[:3]).all(), "forces are left alone"
         before = np.abs(truth(wrench[None])[0]).max()
         after = np.abs(command[3:] + truth(command[None])[0] - wrench[3:]).max()
         assert after < 0.1 * before
-
-
-def test_torque_model_leaves_forces_alone(gp):
-    result = Compensator(gp).step(near(1))
-    assert (result.wrench_cmd[:3] == near(1)[:3]).all()
-    assert (result.correction[:3] == 0).all()
 
 
 def test_parts_of_a_result_fit_together(gp):
@@ -84,15 +79,16 @@ def test_parts_of_a_result_fit_together(gp):
         previous = result.correction
 
 
-def test_off_the_data_the_correction_dies_out_at_rate_a(gp):
-    compensator = Compensator(gp, Settings(dt=0.01, decay_time=0.15, kappa=1e4))
+@pytest.mark.parametrize("dt", [0.02, 0.01, 0.0025])
+def test_off_the_data_the_correction_dies_out_whatever_the_rate(gp, dt):
+    compensator = Compensator(gp, Settings(dt=dt, decay_time=0.15, kappa=1e4))
     steady = compensator.step(near(2))
     assert steady.beta < 1e-6
     assert np.abs(steady.correction).max() > 0.1
     for count in range(1, 40):
         result = compensator.step(FAR)
         assert result.sigma > 2 * steady.sigma
-        assert result.correction == pytest.approx(steady.correction * math.exp(-0.01 * count / 0.15), abs=1e-9)
+        assert result.correction == pytest.approx(steady.correction * math.exp(-dt * count / 0.15), abs=1e-9)
 
 
 def test_default_threshold_lets_go_far_away(gp):
@@ -101,17 +97,6 @@ def test_default_threshold_lets_go_far_away(gp):
         result = compensator.step(FAR)
     assert result.beta > 0.98
     assert np.abs(result.correction).max() < 0.3 * np.abs(truth(FAR[None])).max()
-
-
-def test_decay_does_not_depend_on_the_rate(gp):
-    left = []
-    for rate in (50, 400):
-        compensator = Compensator(gp, Settings(dt=1 / rate, kappa=1e4))
-        compensator.step(near(2))
-        for _ in range(rate // 5):
-            correction = compensator.step(FAR).correction
-        left.append(correction)
-    assert left[0] == pytest.approx(left[1], abs=1e-12)
 
 
 def test_filter_can_be_switched_off(gp):
@@ -135,13 +120,8 @@ def test_runs_repeat_and_reset_forgets(gp):
         runs.append([compensator.step(near(seed)) for seed in range(10)])
         compensator.reset()
     for one, other in zip(*runs, strict=True):
-        assert one.wrench_cmd.tobytes() == other.wrench_cmd.tobytes()
-        assert (one.sigma, one.beta, one.cost, one.iterations) == (
-            other.sigma,
-            other.beta,
-            other.cost,
-            other.iterations,
-        )
+        for name in ("wrench_cmd", "sigma", "beta", "cost", "iterations"):
+            assert np.array_equal(getattr(one, name), getattr(other, name))
 
 
 def test_arguments_and_results_are_nobodys_but_the_callers(gp):
@@ -149,13 +129,11 @@ def test_arguments_and_results_are_nobodys_but_the_callers(gp):
     wrench = near(4)
     first = compensator.step(wrench)
     assert (wrench == near(4)).all()
-    kept = first.correction.copy()
     first.correction[:] = 9.0
     first.optimum[:] = 9.0
     fresh = Compensator(gp)
     fresh.step(near(4))
     assert compensator.step(near(5)).correction == pytest.approx(fresh.step(near(5)).correction, abs=0)
-    assert np.abs(kept).max() < 9.0
 
 
 def test_default_bounds_come_from_the_data(gp):
@@ -181,38 +159,16 @@ def test_accuracy_follows_the_size_of_the_vehicle(gp, size):
         assert np.abs(left).max() < 2e-3 * np.abs(small.mean(wrench[None])[0]).max()
 
 
-def test_constant_and_linear_baselines_share_the_interface():
-    constant = LinearMismatch(TORQUES, np.array([0.1, -0.2, 0.3]), np.zeros((3, 6)), np.full(3, 0.1))
-    result = Compensator(constant).step(HOVER)
-    assert result.accepted
-    assert result.beta == 0.0
-    assert result.correction == pytest.approx([0, 0, 0, -0.1, 0.2, -0.3], abs=1e-6)
-
-
-class Moody:
-    """A model that breaks when told to."""
-
-    outputs = TORQUES
-    broken = False
-
-    def mean(self, wrench):
-        return np.full((len(wrench), 3), np.nan if self.broken else 0.2)
-
-    def std(self, wrench):
-        return np.full((len(wrench), 3), np.nan if self.broken else 0.1)
-
-    def jacobian(self, wrench):
-        return np.zeros((len(wrench), 3, 6))
-
-
-def test_trouble_is_told_and_passes():
-    model = Moody()
-    compensator = Compensator(model)
+def test_trouble_is_told_and_passes(monkeypatch):
+    compensator = Compensator(LinearMismatch(TORQUES, np.full(3, 0.2), np.zeros((3, 6)), np.full(3, 0.1)))
     good = compensator.step(HOVER)
-    model.broken = True
-    bad = compensator.step(HOVER)
-    model.broken = False
+    with monkeypatch.context() as broken:
+        for method in ("mean", "std"):
+            broken.setattr(LinearMismatch, method, lambda self, wrench: np.full((len(wrench), 3), np.nan))
+        bad = compensator.step(HOVER)
     again = compensator.step(HOVER)
+    assert good.correction == pytest.approx([0, 0, 0, -0.2, -0.2, -0.2], abs=1e-6)
+    assert (good.accepted, good.beta) == (True, 0.0)
     assert "not finite" in bad.trouble
     assert not bad.accepted
     assert (bad.optimum == 0).all()
@@ -237,19 +193,14 @@ def test_bad_wrench_gets_one_line(gp, wrench, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"dt": 0.0}, "dt is 0.0, expected a positive number"),
-        ({"decay_time": -1.0}, "decay_time is -1.0"),
-        ({"kappa": math.nan}, "kappa is nan"),
-        ({"regulariser": -1e-3}, "regulariser is -0.001"),
-        ({"max_evaluations": 0}, "max_evaluations is 0"),
-        ({"sigma_threshold": math.nan}, "sigma_threshold is not a number"),
-        ({"correction_max": (1.0, 1.0, 1.0)}, "expected six numbers"),
-        ({"correction_max": (1, 1, 1, 1, 1, math.nan)}, "expected six numbers"),
-    ],
-)
-def test_bad_settings_get_one_line(change, message):
-    with pytest.raises(UsageError, match=message):
-        Settings(**change)
+IMPOSSIBLE = [
+    *[("dt", 0.0), ("decay_time", -1.0), ("kappa", math.nan), ("regulariser", -1e-3), ("max_evaluations", 0)],
+    *[("sigma_threshold", math.nan), ("correction_max", (1.0,) * 3), ("correction_max", (1, 1, 1, 1, 1, math.nan))],
+]
+
+
+@pytest.mark.parametrize(("name", "value"), IMPOSSIBLE)
+def test_bad_settings_get_one_line(name, value):
+    with pytest.raises(UsageError, match=rf"{name} .*(expected|is not a number)") as caught:
+        Settings(**{name: value})
+    assert "\n" not in str(caught.value)

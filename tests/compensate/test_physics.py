@@ -54,9 +54,6 @@ def wrenches(count, seed=0):
     return HOVER + spread * np.random.default_rng(seed).uniform(-1, 1, (count, 6))
 
 
-# --- effects that act at once -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.7, -1.2, 2.0)])
 def test_displaced_centre_of_mass_makes_the_torque_of_its_lever(omega):
     """Euler about the true centre of mass: -c x F is added, however the body turns."""
@@ -152,9 +149,6 @@ def test_vehicle_without_rotors():
     assert alone(late).step(wrench, REST).correction == pytest.approx(np.zeros(6), abs=1e-9)
 
 
-# --- lags -------------------------------------------------------------------------------------------------------------
-
-
 def after_hover(mismatch, wrench, dt):
     """The step that asks for `wrench` after a while of hovering."""
     compensator = alone(mismatch, dt)
@@ -224,27 +218,21 @@ def test_reset_forgets_where_the_actuators_are():
     assert np.array_equal(first, again)
 
 
-def lag_of_yaw(compensator):
+def test_lead_takes_the_lag_out_of_the_loop():
     """How far, in mrad rms, a 15 deg yaw step on the slow vehicle is from that of one without lag."""
     control = replace(MODEL.controller, integral=0.0, rate_hz=100.0)
     nominal = replace(MODEL, controller=control, sensors=MODEL.sensors.silent)
     slow = nominal.with_effects([make_effect(MODEL.vehicle, "servo_lag", [TAU])])
-    path = Step(1.5, np.radians(15.0), (0.0, 0.0, 1.0), 0.1)
-    yaw = [
-        so3.log(simulate(truth, nominal, path, rng=np.random.default_rng(0), compensator=helper).odometry.quat_EB)[:, 2]
-        for truth, helper in ((nominal, None), (slow, compensator))
-    ]
-    return 1e3 * np.sqrt(np.mean((yaw[1] - yaw[0]) ** 2))
+    lead = alone(physics({"servo_lag": [TAU]}, TORQUES, 0.03), 0.01)
 
+    def yaw(truth, compensator=None):
+        path, rng = Step(1.5, np.radians(15.0), (0.0, 0.0, 1.0), 0.1), np.random.default_rng(0)
+        return so3.log(simulate(truth, nominal, path, rng=rng, compensator=compensator).odometry.quat_EB)[:, 2]
 
-def test_lead_takes_the_lag_out_of_the_loop():
-    plain = lag_of_yaw(None)
-    led = lag_of_yaw(alone(physics({"servo_lag": [TAU]}, TORQUES, 0.03), 0.01))
+    late = np.array([yaw(slow), yaw(slow, lead)]) - yaw(nominal)
+    plain, led = 1e3 * np.sqrt(np.mean(late**2, axis=1))
     assert plain > 5.0
     assert led < 0.5 * plain
-
-
-# --- with a process on top --------------------------------------------------------------------------------------------
 
 
 def process(size=0.1, inputs=6):
@@ -321,9 +309,6 @@ def test_process_with_the_past_as_input_is_told_the_past():
     assert np.ptp(expected, axis=0).min() > 1e-3
 
 
-# --- what is refused --------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "compensator",
     [
@@ -346,19 +331,16 @@ def test_models_of_the_command_alone_need_no_state():
     assert not Compensator(process()).needs_state
 
 
-@pytest.mark.parametrize("lead", [0.0, -0.1, np.nan, np.inf])
-def test_impossible_leads_are_refused(lead):
-    with pytest.raises(UsageError, match="expected a positive number"):
-        physics({"servo_lag": [TAU]}, lead=lead)
-
-
-def test_outputs_must_agree():
-    with pytest.raises(UsageError, match="they must agree"):
-        Compensator(process(), physics=physics({"com_offset": OFFSET}, AXES))
-    with pytest.raises(ModelError, match="unknown output 'lift'"):
-        physics({"com_offset": OFFSET}, ("lift",))
-
-
-def test_nothing_is_expected_before_the_first_step():
-    with pytest.raises(UsageError, match="before the first step"):
-        Compensator(physics({"com_offset": OFFSET})).expected(HOVER)
+def test_misuse_gets_one_line():
+    moved = {"com_offset": OFFSET}
+    for words, attempt in (
+        ("they must agree", lambda: Compensator(process(), physics=physics(moved, AXES))),
+        ("unknown output 'lift'", lambda: physics(moved, ("lift",))),
+        ("before the first step", lambda: Compensator(physics(moved)).expected(HOVER)),
+        *[
+            ("a positive number", lambda h=h: physics({"servo_lag": [TAU]}, lead=h))
+            for h in (0.0, -0.1, np.nan, np.inf)
+        ],
+    ):
+        with pytest.raises((UsageError, ModelError), match=words):
+            attempt()

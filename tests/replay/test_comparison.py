@@ -1,31 +1,33 @@
 """Errors by axis, worst stretches, and which model a GP belongs to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+import wrenchgap as wg
+from wrenchgap import flight
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.errors import Errors
 from wrenchgap.learn.data.measurement import predict
-from wrenchgap.learn.data.opening import distinct, open_flights
+from wrenchgap.learn.data.opening import distinct, opened
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.identify.validation import ranges
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import effect_values as editing
-from wrenchgap.plant import model_file
-from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.vehicle import Body
-from wrenchgap.replay import api
+
+MODEL = wg.load_model("tilt_hexarotor")
 
 
-def test_errors_of_a_known_residual() -> None:
+def record_of(path):
+    return wg.open_flights(path, MODEL)[0].records[0]
+
+
+def test_errors_of_a_known_residual():
     residual = np.zeros((4, 6))
     residual[:, 0] = [3.0, -3.0, 5.0, -1.0]
     errors = Errors.of(residual)
@@ -36,10 +38,8 @@ def test_errors_of_a_known_residual() -> None:
     assert not errors.rms[1:].any()
 
 
-def test_the_worst_stretch_is_where_the_error_was_put(logs: Any) -> None:
-    model = model_file.load("tilt_hexarotor")
-    (opened,) = open_flights([logs.test], model)
-    (record,) = opened.records
+def test_the_worst_stretch_is_where_the_error_was_put(logs):
+    record = record_of(logs.test)
     residual = np.full((len(record), 6), 1e-3)
     inside = (record.time > 6.0) & (record.time < 7.0)
     residual[inside, 5] = 1.0
@@ -51,82 +51,72 @@ def test_the_worst_stretch_is_where_the_error_was_put(logs: Any) -> None:
     assert min(np.diff(starts)) > 0.9 * comparison.STRETCH_SECONDS
 
 
-def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs: Any) -> None:
-    model = editing.set_by_hand(model_file.load("tilt_hexarotor"), ["com_offset=x:0.01", "servo_lag=0.03"])
-    (opened,) = open_flights([logs.test], model)
-    record = opened.records[0]
+def test_the_prediction_is_that_of_the_model_when_both_believe_in_the_same_body(logs):
+    model = editing.set_by_hand(MODEL, ["com_offset=x:0.01", "servo_lag=0.03"])
+    record = record_of(logs.test)
     ours = Predictor("m", model.wrench_model).predict(record, model.vehicle.body)
     np.testing.assert_allclose(ours, predict(record, model.wrench_model), atol=1e-12)
 
 
-def test_a_heavier_model_predicts_less_measured_force(logs: Any) -> None:
+def test_a_heavier_model_predicts_less_measured_force(logs):
     """The same thrust accelerates twice the mass half as much; processed with the nominal mass it reads half."""
-    model = model_file.load("tilt_hexarotor")
-    (opened,) = open_flights([logs.test], model)
-    record = opened.records[0]
-    body = model.vehicle.body
-    heavy = replace(model.vehicle, body=Body(2.0 * body.mass, body.inertia, body.com_B))
-    light_force, heavy_force = (
-        Predictor("m", replace(model, vehicle=v).wrench_model).predict(record, body)[:, :3]
-        for v in (model.vehicle, heavy)
+    record, body = record_of(logs.test), MODEL.vehicle.body
+    heavy = replace(MODEL.vehicle, body=Body(2.0 * body.mass, body.inertia, body.com_B))
+    light, heavier = (
+        Predictor("m", m.wrench_model).predict(record, body)[:, :3] for m in (MODEL, replace(MODEL, vehicle=heavy))
     )
-    np.testing.assert_allclose(heavy_force, 0.5 * light_force, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(heavier, 0.5 * light, rtol=1e-9, atol=1e-9)
 
 
-def test_models_of_another_shape_cannot_be_compared() -> None:
+def test_models_of_another_shape_cannot_be_compared():
     with pytest.raises(ModelError, match="one vehicle"):
-        predictors(model_file.load("tilt_hexarotor"), [model_file.load("crazyflie")])
+        predictors(MODEL, [wg.load_model("crazyflie")])
 
 
-def test_an_addition_is_labelled_by_what_it_adds(logs: Any) -> None:
+def test_an_addition_is_labelled_by_what_it_adds(logs):
     """To the model compared with, or, where that is an addition too or lacks other effects, to the nominal vehicle."""
-    model = model_file.load("tilt_hexarotor")
-    opened = api.open_flights(logs.test, model)
-    found = api.add(model, "com_offset", opened)
+    opened = wg.open_flights(logs.test, MODEL)
+    found = wg.add(MODEL, "com_offset", opened)
     fitted = replace(found.model, path=Path("fitted.toml"))
-    more = api.add(fitted, "mass", opened)
+    more = wg.add(fitted, "mass", opened)
 
-    def labels(*models: Model | Addition) -> list[str]:
-        return [e.name for e in api.compare(opened, *models).evaluations]
+    def labels(*models):
+        return [e.name for e in wg.compare(opened, *models).evaluations]
 
-    assert labels(model, found) == ["nominal", "+ com_offset"]
-    assert labels(model, found, more) == ["nominal", "+ com_offset", "+ com_offset + mass"]
+    assert labels(MODEL, found) == ["nominal", "+ com_offset"]
+    assert labels(MODEL, found, more) == ["nominal", "+ com_offset", "+ com_offset + mass"]
     assert labels(fitted, more) == ["nominal", "fitted", "fitted + mass"]
     assert labels(more, found) == ["nominal", "+ com_offset + mass", "+ com_offset"]
 
 
-def test_flights_with_one_name_are_kept_apart(logs: Any) -> None:
-    opened = open_flights([logs.test, logs.train], model_file.load("tilt_hexarotor"))
-    same = [replace(o, flight=replace(o.flight, name="a")) for o in opened]
+def test_flights_with_one_name_are_kept_apart(logs):
+    flights = wg.open_flights([logs.test, logs.train], MODEL)
+    same = [replace(o, flight=replace(o.flight, name="a")) for o in flights]
     names = [o.records[0].flight for o in distinct(same)]
     assert names[1] == "a (2)"
     assert len({o.flight.name for o in distinct(same)}) == 2
 
 
-def test_ranges_say_which_flight_went_further(logs: Any) -> None:
-    model = model_file.load("tilt_hexarotor")
-    train, test = (o.records for o in open_flights([logs.train, logs.test], model))
+def test_ranges_say_which_flight_went_further(logs):
+    train, test = (o.records for o in wg.open_flights([logs.train, logs.test], MODEL))
     assert not any(r.outside for r in ranges([*train, *test], test))
     slow = [replace(r, state_kept=replace(r.state_kept, omega_B=0.01 * r.state_kept.omega_B)) for r in test]
     assert [r.quantity for r in ranges(slow, test) if r.outside] == ["body rate"]
 
 
-def test_values_by_name_and_in_order_mean_the_same() -> None:
-    model = model_file.load("tilt_hexarotor")
-    by_name = editing.made(model, "com_offset=y:0.002,x:0.001")
-    in_order = editing.made(model, "com_offset=0.001,0.002,0")
-    np.testing.assert_array_equal(by_name.theta, in_order.theta)
+def test_values_by_name_and_in_order_mean_the_same():
+    by_name, in_order = (editing.made(MODEL, f"com_offset={v}").theta for v in ("y:0.002,x:0.001", "0.001,0.002,0"))
+    np.testing.assert_array_equal(by_name, in_order)
 
 
 @pytest.mark.parametrize("text", ["com_offset", "com_offset=", "=1", "com_offset=x:1,2", "com_offset=x:one"])
-def test_values_that_are_none_are_refused(text: str) -> None:
+def test_values_that_are_none_are_refused(text):
     with pytest.raises(UsageError):
-        editing.made(model_file.load("tilt_hexarotor"), text)
+        editing.made(MODEL, text)
 
 
-def test_hidden_values_add_to_what_the_model_has() -> None:
-    model = model_file.load("tilt_hexarotor")
-    known = model.with_effects([make_effect(model.vehicle, "servo_lag", [0.02])])
+def test_hidden_values_add_to_what_the_model_has():
+    known = MODEL.with_effects([make_effect(MODEL.vehicle, "servo_lag", [0.02])])
     truth = editing.with_hidden(known, ["servo_lag=tau:0.03", "com_offset=x:0.01"])
     assert [e.name for e in truth.effects] == ["com_offset", "servo_lag"]
     assert truth.effects[1].theta[0] == pytest.approx(0.05)
@@ -134,28 +124,14 @@ def test_hidden_values_add_to_what_the_model_has() -> None:
 
 def test_time_on_the_ground_is_left_out(tmp_path):
     """Two seconds with idle rotors before the flight say nothing about the model."""
-    import numpy as np
-
-    from wrenchgap import flight
-    from wrenchgap.learn.data.opening import opened
-    from wrenchgap.plant import model_file
-
-    model = model_file.load("crazyflie")
     weight = 0.0419 * 9.81
     time = np.arange(0, 8, 0.004)
-    thrust = np.where(time < 2.0, 0.02, weight)
-    zeros = np.zeros_like(time)
-    wrench = np.stack((zeros, zeros, thrust, zeros, zeros, zeros), axis=1)
-    still = np.tile([0.0, 0.0, 9.81], (len(time), 1))
-    found = flight.Flight(
-        "f",
-        tmp_path / "f.mcap",
-        "0" * 64,
-        0,
-        commanded=flight.WrenchSeries("/w", time, wrench),
-        imu=flight.ImuSeries("/i", time, np.zeros((len(time), 3)), still),
-    )
-    one = opened(found, model)
+    wrench = np.zeros((len(time), 6))
+    wrench[:, 2] = np.where(time < 2.0, 0.02, weight)
+    commanded = flight.WrenchSeries("/w", time, wrench)
+    imu = flight.ImuSeries("/i", time, np.zeros((len(time), 3)), np.tile([0.0, 0.0, 9.81], (len(time), 1)))
+    found = flight.Flight("f", tmp_path / "f.mcap", "0" * 64, 0, commanded=commanded, imu=imu)
+    one = opened(found, wg.load_model("crazyflie"))
     assert any("left out" in note and "on the ground" in note for note in one.notes)
     assert one.records[0].time[0] > 2.0
     assert np.abs(one.records[0].measured - one.records[0].commanded).max() < 1e-3 * weight

@@ -1,64 +1,48 @@
 """What pictures hold: panels, units, the residual itself, every peak, and legends that cover nothing."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+import wrenchgap as wg
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.data.comparison import Comparison, compare
-from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.diagnose.model_checks import inspect
-from wrenchgap.learn.identify.add import Addition, add
-from wrenchgap.learn.identify.learning import learn_process
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.predictors import predictors
-from wrenchgap.plant import model_file
 from wrenchgap.plant.effect_values import set_by_hand
-from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.present import figures
 from wrenchgap.replay.present.figures import style
 
-MODEL = "tilt_hexarotor"
+MODEL = wg.load_model("tilt_hexarotor")
 
 
 @pytest.fixture(autouse=True)
-def no_figures_left() -> Iterator[None]:
+def no_figures_left():
     yield
     plt.close("all")
 
 
 @pytest.fixture(scope="module")
-def compared(logs: Any) -> Comparison:
+def compared(logs):
     """Two flights, the nominal vehicle and one with an offset of the centre of mass."""
-    model = set_by_hand(model_file.load(MODEL), ["com_offset=-0.004,0.007,-0.005"])
-    found, _ = predictors(model)
-    return compare(open_flights([logs.test, logs.train], model), model, found)
+    model = set_by_hand(MODEL, ["com_offset=-0.004,0.007,-0.005"])
+    return wg.compare(wg.open_flights([logs.test, logs.train], model), model)
 
 
 @pytest.fixture(scope="module")
-def added(logs: Any) -> Addition:
+def added(logs):
     """The hidden offset of the centre of mass, fitted."""
-    model = model_file.load(MODEL)
-    return add(model, ["com_offset"], open_flights([logs.train], model))
+    return wg.add(MODEL, "com_offset", wg.open_flights(logs.train, MODEL))
 
 
-def one_flight(compared: Comparison) -> Comparison:
+def one_flight(compared):
     """Only the first of the flights."""
-    evaluations = tuple(
-        replace(e, predictions=e.predictions[:1], by_flight=e.by_flight[:1]) for e in compared.evaluations
-    )
-    return replace(compared, flights=compared.flights[:1], records=compared.records[:1], evaluations=evaluations)
+    first = tuple(replace(e, predictions=e.predictions[:1], by_flight=e.by_flight[:1]) for e in compared.evaluations)
+    return replace(compared, flights=compared.flights[:1], records=compared.records[:1], evaluations=first)
 
 
-def check_panels(figure: Any) -> None:
+def check_panels(figure):
     """Every panel says what its axes are, and no legend lies on a panel."""
     figure.canvas.draw()
     panels = [a for a in figure.axes if a.axison]
@@ -66,15 +50,12 @@ def check_panels(figure: Any) -> None:
     for panel in panels:
         assert panel.get_ylabel() or panel.get_yticklabels(), panel
         assert panel.yaxis.get_offset_text().get_text() == ""
-        found = panel.get_legend()
-        if found is not None:
-            legend = found.get_window_extent()
-            assert not any(
-                legend.y0 < box.y1 - 1 and legend.y1 > box.y0 + 1 and box.x0 < legend.x0 < box.x1 for box in boxes
-            )
+        if found := panel.get_legend():
+            legend = found.get_window_extent().padded(-1.0)
+            assert not any(legend.overlaps(box) for box in boxes)
 
 
-def test_the_residual_is_drawn_with_its_noise_floor(compared: Comparison) -> None:
+def test_the_residual_is_drawn_with_its_noise_floor(compared):
     one = one_flight(compared)
     axes = one.plot()
     assert axes.shape == (6, 2)
@@ -91,11 +72,10 @@ def test_the_residual_is_drawn_with_its_noise_floor(compared: Comparison) -> Non
     check_panels(axes[0, 0].get_figure())
 
 
-def test_several_flights_follow_one_another_with_their_names_and_their_rms(compared: Comparison) -> None:
+def test_several_flights_follow_one_another_with_their_names_and_their_rms(compared):
     axes = compared.plot()
     assert axes.shape == (7, 2)
-    names = [text.get_text() for text in axes[0, 0].texts]
-    assert names == list(compared.flights)
+    assert [text.get_text() for text in axes[0, 0].texts] == list(compared.flights)
     times = [line.get_xdata() for line in axes[0, 0].lines if line.get_color() == style.MEASURED]
     assert times[0][-1] < times[1][0]
     bars = [bar.get_height() for bar in axes[6, 1].patches]
@@ -104,7 +84,7 @@ def test_several_flights_follow_one_another_with_their_names_and_their_rms(compa
     check_panels(axes[0, 0].get_figure())
 
 
-def test_ten_minutes_keep_every_peak_and_stay_light() -> None:
+def test_ten_minutes_keep_every_peak_and_stay_light():
     time = np.arange(0.0, 600.0, 0.005)
     values = np.sin(40.0 * time)
     values[54321], values[98765] = 7.0, -5.0
@@ -117,14 +97,14 @@ def test_ten_minutes_keep_every_peak_and_stay_light() -> None:
     assert corners[corners[:, 1].argmax(), 0] == pytest.approx(time[54321], abs=600.0 / style.COLUMNS)
 
 
-def test_a_slow_curve_stays_a_line_however_long() -> None:
+def test_a_slow_curve_stays_a_line_however_long():
     time = np.arange(0.0, 600.0, 0.005)
     panel = Figure().subplots()
     assert not style.curve(panel, time, np.sin(0.02 * time), "black")
     assert len(panel.lines[0].get_xdata()) <= 2 * style.COLUMNS + 2
 
 
-def test_small_numbers_get_a_prefix_and_data_stay_in_si() -> None:
+def test_small_numbers_get_a_prefix_and_data_stay_in_si():
     panel = Figure().subplots()
     panel.plot([0.0, 1.0], [0.0, 4e-4])
     style.labelled(panel, "torque x", "Nm")
@@ -133,7 +113,7 @@ def test_small_numbers_get_a_prefix_and_data_stay_in_si() -> None:
     assert panel.lines[0].get_ydata()[1] == 4e-4
 
 
-def test_ticks_of_a_narrow_range_are_written_in_full() -> None:
+def test_ticks_of_a_narrow_range_are_written_in_full():
     panel = Figure().subplots()
     panel.plot([1.6001, 1.6002], [0.0, 1.0])
     style.labelled(panel, "height", "m", "x")
@@ -144,7 +124,7 @@ def test_ticks_of_a_narrow_range_are_written_in_full() -> None:
     assert all(t.startswith("1.6") for t in ticks)
 
 
-def test_axes_of_the_user_are_drawn_into_and_others_refused(added: Addition) -> None:
+def test_axes_of_the_user_are_drawn_into_and_others_refused(added):
     axes = Figure().subplots(1, 2)
     assert added.plot(axes) is axes
     assert axes[1].get_ylabel() == "torque error, rms [Nm]"
@@ -153,44 +133,40 @@ def test_axes_of_the_user_are_drawn_into_and_others_refused(added: Addition) -> 
         added.plot(Figure().subplots(2, 3))
 
 
-def test_an_addition_shows_the_error_before_and_after(added: Addition) -> None:
-    assert added.trial is not None
+def test_an_addition_shows_the_error_before_and_after(added):
     axes = added.plot()
     heights = [bar.get_height() for bar in axes[0, 1].patches]
     np.testing.assert_allclose(heights, [*added.trial.before[3:], *added.trial.after[3:]])
     check_panels(axes[0, 0].get_figure())
 
 
-def test_a_process_and_its_replay(logs: Any) -> None:
+def test_a_process_and_its_replay(logs):
     """Sigma has the unit of the outputs, beta is a share, the band around the correction is that sigma."""
-    model = model_file.load(MODEL)
-    train, test = open_flights([logs.train, logs.test], model)
-    outputs = ("torque_x", "torque_y")
-    learnt = learn_process([train], model, outputs, FitSettings(points=40), validation=[test])
+    train, test = wg.open_flights([logs.train, logs.test], MODEL)
+    few = {"outputs": ("torque_x", "torque_y"), "settings": FitSettings(points=40), "guard": False}
+    learnt = wg.learn_gp(train, MODEL, validate=test, **few)
     axes = learnt.plot()
     assert axes.shape == (2, 3)
     assert axes[1, 2].get_ylabel() == "measured within the interval [%]"
     check_panels(axes[0, 0].get_figure())
-    replayed = replay(test, model, learnt.gp)
+    replayed = wg.replay_compensation(test, MODEL, learnt)
     axes = replayed.plot()
     assert axes.shape == (3, 2)
     assert axes[2, 0].get_ylabel().startswith("sigma [")
     assert axes[2, 0].get_ylabel().endswith("Nm]")
     assert axes[2, 1].get_ylabel() == "beta: share of the\noptimum that is withheld [%]"
-    halves = []
+    halves, count = [], len(replayed)
     for panel in axes[:2, 1]:
         (band,) = [c for c in panel.collections if "sigma" in c.get_label()]
         edges = band.get_paths()[0].vertices[:, 1]
-        count = len(replayed)
         halves.append(0.5 * np.abs(edges[1 : count + 1] - edges[count + 2 : 2 * count + 2][::-1]))
     np.testing.assert_allclose(np.max(halves, axis=0), replayed.steps.sigma, rtol=1e-6)
     check_panels(axes[0, 0].get_figure())
 
 
-def test_a_log_shows_the_rate_of_every_role(logs: Any) -> None:
-    seen = inspect(logs.test)
+def test_a_log_shows_the_rate_of_every_role(logs):
+    seen = wg.inspect(logs.test)
     axes = seen.plot()
-    assert seen.inspection.flight is not None
     roles = list(seen.inspection.flight.series())
     assert [a.get_title("left").split(":")[0] for a in axes[:, 0]] == roles
     imu = axes[roles.index("imu"), 0].patches[0].get_data().values
@@ -198,7 +174,7 @@ def test_a_log_shows_the_rate_of_every_role(logs: Any) -> None:
     check_panels(axes[0, 0].get_figure())
 
 
-def test_files_are_written_without_pyplot_and_never_over_another(added: Addition, tmp_path: Path) -> None:
+def test_files_are_written_without_pyplot_and_never_over_another(added, tmp_path):
     path = tmp_path / "added.png"
     figures.save(added, path)
     assert path.read_bytes().startswith(b"\x89PNG")

@@ -1,10 +1,6 @@
 """From learning to compensating with physics as the mean, with more inputs, and with what `learn` warned of."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +9,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.learn.data.opening import opened
-from wrenchgap.learn.identify.learning import TORQUE, Learnt, learn_process
+from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import CautionKind, FitSettings
 from wrenchgap.plant import model_file
@@ -23,7 +19,6 @@ from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion
 from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.present.learning import caution
 
 NAME = "tilt_hexarotor"
@@ -36,15 +31,13 @@ FAST = ("--points", 40, "--restarts", 0, "--no-guard")
 LINES = ("constant offset", "linear in the command")
 
 
-def flown(
-    truth: Any, trajectory: str, seconds: float, name: str, excitation: float = 0.0, **more: Any
-) -> flight.Flight:
+def flown(truth, trajectory, seconds, name, excitation=0.0, **more):
     path = named(trajectory, 12.0, excitation=excitation, seed=1)
     return simulate(truth, MODEL, path, seconds, rng=np.random.default_rng(5), name=name, **more)
 
 
 @pytest.fixture(scope="module")
-def files(logs: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(logs, tmp_path_factory):
     """A folder with a model that knows the displaced centre of mass, and a short flight of that vehicle."""
     folder = tmp_path_factory.mktemp("known")
     model_file.save(KNOWN, folder / "good.toml")
@@ -53,7 +46,7 @@ def files(logs: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def on_physics(logs: Any, files: Path) -> Learnt:
+def on_physics(logs, files):
     """A process on what the known centre of mass leaves: nothing but noise."""
     model = model_file.load(str(files / "good.toml"))
     flights = [opened(flight.load(path), model) for path in (logs.train, logs.test)]
@@ -62,13 +55,10 @@ def on_physics(logs: Any, files: Path) -> Learnt:
     return learnt
 
 
-# --- physics as the mean ----------------------------------------------------------------------------------------------
-
-
-def test_learn_takes_the_effects_of_the_model_for_its_mean(logs: Any, files: Path, result_of: Any) -> None:
+def test_learn_takes_the_effects_of_the_model_for_its_mean(logs, files, result_of):
     asked = ("learn", logs.train, "-m", files / "good.toml", "-o", "rest.gp", *FAST)
     result = result_of(*asked)
-    assert (result["settings"]["mean"], result["physics"]) == ("physics", "com_offset")
+    assert (result["settings"]["mean"], result["physics"], result["absorbs"]) == ("physics", "com_offset", None)
     training = {m["name"]: m["rms"][3:] for m in result["training"]["models"]}
     assert list(training) == ["nominal", *LINES, "good", "good+GP"]
     assert all(left < 0.05 * before for left, before in zip(training["good+GP"], training["nominal"], strict=True))
@@ -79,7 +69,7 @@ def test_learn_takes_the_effects_of_the_model_for_its_mean(logs: Any, files: Pat
     assert max(store.load("rest.gp").mismatch_max) > 0.2
 
 
-def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_physics: Learnt, result_of: Any) -> None:
+def test_replay_commands_the_lever_of_the_known_centre_of_mass(files, on_physics, result_of):
     """And repeats what learn said: the offset was all there was, so the process on top is not worth it."""
     asked = ("replay", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp", "--csv", "steps.csv")
     result = result_of(*asked)
@@ -87,7 +77,6 @@ def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_p
     assert max(result["error_after_mean_abs"]) < 1e-5 < 0.05 < max(result["error_before_mean_abs"])
     table = pd.read_csv("steps.csv")
     wanted = flight.load(files / "short.mcap").desired
-    assert wanted is not None
     correction = table[[f"correction.torque_{k}" for k in "xyz"]].to_numpy()
     lever = np.cross(OFFSET, wanted.wrench_B[:, :3])
     assert np.abs(correction - lever).max() < 0.02 * np.abs(lever).max()
@@ -96,64 +85,57 @@ def test_replay_commands_the_lever_of_the_known_centre_of_mass(files: Path, on_p
     assert any(caution(said) in note for note in result["notes"])
 
 
-def test_counterfactual_flies_with_the_physics_in_the_compensation(
-    files: Path, on_physics: Learnt, result_of: Any
-) -> None:
-    """Of the lean that the offset makes without an integral nearly nothing is left."""
+def test_counterfactual_flies_with_the_physics_in_the_compensation(files, on_physics, result_of):
+    """Of the lean that the offset makes without an integral nearly nothing is left.
+
+    Effects alone are all there is here: they do as well as with the process, and an observer does not have to.
+    """
     asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
-    result = result_of(*asked, "--gains", "integral=0", "--start", 0.5, "--duration", 1)
+    result = result_of(*asked, "--gains", "integral=0", "--start", 0.5, "--duration", 1, "--baselines")
     tracking = result["tracking"]
-    before, after = (tracking[k]["attitude_error"]["mean_abs"] for k in ("uncompensated", "counterfactual"))
-    assert after[0] < 0.6 * before[0]
-    assert after[1] < 0.6 * before[1]
+    before, after = (np.array(tracking[k]["attitude_error"]["mean_abs"]) for k in ("uncompensated", "counterfactual"))
+    assert (after < 0.6 * before)[:2].all()
+    names = ["disturbance observer, 1 Hz", "the effects of the model alone"]
+    assert list(result["baselines"]) == names
+    assert result["baselines"][names[1]]["attitude_error"]["mean_abs"] == pytest.approx(after, abs=1e-3)
     assert any(caution(on_physics.gp.provenance.warnings[0]) in note for note in result["notes"])
 
 
-def test_another_version_of_the_physics_is_told(on_physics: Learnt) -> None:
+def test_another_version_of_the_physics_is_told(on_physics):
     other = KNOWN.with_effects([make_effect(MODEL.vehicle, "com_offset", 2 * OFFSET)])
     assert OtherVersion(other.name, on_physics.gp.provenance.physics) in compensating.caveats(on_physics.gp, other)
     assert on_physics.gp.provenance.physics == "com_offset"
     assert not any(isinstance(c, OtherVersion) for c in compensating.caveats(on_physics.gp, KNOWN))
 
 
-def test_physics_that_is_not_there_is_refused(files: Path, on_physics: Learnt, run: Any) -> None:
-    done = run("replay", files / "short.mcap", "-m", NAME, "--gp", files / "rest.gp")
-    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
-    assert "has no effects, but the GP is the residual of com_offset" in done.stderr
-    late = run("replay", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp", "--lead", 0)
-    assert (late.exit_code, len(late.stderr.splitlines())) == (2, 1)
-    assert "lead is 0.0 s" in late.stderr
+def test_physics_that_is_not_there_is_refused(files, on_physics, refused):
+    asked = ("replay", files / "short.mcap", "--gp", files / "rest.gp", "-m")
+    assert "has no effects, but the GP is the residual of com_offset" in refused(*asked, NAME)
+    assert "lead is 0.0 s" in refused(*asked, files / "good.toml", "--lead", 0)
 
 
-def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks() -> None:
+def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks():
     """Thrust that follows the battery, W (1 + q V - k): the correction is the falling share of the weight."""
     sag = MODEL.with_effects([make_effect(MODEL.vehicle, "battery_sag", {"sensitivity": 2.0, "per_volt": 0.08})])
 
-    def voltage(time: float) -> float:
-        return 25.0 - 1.0 * time
+    def learnt(log):
+        return learn_process([opened(log, sag)], sag, ("force_z",), replace(QUICK, mean="physics")).gp
 
-    log = flown(sag, "hover", 2.5, "battery", excitation=1.0, voltage=voltage)
-    gp = learn_process([opened(log, sag)], sag, ("force_z",), replace(QUICK, mean="physics")).gp
+    log = flown(sag, "hover", 2.5, "battery", excitation=1.0, voltage=lambda time: 25.0 - time)
+    gp = learnt(log)
     steps = replay(opened(log, sag), sag, gp).steps
-    assert log.desired is not None
-    share = 2.0 - 0.08 * np.array([voltage(t) for t in log.desired.time])
+    share = 2.0 - 0.08 * (25.0 - log.desired.time)
     expected = log.desired.wrench_B[:, 2] * share / (1.0 - share)
     assert np.abs(expected).max() > 2.0
     assert steps.correction[:-20, 2] == pytest.approx(expected[:-20], abs=0.1)
     blind = replace(log, battery=None)
-    for attempt in (
-        lambda: replay(opened(blind, sag), sag, gp),
-        lambda: learn_process([opened(blind, sag)], sag, ("force_z",), replace(QUICK, mean="physics")),
-    ):
+    for attempt in (lambda: replay(opened(blind, sag), sag, gp), lambda: learnt(blind)):
         with pytest.raises(FitError, match="battery_sag: needs the battery voltage; map it with --topic battery="):
             attempt()
 
 
-# --- inputs beyond the command ----------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
-def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def slow(tmp_path_factory):
     """A folder with flights of a vehicle whose servos lag by 60 ms."""
     folder = tmp_path_factory.mktemp("slow")
     for name, path, seconds, excitation in (("train", "multi_axis", 12.0, 1.5), ("test", "figure8", 4.0, 1.0)):
@@ -161,21 +143,7 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_counterfactual_flies_the_alternatives_beside_the_process(
-    files: Path, on_physics: Learnt, result_of: Any
-) -> None:
-    """Effects alone are all there is here: they do as well as with the process, and an observer does not have to."""
-    asked = ("counterfactual", files / "short.mcap", "-m", files / "good.toml", "--gp", files / "rest.gp")
-    result = result_of(*asked, "--duration", 1, "--baselines")
-    names = list(result["baselines"])
-    assert names == ["disturbance observer, 1 Hz", "the effects of the model alone"]
-    with_process = np.array(result["tracking"]["counterfactual"]["attitude_error"]["rms"])
-    alone = np.array(result["baselines"][names[1]]["attitude_error"]["rms"])
-    assert alone == pytest.approx(with_process, abs=1e-3)
-    assert result_of(*asked, "--duration", 1)["baselines"] == {}
-
-
-def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path, result_of: Any) -> None:
+def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow, result_of):
     """What slow servos leave of a command is a function of its past, not of its value."""
     asked = ("learn", slow / "train.mcap", "-m", NAME, "--validate", slow / "test.mcap", *FAST)
     rms = {}
@@ -192,39 +160,16 @@ def test_past_of_the_command_sees_a_lag_from_learn_to_counterfactual(slow: Path,
     replayed = result_of("replay", *common)
     assert replayed["accepted"] > 0.9
     assert replayed["error_after_mean_abs"][2] < 0.2 * replayed["error_before_mean_abs"][2]
-    reflown = result_of("counterfactual", *common, "--duration", 2)["tracking"]
-    before, after = (reflown[k]["attitude_error"]["rms"][2] for k in ("null_run", "counterfactual"))
+    reflown = result_of("counterfactual", *common, "--duration", 2)
+    before, after = (reflown["tracking"][k]["attitude_error"]["rms"][2] for k in ("null_run", "counterfactual"))
+    assert reflown["baselines"] == {}
     assert after < 0.9 * before
 
 
-def test_log_without_pose_has_no_velocity_to_offer(slow: Path) -> None:
+def test_log_without_pose_has_no_velocity_to_offer(slow):
     log = flight.load(slow / "train.mcap")
     gp = learn_process([opened(log, MODEL)], MODEL, TORQUE, replace(QUICK, inputs=("velocity",))).gp
     with pytest.raises(FitError, match="input velocity needs odometry"):
         replay(opened(replace(log, odometry=None), MODEL), MODEL, gp)
     with pytest.raises(LogError, match="depends on the motion, and the log has neither IMU nor odometry"):
         replay(opened(replace(log, imu=None, odometry=None), MODEL, incomplete=True), MODEL, gp)
-
-
-# --- whether it is worth it -------------------------------------------------------------------------------------------
-
-
-def test_process_that_a_straight_line_replaces_is_said_to_be_idle(logs: Any, result_of: Any) -> None:
-    """The torque of a displaced centre of mass, -c x F, is a straight line in the command."""
-    result = result_of("learn", logs.train, "-m", NAME, "--validate", logs.test, "-o", "zero.gp", *FAST)
-    rms = {m["name"]: np.array(m["rms"][3:]) for m in result["validation"]["models"]}
-    assert list(rms) == ["nominal", *LINES, "nominal+GP"]
-    assert (rms["linear in the command"] < 0.05 * rms["nominal"]).all()
-    assert (rms["constant offset"] > 5 * rms["linear in the command"]).all()
-    (said,) = [w for w in result["warnings"] if "no advantage" in w]
-    assert "torque_x, torque_y, torque_z" in said
-    assert said in [caution(one) for one in store.load("zero.gp").provenance.warnings]
-
-
-# --- what is asked of a compensation ----------------------------------------------------------------------------------
-
-
-def test_lead_is_said_among_the_changes(on_physics: Learnt) -> None:
-    asked = change(KNOWN, period=0.005, gp=("rest.gp", on_physics.gp), lead=0.05)
-    assert asked.words == ("compensated by rest.gp, lead time 0.05 s",)
-    assert asked.compensator is not None

@@ -21,15 +21,8 @@ BIAS, ACCEL_BIAS = (0.01, -0.02, 0.005), (0.05, 0.08, -0.1)
 def fly(sensors):
     model = model_file.load("tilt_hexarotor")
     model = replace(model, vehicle=replace(model.vehicle, imu_position_B=LEVER))
-    return simulate(
-        model,
-        None,
-        named("multi_axis", 13.4, excitation=1.0),
-        duration=9.0,
-        rng=np.random.default_rng(3),
-        feedback="true",
-        sensors=sensors(model.sensors),
-    )
+    path, rng = named("multi_axis", 13.4, excitation=1.0), np.random.default_rng(3)
+    return simulate(model, None, path, duration=9.0, rng=rng, feedback="true", sensors=sensors(model.sensors))
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +35,13 @@ def log():
     return fly(lambda s: replace(s, gyro_bias=BIAS, accel_bias=ACCEL_BIAS))
 
 
-def motion_of(log):
-    samples = max(flight.resample(log, require=("commanded", "imu", "odometry")).samples, key=len)
+@pytest.fixture(scope="module")
+def samples(log):
+    return max(flight.resample(log, require=("commanded", "imu", "odometry")).samples, key=len)
+
+
+@pytest.fixture(scope="module")
+def motion(log, samples):
     return recorded_motion(samples, log.odometry, LEVER)
 
 
@@ -56,8 +54,7 @@ def at_truth(motion, truth):
     return rows[common], nearest[common]
 
 
-def test_the_true_motion_is_found_through_biases_noise_and_lever_arm(log, truth):
-    motion = motion_of(log)
+def test_the_true_motion_is_found_through_biases_noise_and_lever_arm(motion, truth):
     i, j = at_truth(motion, truth)
     turn = so3.log(so3.multiply(so3.conjugate(truth.quat_EB[j]), motion.state.quat_EB[i]))
     # White noise of 0.2 mm and 0.3 mrad at 100 Hz, averaged over knots of 0.25 s, leaves 1/4 of it; what the filter
@@ -68,24 +65,21 @@ def test_the_true_motion_is_found_through_biases_noise_and_lever_arm(log, truth)
     assert np.sqrt(np.mean((motion.state.omega_B[i] - truth.omega_B[j]) ** 2)) < 2e-3  # log: 4e-3
 
 
-def test_biases_are_told(log):
-    motion = motion_of(log)
+def test_biases_are_told(motion):
     assert motion.gyro_bias == pytest.approx(BIAS, abs=5e-4)
     assert motion.accel_bias == pytest.approx(ACCEL_BIAS, abs=0.01)
 
 
-def test_position_velocity_and_acceleration_belong_together(log):
-    motion = motion_of(log)
+def test_position_velocity_and_acceleration_belong_together(motion):
     state, dt = motion.state, motion.state.time[1] - motion.state.time[0]
     acceleration = so3.rotate(state.quat_EB, motion.motion.specific_force_B) - [0.0, 0.0, 9.80665]
-    step = np.diff(state.velocity_E, axis=0) / dt
-    assert np.abs(step - 0.5 * (acceleration[1:] + acceleration[:-1])).max() < 1e-3
-    assert (
-        np.abs(np.diff(state.position_E, axis=0) / dt - 0.5 * (state.velocity_E[1:] + state.velocity_E[:-1])).max()
-        < 1e-3
-    )
-    turned = so3.log(so3.multiply(so3.conjugate(state.quat_EB[:-1]), state.quat_EB[1:])) / dt
-    assert np.abs(turned - 0.5 * (state.omega_B[1:] + state.omega_B[:-1])).max() < 1e-3
+    turned = so3.log(so3.multiply(so3.conjugate(state.quat_EB[:-1]), state.quat_EB[1:]))
+    for steps, rate in (
+        (np.diff(state.velocity_E, axis=0), acceleration),
+        (np.diff(state.position_E, axis=0), state.velocity_E),
+        (turned, state.omega_B),
+    ):
+        assert np.abs(steps / dt - 0.5 * (rate[1:] + rate[:-1])).max() < 1e-3
 
 
 def test_a_constant_rate_integrates_to_its_rotation():
@@ -94,8 +88,7 @@ def test_a_constant_rate_integrates_to_its_rotation():
     assert so3.log(quat[-1]) == pytest.approx(2.0 * rate[0], abs=1e-9)
 
 
-def test_too_little_odometry_is_said(log):
-    samples = max(flight.resample(log, require=("commanded", "imu", "odometry")).samples, key=len)
+def test_too_little_odometry_is_said(log, samples):
     o = log.odometry
     with pytest.raises(LogError, match=r"/odometry has 3 samples.*at least 10"):
         recorded_motion(samples, OdometrySeries(o.topic, o.time[1:4], o.position_E[1:4], o.quat_EB[1:4]), LEVER)

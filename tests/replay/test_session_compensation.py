@@ -1,30 +1,25 @@
 """The compensation of the viewer: the replay of the engine, gates that do what they say, a ghost that flies better."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.data.opening import open_flights
-from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.plant import model_file
-from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.session.log_session import LogSession
 
-MODEL = model_file.load("tilt_hexarotor")
-
-
-def silent(share, words):
-    """Nobody listens."""
+MODEL = wg.load_model("tilt_hexarotor")
+silent = Mock()
 
 
 @pytest.fixture(scope="module")
 def gp(logs):
     settings = FitSettings(points=80, restarts=0, seed=0, pre_thin=300)
-    return learn_process(open_flights([logs.train], MODEL), MODEL, TORQUE, settings).gp
+    return wg.learn_gp(wg.open_flights(logs.train, MODEL), MODEL, settings=settings, guard=False).gp
 
 
 @pytest.fixture
@@ -34,6 +29,10 @@ def session(logs, gp):
 
 def series(session, title):
     return next((s for s in session.scene("test").series if s.title.startswith(title)), None)
+
+
+def largest(found):
+    return np.max(np.abs(list(found.values.values())))
 
 
 def test_without_a_process_there_is_nothing_to_set(logs):
@@ -46,7 +45,7 @@ def test_without_a_process_there_is_nothing_to_set(logs):
 def test_replay_is_that_of_the_engine_and_joins_the_scene(session, gp):
     assert series(session, "correction") is None
     found = session.compensations.replay("test", silent)
-    direct = replay(session.working.flight("test"), MODEL, gp)
+    direct = wg.replay_compensation(session.working.flight("test"), MODEL, gp)
     drawn = series(session, "correction, torque")
     assert drawn.unit == "Nm"
     for k, axis in enumerate("xyz"):
@@ -69,16 +68,15 @@ def test_gates_withhold_what_they_should(session):
     assert series(session, "correction") is None  # what was replayed with other settings is forgotten
     desk.replay("test", silent)
     assert np.all(series(session, "beta").values["beta"] > 0.99)
-    assert series(session, "correction") is None or np.max(
-        np.abs(list(series(session, "correction").values.values()))
-    ) < 0.02 * np.max(np.abs(list(free.values.values())))
+    held = series(session, "correction")
+    assert held is None or largest(held) < 0.02 * largest(free)
     desk.set(replace(usual, on=False))
     assert series(session, "beta") is None
 
 
 def test_impossible_settings_are_refused_and_change_nothing(session):
     usual = session.compensations.setting.gating
-    for wrong in ({"kappa": -1.0}, {"decay_time": 0.0}, {"sigma_threshold": float("nan")}):
+    for wrong in ({"kappa": -1.0}, {"decay_time": 0.0}, {"sigma_threshold": np.nan}):
         with pytest.raises(UsageError, match="compensate"):
             session.compensations.set(replace(usual, **wrong))
     assert session.compensations.setting.gating == usual

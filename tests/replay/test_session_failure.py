@@ -1,5 +1,7 @@
 """The failure map of the viewer: its numbers are those of the library, its instants lie where the error is."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
@@ -40,10 +42,10 @@ def test_cells_hold_the_errors_that_the_library_finds(failure, direct):
     assert [q.label for q in failure.quantities] == [d.label for d in mapped.dependences]
     for quantity, found in zip(failure.quantities, mapped.dependences, strict=True):
         assert len(quantity.cells) == len(found.binned)
-        rms = np.array([c.rms for c in quantity.cells])
+        rms, mean = (np.array([getattr(c, kind) for c in quantity.cells]) for kind in ("rms", "mean"))
         assert rms[:, 0] == pytest.approx(found.binned.whole_rms)
         assert rms[:, 3:] == pytest.approx(found.binned.rms)
-        assert np.array([c.mean for c in quantity.cells])[:, 3:] == pytest.approx(found.binned.mean)
+        assert mean[:, 3:] == pytest.approx(found.binned.mean)
         step = np.diff(data.records[0].time).mean()
         assert [c.seconds for c in quantity.cells] == pytest.approx(found.binned.samples * step)
         assert quantity.sure == found.significant
@@ -78,7 +80,6 @@ def test_the_instant_of_a_cell_lies_in_it_and_nowhere_in_it_is_the_error_larger(
 def test_grid_cells_add_up_to_the_time_with_a_direction(failure, direct):
     data, residual = direct
     grid = failure.grid
-    assert grid is not None
     found = failure_map(data, residual, permutations=2).grid
     cells = {(i, j): c for j, row in enumerate(grid.rows) for i, c in enumerate(row) if c is not None}
     assert len(cells) == np.isfinite(found.force).sum()
@@ -100,11 +101,7 @@ def test_budget_adds_up_and_is_that_of_the_library(failure, direct):
 
 def test_full_budget_says_what_a_process_would_explain(session, failure, monkeypatch):
     """A process that predicts half of the residual leaves a quarter of its square."""
-
-    def half(data, residual, progress):
-        progress(0, 4)
-        return 0.5 * residual
-
+    half = Mock(side_effect=lambda data, residual, progress: progress(0, 4) or 0.5 * residual)
     monkeypatch.setattr(session_failure, "held_out_process", half)
     told = []
     rows = session.failures.full_budget("train", lambda share, words: told.append(words))

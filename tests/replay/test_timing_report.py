@@ -1,4 +1,4 @@
-"""What the commands say about timing, and `--shift` on the command line."""
+"""What the commands say about timing, and `--shift` and `--between` on the command line."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,9 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.diagnose import timing
 from wrenchgap.plant import model_file
-from wrenchgap.replay.cli.options import parse_shifts
+from wrenchgap.replay.cli.options import parse_between, parse_shifts
 
+MODEL = model_file.load("tilt_hexarotor")
 LATE = 0.15
 
 
@@ -20,7 +21,7 @@ def late(logs, tmp_path_factory):
     return flight.write(flight.shifted(flight.load(logs.ideal), {"odometry": LATE}), path)
 
 
-def test_inspect_says_by_how_much_the_odometry_lags(late, result_of, run):
+def test_inspect_says_by_how_much_the_odometry_lags_and_its_advice_undoes_it(late, logs, result_of, run):
     said = run("inspect", late, "-m", "tilt_hexarotor").output
     assert "The odometry lags the IMU by" in " ".join(said.split())
     body = result_of("inspect", late, "-m", "tilt_hexarotor")["logs"][0]["timing"]
@@ -30,10 +31,7 @@ def test_inspect_says_by_how_much_the_odometry_lags(late, result_of, run):
     assert attitude["effect_error"] > timing.MATTERS
     assert {r["axis"] for r in body["responses"]} == set(flight.AXES)
 
-
-def test_the_advice_undoes_the_offset(late, logs, result_of):
-    warnings = result_of("inspect", late, "-m", "tilt_hexarotor")["logs"][0]["timing"]["warnings"]
-    option = next(w for w in warnings if "--shift" in w).split("--shift ")[1].rstrip(".")
+    option = next(w for w in body["warnings"] if "--shift" in w).split("--shift ")[1].rstrip(".")
     again = result_of("inspect", late, "-m", "tilt_hexarotor", "--shift", option)["logs"][0]
     assert abs(again["timing"]["sensors"][0]["seconds"]) < 2e-3
     assert again["shift_s"] == {"odometry": pytest.approx(-LATE, abs=2e-3)}
@@ -49,8 +47,7 @@ def test_a_shift_is_on_record_in_every_result(late, result_of):
 
 
 def test_a_shifted_log_is_the_log_as_it_was(late, logs):
-    model = model_file.load("tilt_hexarotor")
-    straight, moved = open_flight(logs.ideal, model), open_flight(late, model, shifts={"odometry": -LATE})
+    straight, moved = open_flight(logs.ideal, MODEL), open_flight(late, MODEL, shifts={"odometry": -LATE})
     a, b = straight.records[0], moved.records[0]
     rows = np.searchsorted(a.time, b.time[[5, -5]])
     assert a.time[rows] == pytest.approx(b.time[[5, -5]])
@@ -58,17 +55,31 @@ def test_a_shifted_log_is_the_log_as_it_was(late, logs):
 
 
 @pytest.mark.parametrize("text", ["odometry", "=0.1", "odometry=", "odometry=12ms", "odometry=nan"])
-def test_a_shift_that_is_not_understood_is_refused(text):
+def test_a_shift_that_is_not_understood_or_given_twice_is_refused(text):
     with pytest.raises(UsageError, match="ROLE=SECONDS"):
         parse_shifts([text])
-
-
-def test_the_same_shift_twice_is_refused():
     with pytest.raises(UsageError, match="given twice"):
         parse_shifts(["imu=0.1", "imu=0.2"])
 
 
-def test_commands_are_not_shifted_away(late, run):
-    done = run("inspect", late, "-m", "tilt_hexarotor", "--shift", "commanded=0.01")
-    assert done.exit_code == 2
-    assert "command_delay" in done.output + str(done.stderr)
+def test_only_the_part_between_the_times_is_used(logs):
+    whole, part = open_flight(logs.test, MODEL), open_flight(logs.test, MODEL, between=(3.0, 9.0))
+    time = part.records[0].time
+    assert time[0] >= 3.0
+    assert time[-1] <= 9.0
+    rows = np.searchsorted(whole.records[0].time, time[5:-5])
+    near = whole.records[0].time[np.minimum(rows, len(whole.records[0]) - 1)]
+    assert np.abs(near - time[5:-5]).max() < 0.03
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("5:40", (5.0, 40.0)), (":40", (-np.inf, 40.0)), ("5:", (5.0, np.inf)), (None, None)]
+)
+def test_either_side_may_be_left_open(text, expected):
+    assert parse_between(text) == expected
+
+
+@pytest.mark.parametrize("text", ["5", "a:b", "9:3", "3:3", "nan:4", ""])
+def test_anything_else_is_refused(text):
+    with pytest.raises(UsageError, match="T0:T1"):
+        parse_between(text)

@@ -1,29 +1,21 @@
-"""A real browser for the tests marked `browser`, two short logs, and pages on them.
+"""A real browser for the tests marked `browser`, and pages on two short logs.
 
 Without Chromium or Playwright these tests are skipped, except in CI (CI=true), where that is a failure. One browser
 serves the whole run; each module has its own page on its own session.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from wrenchgap import flight
 from wrenchgap.plant import model_file
-from wrenchgap.plant.flight_plan import Plan, fly, provenance
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 
-OFFSET = "com_offset=x:-0.004,y:0.007,z:-0.005"
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 WEBGL_WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 FIVE_FRAMES = """() => new Promise(done => { const start = performance.now(); let left = 5;
@@ -34,25 +26,23 @@ PATIENCE = 20.0
 """Seconds after which something that should happen on the page did not."""
 
 
-def lacking(what: str) -> None:
+def lacking(what):
     """Skip, or in CI fail, because the browser cannot be driven."""
     text = f"{what}; tests in a browser need: apt-get install chromium, and playwright from requirements.lock"
     (pytest.fail if os.environ.get("CI", "").lower() == "true" else pytest.skip)(text)
 
 
-def eventually(condition: Callable[[], Any], words: str = "", seconds: float = PATIENCE) -> Any:
+def eventually(condition, words="", seconds=PATIENCE):
     """Poll until true and return what it gave; fails with `words` otherwise."""
     end = time.monotonic() + seconds
-    while True:
-        found = condition()
-        if found:
-            return found
+    while not (found := condition()):
         assert time.monotonic() < end, words or "waited in vain"
         time.sleep(0.03)
+    return found
 
 
 @pytest.fixture(name="eventually", scope="session")
-def _eventually() -> Callable[..., Any]:
+def _eventually():
     """The function of that name, for the modules."""
     return eventually
 
@@ -64,12 +54,10 @@ LATE = "Tried to update non-existent component"
 class Visitor:
     """One client: a tab of the browser on a page. `errors` are what its console complained about."""
 
-    def __init__(self, browser: Any, url: str, width: int = 1120, height: int = 620, *, smooth: bool = True) -> None:
+    def __init__(self, browser, url, width=1120, height=620, *, smooth=True):
         self.tab = browser.new_page(viewport={"width": width, "height": height})
         self.errors: list[str] = []
-        self.tab.on(
-            "console", lambda m: self.errors.append(m.text) if m.type == "error" and LATE not in m.text else None
-        )
+        self.tab.on("console", lambda m: m.type == "error" and LATE not in m.text and self.errors.append(m.text))
         self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
         self.tab.goto(url)
         self.tab.wait_for_selector("canvas", timeout=1000 * PATIENCE)
@@ -79,32 +67,31 @@ class Visitor:
             eventually(lambda: self.tab.evaluate(FIVE_FRAMES) < 1.0, "the page never runs smoothly", 4 * PATIENCE)
             self.tab.locator(".mantine-Notification-closeButton").first.click()  # that WebGL runs without a GPU
 
-    def node(self, name: str) -> dict[str, Any]:
+    def node(self, name):
         """Pose of a scene node in its parent, and whether it is drawn: those of the three.js object itself."""
-        found: dict[str, Any] = self.tab.evaluate(
+        return self.tab.evaluate(
             """n => { const o = window.__viserMutable.nodeRefFromName[n], p = o.position, q = o.quaternion;
                 return {position: [p.x, p.y, p.z], wxyz: [q.w, q.x, q.y, q.z], visible: o.visible}; }""",
             name,
         )
-        return found
 
-    def stands(self, name: str, position: Any, wxyz: Any) -> bool:
+    def stands(self, name, position, wxyz):
         """Whether a node has this pose, to 2 mm and 3 mrad: the log's noise is in both, but at other stamps."""
         node = self.node(name)
         near = np.allclose(node["position"], position, atol=2e-3)
         return bool(near and math.isclose(abs(float(np.dot(node["wxyz"], wxyz))), 1.0, abs_tol=1e-6))
 
-    def text(self) -> str:
+    def text(self):
         """All text on the page."""
         return str(self.tab.inner_text("body"))
 
-    def close(self) -> None:
+    def close(self):
         """Leave the page."""
         self.tab.close()
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """A headless Chromium."""
     try:
         from playwright.sync_api import sync_playwright
@@ -120,20 +107,13 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def flown(logs):
     """Logs of two flights with a hidden offset of the centre of mass: train and test."""
-    folder = tmp_path_factory.mktemp("flown")
-    believed = model_file.load("tilt_hexarotor")
-    paths = []
-    for name, trajectory, excitation in (("train", "multi_axis", 1.0), ("test", "figure8", 0.0)):
-        plan = Plan(believed, trajectory, 12.0, excitation, 1, None, (OFFSET,))
-        paths.append(folder / f"{name}.mcap")
-        flight.write(fly(plan, name=name), paths[-1], metadata=provenance(plan))
-    return paths[0], paths[1]
+    return logs.train, logs.test
 
 
 @pytest.fixture(scope="module")
-def page(flown: tuple[Path, Path]) -> Iterator[Page]:
+def page(flown):
     """A page on both flights, as `wrenchgap view` makes it."""
     made = Page(LogSession(flown, model_file.load("tilt_hexarotor")), port=0)
     yield made
@@ -141,7 +121,7 @@ def page(flown: tuple[Path, Path]) -> Iterator[Page]:
 
 
 @pytest.fixture(scope="module")
-def visitor(browser: Any, page: Page) -> Iterator[Visitor]:
+def visitor(browser, page):
     """A client on that page."""
     found = Visitor(browser, page.url)
     yield found

@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from wrenchgap.viewer.panels.effects import EffectsPanel
-from wrenchgap.viewer.panels.failure import FailurePanel
 
 pytestmark = pytest.mark.browser
 
@@ -44,14 +43,14 @@ def tab(visitor, name):
 
 def numbers(visitor):
     """The large numbers [N] as a user reads them: error on the flight shown, on the held-out one."""
-    found = re.findall(r"([\d.]+) N\s*rms in all", visitor.text())
-    return [float(n) for n in found]
+    return [float(n) for n in re.findall(r"([\d.]+) N\s*rms in all", visitor.text())]
 
 
 def test_a_click_in_the_failure_map_moves_cursor_scene_and_line(page, visitor, eventually):
     tab(visitor, "Failure")
     cells = visitor.tab.locator("label[for][title*='worst at']")
     eventually(lambda: cells.count() > 40, "no failure map")
+    assert visitor.tab.get_by_role("button", name=re.compile(r"^link \d+$")).count() == 0, "a hidden button is seen"
     for k in (3, 20, 41):
         at = float(re.search(r"worst at ([\d.]+) s", cells.nth(k).get_attribute("title"))[1])
         cells.nth(k).click()
@@ -60,21 +59,6 @@ def test_a_click_in_the_failure_map_moves_cursor_scene_and_line(page, visitor, e
         pose = page.scene.position_E[index], page.scene.quat_EB[index]
         eventually(lambda pose=pose: visitor.stands("/world/body", *pose), "the scene did not follow")
     assert visitor.errors == []
-
-
-def test_hidden_buttons_behind_the_links_are_not_seen(visitor, eventually):
-    tab(visitor, "Failure")
-    eventually(lambda: visitor.tab.locator("label[for][title*='worst at']").count() > 40)
-    assert visitor.tab.get_by_role("button", name=re.compile(r"^link \d+$")).count() == 0
-
-
-def test_a_click_on_a_worst_stretch_goes_there(page, visitor):
-    tab(visitor, "Failure")
-    stretch = visitor.tab.locator("label[title='go there']").first
-    start = float(stretch.inner_text().split(" s")[0])
-    stretch.click()
-    visitor.tab.wait_for_timeout(300)
-    assert start - 0.1 <= page.cursor.time <= start + 1.1
 
 
 def test_adding_lowers_the_number_on_the_page_and_undo_restores_it(page, visitor, second, eventually, effects):
@@ -103,12 +87,13 @@ def test_a_slider_dragged_on_the_page_moves_the_error(page, visitor, eventually,
     handle = effects.sliders.handles["com_offset", "x"][0]
     slider = visitor.tab.locator(f"[id='{handle._impl.uuid}']")
     slider.scroll_into_view_if_needed()
-    place = slider.bounding_box()
-    visitor.tab.mouse.move(place["x"] + 0.3 * place["width"], place["y"] + 0.5 * place["height"])
-    visitor.tab.mouse.down()
+    place, mouse = slider.bounding_box(), visitor.tab.mouse
+    middle = place["y"] + 0.5 * place["height"]
+    mouse.move(place["x"] + 0.3 * place["width"], middle)
+    mouse.down()
     for share in np.linspace(0.5, 0.9, 6):
-        visitor.tab.mouse.move(place["x"] + share * place["width"], place["y"] + 0.5 * place["height"])
-    visitor.tab.mouse.up()
+        mouse.move(place["x"] + share * place["width"], middle)
+    mouse.up()
     eventually(lambda: numbers(visitor)[0] > 2.0 * best[0], "the error did not follow")
     eventually(lambda: page.session.model.effect("com_offset").theta[0] * 1e3 == pytest.approx(handle.value))
     assert visitor.tab.get_by_role("button", name="Undo: set com_offset by hand").is_visible()
@@ -127,9 +112,6 @@ def test_the_page_stays_usable_while_a_search_runs(page, visitor, eventually, ef
     assert slowest < 3.0
     eventually(lambda: not effects.work.running, "the search does not end", 90.0)
     visitor.tab.wait_for_selector("text=each by itself")
-    before = numbers(visitor)
-    visitor.tab.locator("label[title^='put com_offset']").first.click()
-    eventually(lambda: numbers(visitor)[0] < 0.2 * before[0], "the link did not add it")
 
 
 @pytest.mark.parametrize("name", ["Failure", "Effects", "Compensation"])
@@ -145,12 +127,3 @@ def test_every_panel_can_be_looked_at(visitor, name):
         "t.getBoundingClientRect().right > window.innerWidth + 1).length"
     )
     assert overflow == 0, "a table is wider than its panel"
-
-
-def test_the_failure_panel_keeps_its_view_for_the_next_log(page, visitor, eventually):
-    failure = next(p for p in page.panels if isinstance(p, FailurePanel))
-    failure.view.value = "torque_x"
-    page.open("test")
-    tab(visitor, "Failure")
-    eventually(lambda: re.search(r"of the error \[m?Nm\]", visitor.text()), "the view was lost")
-    failure.view.value = "all axes"

@@ -49,13 +49,9 @@ def test_bars_are_as_wide_as_their_parts():
     assert [float(w) for w in re.findall(r"width:([\d.]+)%;background", made)] == [25.0, 50.0]  # those that are there
 
 
-@pytest.mark.parametrize(
-    ("value", "said"),
-    [(2.6519, "2.65"), (0.04301, "0.0430"), (0.0, "0"), (123.4, "123"), (12345.0, "1.23e+04"), (4e-9, "4e-09")],
-)
-def test_numbers_have_three_digits(value, said):
+NUMBERS = {2.6519: "2.65", 0.04301: "0.0430", 0.0: "0", 123.4: "123", 12345.0: "1.23e+04", 4e-9: "4e-09", np.nan: "-"}
+
+
+@pytest.mark.parametrize(("value", "said"), NUMBERS.items())
+def test_numbers_have_three_digits_and_what_is_unknown_is_a_dash(value, said):
     assert markup.number(value) == said
-
-
-def test_what_is_unknown_is_a_dash():
-    assert markup.number(float("nan")) == "-"

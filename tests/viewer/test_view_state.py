@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer.scene_drawing import Shown
-from wrenchgap.viewer.view_state import ViewState, parse, read
+from wrenchgap.viewer.view_state import ViewState, parse
 
 times = st.floats(-1e6, 1e6)
 points = st.tuples(times, times, times)
@@ -69,8 +69,3 @@ def test_what_is_no_view_is_told_in_one_line(change, words):
 def test_nonsense_is_told_too(text):
     with pytest.raises(UsageError, match="saved view"):
         parse(text)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(UsageError, match=r"--view .*none\.json: cannot be read"):
-        read(tmp_path / "none.json")
