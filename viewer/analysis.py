@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.viewer.background import Report as Report
-from wrenchgap.viewer.scene import Array, Motion, Stretch
+from wrenchgap.viewer.scene import Motion, Stretch
 
 VIEWS = ("all axes", "force", "torque", *AXES)
 """What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.viewer.colours import THRUST, Colour, colour_of
 from wrenchgap.viewer.scene import Scene
-
-Array = NDArray[np.float64]
 
 KINDS = ("force", "torque")
 SIGMAS = 3.0

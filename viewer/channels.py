@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import CHANNELS, Plot, channel_plot
-from wrenchgap.viewer.scene import Array
 from wrenchgap.viewer.session import ReadChannels
 from wrenchgap.viewer.view_state import ViewState
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Literal, Protocol, TypeVar
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.background import Job, Report
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.scene import Array, Motion, Scene
+from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.view_state import ViewState
 

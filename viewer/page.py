@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import background, markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
@@ -28,7 +29,7 @@ from wrenchgap.viewer.panels.notes import NotesPanel
 from wrenchgap.viewer.panels.scene import ScenePanel
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import GROUPS, plots_of
-from wrenchgap.viewer.scene import Array, Motion, Scene
+from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import Drawing
 from wrenchgap.viewer.serving import exposed, serve
 from wrenchgap.viewer.session import Session

@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from wrenchgap.flight.decimate import envelope
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.scene import Stretch
-
-Array = NDArray[np.float64]
 
 HEIGHT = 128
 """Of a chart [px]."""

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, thickness
 from wrenchgap.viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.vehicle_shape import VehicleShape
-
-Array = NDArray[np.float64]
 
 PATH_POINTS = 3000
 """Points of a drawn path, at most."""

@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.analysis import Compensations, Effects, Failures
 from wrenchgap.viewer.background import Report
-from wrenchgap.viewer.scene import Array, Scene
+from wrenchgap.viewer.scene import Scene
 
 ReadChannels = Callable[[str], Mapping[str, tuple[Array, Array]]]
 """All channels of a flight by name: times (N,) [s] on its clock and values (N,). May take seconds."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.scene import Motion
-
-Array = NDArray[np.float64]
 
 STEP = 0.02
 """Of the clock on which they are compared [s]."""

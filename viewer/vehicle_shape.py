@@ -9,13 +9,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Arms, Vehicle
 from wrenchgap.viewer.colours import BODY, HULL, SPIN, Colour
-
-Array = NDArray[np.float64]
 
 ARC = np.radians(np.linspace(20.0, 130.0, 12))
 """Angles of the arc on a disc that shows how it turns."""

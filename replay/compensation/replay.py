@@ -15,12 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import Flight, WrenchSeries
+from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.held import commanded_otherwise
@@ -38,8 +37,6 @@ from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats
 from wrenchgap.replay.compensation.compensators import compensator as made_for
 from wrenchgap.replay.compensation.source import Source, at_stamps, chosen, logged_command, pieces, starts, without
 from wrenchgap.replay.compensation.steps import Progress, Steps, step_through
-
-Array = NDArray[np.float64]
 
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""

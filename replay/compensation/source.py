@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import AXES, Flight, Gap, WrenchSeries
+from wrenchgap.flight.flight import AXES, Array, Flight, Gap, WrenchSeries
 from wrenchgap.learn.data.measurement import from_actuators
 from wrenchgap.plant.model import Model
 
-Array = NDArray[np.float64]
 Source = Literal["desired", "commanded"]
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate import Compensator
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import State
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 

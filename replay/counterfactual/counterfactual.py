@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap import flight
 from wrenchgap.flight.flight import AXES
@@ -35,7 +34,6 @@ from wrenchgap.plant.tracking import Deviation, Tracking
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.markup import escape
 
 from wrenchgap import flight
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.tracking import Tracking
@@ -34,8 +33,6 @@ from wrenchgap.replay.counterfactual.counterfactual import (
 from wrenchgap.replay.present import compensation as of_process
 from wrenchgap.replay.present.numbers import UNIT_HEADS, row, share
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
-
-Array = NDArray[np.float64]
 
 
 def notes(result: Counterfactual) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
@@ -25,9 +24,6 @@ from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import separation
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
-
-Array = NDArray[np.float64]
-
 
 ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
     (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
@@ -33,8 +32,6 @@ from wrenchgap.replay.present.tables import (
     reductions,
     table,
 )
-
-Array = NDArray[np.float64]
 
 CONCENTRATED = 0.7
 """Share of the residual in the worst tenth of the time that is worth saying."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import Stretch
 from wrenchgap.learn.design.designed import Design
 from wrenchgap.learn.diagnose.failure_map import Dependence
@@ -35,8 +34,6 @@ from wrenchgap.viewer.analysis import (
     Value,
 )
 from wrenchgap.viewer.scene import Motion
-
-Array = NDArray[np.float64]
 
 PATH_POINTS = 600
 """Points of a designed trajectory that are drawn."""

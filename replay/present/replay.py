@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
@@ -25,8 +24,6 @@ from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences as sentences_of
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
-
-Array = NDArray[np.float64]
 
 
 def parts(replay: Replay) -> list[Part]:

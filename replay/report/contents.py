@@ -14,7 +14,6 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.flight.flight import AXES
@@ -39,7 +38,6 @@ from wrenchgap.plant.history import order_of
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 AT_THE_FLOOR = 1.2

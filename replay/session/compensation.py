@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import caveats, compensator
@@ -20,8 +20,6 @@ from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import Compensated, Compensation, Gating, Reflown, Report
 from wrenchgap.viewer.scene import Series
-
-Array = NDArray[np.float64]
 
 GROUP = "Compensation"
 """Where the page shows what a replay did."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import whole
@@ -26,7 +26,6 @@ from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
 from wrenchgap.viewer.scene import Stretch
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 PERMUTATIONS = 110

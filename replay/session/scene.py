@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import ReferenceSeries, Samples
+from wrenchgap.flight.flight import Array, ReferenceSeries, Samples
 from wrenchgap.learn.data.comparison import Evaluation
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
@@ -17,8 +16,6 @@ from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.scene import Scene, Series, Stretch
-
-Array = NDArray[np.float64]
 
 RATE = 50.0
 """Instants per second that the viewer gets [Hz], about: more than a screen shows, more than the filter lets through."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
@@ -25,7 +25,6 @@ from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 DEPTH = 200

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import DIRECTIONS, Cameras
@@ -18,8 +17,6 @@ from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import NOTHING, Drawing
 from wrenchgap.viewer.time_alignment import delay_between
 from wrenchgap.viewer.view_state import ViewState
-
-Array = NDArray[np.float64]
 
 ALONG = (NOTHING, "frames")
 SWITCHES = ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path", "shadows")

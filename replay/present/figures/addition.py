@@ -8,13 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.add import Addition
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import change
-
-Array = NDArray[np.float64]
 
 
 def picture(added: Addition) -> style.Picture:

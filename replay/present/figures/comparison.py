@@ -9,13 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.figures import style
-
-Array = NDArray[np.float64]
 
 NOISE_SIGMAS = 2.0
 """Half-width of the noise band, in standard deviations."""

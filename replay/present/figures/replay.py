@@ -9,14 +9,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.replay import sigma_unit
-
-Array = NDArray[np.float64]
 
 REPLAYED, AS_FLOWN, WITH, SIGMA = "tab:orange", "tab:blue", "tab:green", "tab:red"
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.identify.search import Candidate
@@ -18,8 +17,6 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, unit_of
 from wrenchgap.replay.present.staircase import label, remains
 from wrenchgap.replay.report.contents import Report
-
-Array = NDArray[np.float64]
 
 COLOURS = {Basis.HELD_OUT: "#4c72b0", Basis.UNSEEN: "#dd8452"}
 TITLES = {Basis.HELD_OUT: "held-out time", Basis.UNSEEN: "unseen flights"}

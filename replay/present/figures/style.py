@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.replay.present.numbers import number
-
-Array = NDArray[np.float64]
 
 COMMANDED, MEASURED, NOISE, WARNING = "0.6", "black", "#55a868", "tab:red"
 MODELS = ("tab:blue", "tab:orange", "tab:purple", "tab:brown", "tab:olive", "tab:cyan")

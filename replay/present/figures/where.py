@@ -10,15 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.learn.diagnose.budget import PARTS, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, share, unit_of
-
-Array = NDArray[np.float64]
 
 MOST = 8
 """Quantities drawn at most."""
