@@ -21,35 +21,19 @@ import typer
 from typer.core import TyperGroup
 
 from wrenchgap.replay.cli import commands
+from wrenchgap.replay.cli.options import many
+from wrenchgap.replay.cli.requests import grouped
 
 NAME = "wrenchgap"
 ORDER = (
-    "inspect",
-    "compare",
-    "where",
-    "explain",
-    "add",
-    "remove",
-    "history",
-    "learn",
-    "report",
-    "replay",
-    "counterfactual",
-    "design",
-    "simulate",
-    "view",
-    "demo",
+    *("inspect", "compare", "where", "explain", "add", "remove", "history", "learn", "report", "replay"),
+    *("counterfactual", "design", "simulate", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""
 
 
 class Commands(TyperGroup):
     """The group of all commands, with one policy for errors."""
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """In the order in which a user meets them."""
-        names = super().list_commands(ctx)
-        return sorted(names, key=lambda n: (ORDER.index(n) if n in ORDER else len(ORDER), n))
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run, and leave with the exit code."""
@@ -169,11 +153,11 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
 
 
-for _module in sorted(pkgutil.iter_modules(commands.__path__), key=lambda m: m.name):
-    importlib.import_module(f"{commands.__name__}.{_module.name}").register(app)
-for _command in app.registered_commands:
-    if _command.help is None and _command.callback is not None:
-        _command.help = _unwrapped(_command.callback.__doc__ or "")
+_found = sorted(module.name for module in pkgutil.iter_modules(commands.__path__))
+for _name in sorted(_found, key=lambda name: (*ORDER, name).index(name)):
+    _module = importlib.import_module(f"{commands.__name__}.{_name}")
+    _command, _many = getattr(_module, _name), getattr(_module, "MANY", ())
+    app.command(_name, cls=many(*_many), help=_unwrapped(_command.__doc__ or ""))(grouped(_command))
 
 
 def main() -> None:
