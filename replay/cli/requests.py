@@ -161,7 +161,7 @@ class Run:
 def grouped(function: Callable[..., None]) -> Callable[..., None]:
     """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
     hints = get_type_hints(function, include_extras=True)
-    groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     options: list[inspect.Parameter] = []
     for one in inspect.signature(function).parameters.values():
         rows = [(one.name, hints[one.name], one.default)]

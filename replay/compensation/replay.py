@@ -127,7 +127,7 @@ def replay(
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
-        wrenches = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
+        wrenches, notes = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
     return Replay(
         flight=flight,
         model=model,
@@ -141,9 +141,7 @@ def replay(
         logged_filtered=at_stamps(
             series.time, [] if logged is None else [(r.time, r.commanded) for r in opened.records]
         ),
-        measured=wrenches.measured,
-        predicted=wrenches.predicted,
-        predicted_new=wrenches.predicted_new,
+        **wrenches,
         steps=steps,
         conditioning=condition,
         saturation=_saturation(model, steps.commanded, series, dt),
@@ -153,7 +151,7 @@ def replay(
         restarts=len(starts(series)) - 1,
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=(*opened.notes, *wrenches.notes),
+        notes=(*opened.notes, *notes),
     )
 
 
@@ -182,29 +180,20 @@ def _inputs(gp: GaussianProcess, wrench: Array, motion: State | None, dt: float)
     return np.hstack((wrench, extra))
 
 
-@dataclass(frozen=True)
-class _Wrenches:
-    """As in `Replay`, (K, 6) each, and notes on the predictions."""
-
-    measured: Array
-    predicted: Array
-    predicted_new: Array
-    notes: list[ProcessNote]
-
-
-def _wrenches(opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries) -> _Wrenches:
-    """Measured, predicted as flown and predicted at the new command, at the stamps of `new`."""
+def _wrenches(
+    opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries
+) -> tuple[dict[str, Array], list[ProcessNote]]:
+    """As in `Replay`: measured, predicted as flown and at the new command, at the stamps of `new`; and notes."""
     records, body = opened.records, model.vehicle.body
     found, notes = predictors(model, (), gp, records[0].cutoff_hz if records else None)
     predictor = found[-1]
     check_effects(predictor.model.effects, model, records)
     otherwise = [commanded_otherwise(r, s, new, model.vehicle) for r, s in zip(records, opened.flown, strict=True)]
-    return _Wrenches(
-        at_stamps(new.time, [(r.time, r.measured) for r in records]),
-        at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in records]),
-        at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in otherwise]),
-        notes,
-    )
+    return {
+        "measured": at_stamps(new.time, [(r.time, r.measured) for r in records]),
+        "predicted": at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in records]),
+        "predicted_new": at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in otherwise]),
+    }, notes
 
 
 def _saturation(model: Model, wrench: Array, series: WrenchSeries, dt: float) -> Saturation | None:

@@ -77,8 +77,8 @@ def starts(series: WrenchSeries) -> NDArray[np.intp]:
 
 
 def at_stamps(time: Array, pieces: Sequence[tuple[Array, Array]]) -> Array:
-    """Piecewise wrenches, linear between their samples, at `time` (K,); nan between the pieces."""
-    out = np.full((len(time), len(AXES)), np.nan)
+    """Piecewise series (of wrenches where there is no piece), linear between samples, at `time` (K,); nan between."""
+    out = np.full((len(time), pieces[0][1].shape[1] if pieces else len(AXES)), np.nan)
     for knots, values in pieces:
         if len(knots) == 0:
             continue

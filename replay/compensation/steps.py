@@ -62,17 +62,11 @@ def step_through(
         after.append(compensator.expected(one.wrench_cmd) + one.correction[rows])
         if progress is not None and k % every == 0:
             progress(k / len(wrench), f"step {k} of {len(wrench)}")
+    same = ("correction", "optimum", "sigma", "beta", "cost", "iterations", "accepted", "solve_time")
     return Steps(
         commanded=np.array([r.wrench_cmd for r in results]),
-        correction=np.array([r.correction for r in results]),
-        optimum=np.array([r.optimum for r in results]),
         mismatch_before=np.array(before),
         mismatch_after=np.array(after),
-        sigma=np.array([r.sigma for r in results]),
-        beta=np.array([r.beta for r in results]),
-        cost=np.array([r.cost for r in results]),
-        iterations=np.array([r.iterations for r in results], dtype=np.int64),
-        accepted=np.array([r.accepted for r in results], dtype=bool),
-        solve_time=np.array([r.solve_time for r in results]),
         trouble=dict(Counter(r.trouble for r in results if r.trouble)),
+        **{name: np.array([getattr(r, name) for r in results]) for name in same},
     )

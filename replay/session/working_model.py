@@ -51,27 +51,18 @@ class WorkingModel:
     def __init__(self, opened: Mapping[str, OpenFlight], model: Model, gp: GaussianProcess | None, cutoff: float):
         self.opened, self.gp, self.cutoff_hz = dict(opened), gp, cutoff
         self.lock = threading.RLock()
-        self.changed: list[Callable[[], None]] = []
-        """Called after every change of the model."""
         self._done = [Revision(model, "", tuple(e.name for e in model.effects))]
         self._undone: list[Revision] = []
         self._saved = model
         found, self.notes = predictors(model, (), gp, cutoff)
-        self._given, self._given_predictor = model, found[-1]
+        self.given, self._given_predictor = model, found[-1]
         self._data: dict[tuple[str, ...], Dataset] = {}
         self._kept: dict[tuple[str, ...], object] = {}
-
-    # ------------------------------------------------------------ the model
 
     @property
     def model(self) -> Model:
         """The current model."""
         return self._done[-1].model
-
-    @property
-    def given(self) -> Model:
-        """The model as it was opened."""
-        return self._given
 
     @property
     def revisions(self) -> tuple[Revision, ...]:
@@ -102,7 +93,7 @@ class WorkingModel:
             if len(self._done) > DEPTH:
                 del self._done[1]
             self._undone.clear()
-            self._tell()
+            self._kept.clear()
 
     def undo(self) -> None:
         """Take the last change back. Raises UsageError where there is none."""
@@ -110,7 +101,7 @@ class WorkingModel:
             if len(self._done) < 2:
                 raise UsageError("there is nothing to undo: the model is as it was opened")
             self._undone.append(self._done.pop())
-            self._tell()
+            self._kept.clear()
 
     def redo(self) -> None:
         """Do again what was taken back last. Raises UsageError where there is nothing."""
@@ -118,21 +109,14 @@ class WorkingModel:
             if not self._undone:
                 raise UsageError("there is nothing to redo")
             self._done.append(self._undone.pop())
-            self._tell()
+            self._kept.clear()
 
     def was_saved(self, model: Model) -> None:
         """The current model is in a file now: `model`, with its path and history."""
         with self.lock:
             self._done[-1] = replace(self._done[-1], model=model)
             self._saved = model
-            self._tell()
-
-    def _tell(self) -> None:
-        self._kept.clear()
-        for listener in self.changed:
-            listener()
-
-    # ------------------------------------------------------------ the flights
+            self._kept.clear()
 
     def flight(self, name: str) -> OpenFlight:
         """The open flight of this name."""
@@ -142,7 +126,7 @@ class WorkingModel:
         """The records of flights, stacked; evaluators of it remember what models have in common."""
         with self.lock:
             if flights not in self._data:
-                self._data[flights] = dataset([r for f in flights for r in self.opened[f].records], self._given)
+                self._data[flights] = dataset([r for f in flights for r in self.opened[f].records], self.given)
             return self._data[flights]
 
     def kept(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
@@ -187,16 +171,14 @@ class WorkingModel:
     @property
     def name(self) -> str:
         """The current model's name: that of the opened one, or what is in it now."""
-        names = [e.name for e in self.model.effects]
-        given = [e.name for e in self._given.effects]
-        if self.model is self._given or names == given:
-            return self._given.name if self.saved else f"{self._given.name} (changed)"
+        if [e.name for e in self.model.effects] == [e.name for e in self.given.effects]:
+            return self.given.name if self.saved else f"{self.given.name} (changed)"
         return " + ".join([self.model.vehicle.name, *self._done[-1].order])
 
     @property
     def predictor(self) -> Predictor:
         """What predicts: the current model. A GP sits on the model as it was opened, and counts only there."""
-        if self.model is self._given:
+        if self.model is self.given:
             return self._given_predictor
         return Predictor(self.name, self.model.wrench_model)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -84,7 +84,8 @@ def learn(
     wanted, base = o.parse_outputs(outputs), run.model(model)
     names = () if inputs == "auto" else o.parse_names(inputs)
     kind = default_mean(base) if mean is None else mean.value
-    settings = FitSettings(points, subsample.value, scale.value, kind, names, inference.value, True, restarts, seed)
+    chosen: Any = (subsample.value, scale.value, kind, names, inference.value)
+    settings = FitSettings(points, *chosen, restarts=restarts, seed=seed)
     physics_of(base, settings)  # or it raises, before any log is read
     with run.progress("learning") as report:
         flights, tests = run.open(reading, logs, base, validate)

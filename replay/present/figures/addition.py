@@ -26,11 +26,6 @@ def picture(added: Addition) -> style.Picture:
     )
 
 
-def plot(added: Addition, axes: Any = None) -> Any:
-    """Draw into axes (1, 2) or (2,); see the module."""
-    return style.plot(picture(added), axes)
-
-
 def _draw(added: Addition, panels: Any) -> None:
     rows = [("before", "0.6", added.rms_before), ("after", style.MODELS[0], added.rms_after)]
     noise = None

@@ -49,11 +49,6 @@ def _split(figure: Any, rows: int) -> Any:
     return axes
 
 
-def plot(result: Comparison, axes: Any = None) -> Any:
-    """Draw into axes (6, 2), (7, 2) for several flights; see the module."""
-    return style.plot(picture(result), axes)
-
-
 def _title(result: Comparison) -> str:
     flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
     cutoff = result.records[0].cutoff_hz

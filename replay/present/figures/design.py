@@ -35,11 +35,6 @@ def picture(design: Design) -> style.Picture:
     )
 
 
-def plot(design: Design, axes: Any = None) -> Any:
-    """Draw into axes (5 + D, 1); see the module."""
-    return style.plot(picture(design), axes)
-
-
 def _shown(design: Design) -> list[Direction]:
     return sorted(design.expected.directions, key=lambda d: d.merit)[:MOST]
 
@@ -49,12 +44,8 @@ def _draw(design: Design, axes: Any) -> None:
     _reference(panels[:5], design)
     for panel, direction in zip(panels[5:], _shown(design), strict=True):
         _direction(panel, design, direction)
-    for panel in panels:
-        panel.margins(x=0.01)
-    style.labelled(panels[-1], "time", "s", "x")
-    style.grid(panels)
+    style.over_time(axes)
     _manoeuvres(panels, design)
-    panels[0].get_figure(root=False).align_ylabels(list(panels))
 
 
 def _reference(panels: Any, design: Design) -> None:

@@ -28,11 +28,6 @@ def picture(found: Explanation) -> style.Picture:
     )
 
 
-def plot(found: Explanation, axes: Any = None) -> Any:
-    """Draw into one axes; see the module."""
-    return style.plot(picture(found), axes)
-
-
 def _shown(found: Explanation) -> list[Candidate]:
     return [c for k, c in enumerate(found.ranking) if k < MOST or c.name in found.effects]
 

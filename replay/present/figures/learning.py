@@ -32,11 +32,6 @@ def picture(learnt: Learnt) -> style.Picture:
     )
 
 
-def plot(learnt: Learnt, axes: Any = None) -> Any:
-    """Draw into axes (R, 3); see the module."""
-    return style.plot(picture(learnt), axes)
-
-
 def _tested(learnt: Learnt) -> dict[str, Comparison]:
     both = {"training": learnt.training, "unseen": learnt.validation}
     return {name: one for name, one in both.items() if one is not None}

@@ -39,11 +39,6 @@ def picture(report: Report) -> style.Picture:
     return style.Picture((7,), (12.0, 4.8), draw, split=split)
 
 
-def plot(report: Report, axes: Any = None) -> Any:
-    """Draw the error step by step into axes (7,); see the module."""
-    return style.plot(picture(report), axes)
-
-
 def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
     """Bars, as shares of the nominal error; the noise dashed."""
     names = [*map(label, cases[0].falling), "sensor noise"]

@@ -137,6 +137,16 @@ def grid(panels: Any) -> None:
             panel.spines[side].set_visible(False)
 
 
+def over_time(panels: Any, name: str = "time") -> None:
+    """What panels (R, C) over one time have in common: margins, the axis of time below, labels in line."""
+    for panel in np.ravel(panels):
+        panel.margins(x=0.01)
+    for panel in panels[-1]:
+        labelled(panel, name, "s", "x")
+    grid(panels)
+    panels[0, 0].get_figure(root=False).align_ylabels(list(np.ravel(panels)))
+
+
 def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
     """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once.
 

@@ -52,11 +52,6 @@ def picture(where: Where) -> style.Picture:
     return style.Picture((15 + count,), (15.0, 9.0 + 2.9 * rows), draw, title=title, split=split)
 
 
-def plot(where: Where, axes: Any = None) -> Any:
-    """Draw the page into axes (15 + Q,); see the module."""
-    return style.plot(picture(where), axes)
-
-
 def budget_figure(where: Where) -> Any:
     """Stacked bars: what the nominal error is made of, per axis and for the whole."""
     return style.figure_of(style.Picture((), (8.0, 3.6), lambda panel: _draw_budget(panel, where)))
