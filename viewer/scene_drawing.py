@@ -135,7 +135,7 @@ class Drawing:
 
     def _ground(self, flight: Scene) -> None:
         lowest = float(np.nanmin(flight.position_E[:, 2])) - 1.2 * self.size
-        cell = nice(self.size)
+        cell = tidy(self.size)
         self._scene.add_grid(
             "/world/ground",
             infinite_grid=True,
@@ -236,7 +236,7 @@ def _segments(points: Array) -> Array:
     return np.stack((points[:-1], points[1:]), axis=1)
 
 
-def nice(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `value`."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= value * (1.0 + 1e-9)))
+def tidy(step: float) -> float:
+    """1, 2 or 5 times a power of ten, at most `step`."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(max(m for m in (1.0, 2.0, 5.0) if m * power <= step * 1.0001) * power)

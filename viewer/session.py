@@ -36,17 +36,12 @@ class Capabilities:
 class Session(Protocol):
     """What the page may ask of every session."""
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle to draw."""
-
-    @property
-    def flights(self) -> tuple[str, ...]:
-        """Names of the flights, all different, at least one."""
-
-    @property
-    def capabilities(self) -> Capabilities:
-        """What else it can do."""
+    vehicle: Vehicle
+    """The vehicle to draw."""
+    flights: tuple[str, ...]
+    """Names of the flights, all different, at least one."""
+    capabilities: Capabilities
+    """What else it can do."""
 
     def scene(self, flight: str) -> Scene:
         """The flight of this name."""

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.panel import Part
 from wrenchgap.viewer.plot_board import Board, View
 from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.view_state import ViewState
@@ -30,11 +31,12 @@ AHEAD = 0.05
 """Share of the range that lies behind the cursor after playing has turned the page."""
 
 
-class Transport:
+class Transport(Part):
     """Reads and moves the page's cursor; says which range the plots show."""
 
     def __init__(self, host: Host, board: Board) -> None:
-        self.host, self._board, self._cursor = host, board, host.cursor
+        super().__init__(host)
+        self._board, self._cursor = board, host.cursor
         gui, guarded = host.gui, host.guarded
         self._slot = gui.add_folder(None)
         with self._slot:

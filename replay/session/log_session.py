@@ -19,7 +19,6 @@ from wrenchgap.learn.data.opening import Loader, open_flights
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.session.compensation import SessionCompensation
 from wrenchgap.replay.session.effects import SessionEffects
@@ -60,6 +59,7 @@ class LogSession:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
         opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts, load=load)
         self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, cutoff)
+        self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
         self._notes = (*self.working.notes, *notes)
@@ -75,16 +75,6 @@ class LogSession:
     def model(self) -> Model:
         """The current model."""
         return self.working.model
-
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle of the model."""
-        return self.model.vehicle
-
-    @property
-    def flights(self) -> tuple[str, ...]:
-        """Names of the flights."""
-        return tuple(self.working.opened)
 
     def scene(self, flight: str) -> Scene:
         """The flight of this name, with what the current model says of it, and the last replay on it."""

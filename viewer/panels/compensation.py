@@ -11,7 +11,7 @@ from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.panel import Panel
 from wrenchgap.viewer.scene import Scene
-from wrenchgap.viewer.sliders import tidy
+from wrenchgap.viewer.scene_drawing import tidy
 
 NO_PROCESS = (
     "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"
@@ -26,6 +26,8 @@ SECONDS = 20.0
 class CompensationPanel(Panel):
     """Switch and sliders of the compensation, its replay, and the counterfactual."""
 
+    asks = "compensations"
+
     def __init__(self, host: Host, compensations: Compensations) -> None:
         super().__init__(host)
         self.compensations = compensations
@@ -39,12 +41,6 @@ class CompensationPanel(Panel):
             self._replay()
             self._refly()
         self.ready = True
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel of a session that can do this."""
-        found = host.session.capabilities.compensations
-        return None if found is None else cls(host, found)
 
     def _settings(self, setting: Compensation) -> None:
         gui, gating = self.host.gui, setting.gating
@@ -101,8 +97,6 @@ class CompensationPanel(Panel):
             self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
             self.flown = gui.add_html("")
 
-    # ------------------------------------------------------------ what is shown
-
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
         if self.ready and scene.name != getattr(self, "flight", None):
@@ -112,8 +106,6 @@ class CompensationPanel(Panel):
             self.done.content, self.flown.content = "", ""
             self.start.value = float(scene.time[0])
             self.seconds.value = min(SECONDS, float(scene.time[-1] - scene.time[0]))
-
-    # ------------------------------------------------------------ what is done
 
     @property
     def gating(self) -> Gating:

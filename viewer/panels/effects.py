@@ -31,6 +31,8 @@ PATH = (120, 60, 190)
 class EffectsPanel(Panel):
     """The model as it stands, the search for what it lacks, and the staircase of errors down to the noise."""
 
+    asks = "effects"
+
     def __init__(self, host: Host, effects: Effects) -> None:
         super().__init__(host)
         self.effects = effects
@@ -103,14 +105,6 @@ class EffectsPanel(Panel):
             self.save = gui.add_button("Save model")
             self.save.on_click(host.guarded(lambda _: self._saved()))
 
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel of a session that can do this."""
-        found = host.session.capabilities.effects
-        return None if found is None else cls(host, found)
-
-    # ------------------------------------------------------------ what is shown
-
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
         self.state = state = self.effects.state(scene.name)
@@ -144,8 +138,6 @@ class EffectsPanel(Panel):
             adding_rest=self.links.to(partial(self.add, *rest)),
             groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.groups],
         )
-
-    # ------------------------------------------------------------ what is done
 
     def add(self, *names: str) -> None:
         """Put effects into the model, fitted on the flight shown."""

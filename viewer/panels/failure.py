@@ -42,6 +42,8 @@ class Scale:
 class FailurePanel(Panel):
     """The failure map of the flight shown; a click on a cell or a stretch moves the cursor there."""
 
+    asks = "failures"
+
     def __init__(self, host: Host, failures: Failures) -> None:
         super().__init__(host)
         self.failures = failures
@@ -64,12 +66,6 @@ class FailurePanel(Panel):
                 "Fits a small one on other blocks of time than those on which it is judged; takes some seconds.",
             )
             self.links = Links(host)
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel of a session that can do this."""
-        found = host.session.capabilities.failures
-        return None if found is None else cls(host, found)
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. A long flight is looked at beside the page, which stands at once."""

@@ -63,8 +63,6 @@ class ScenePanel(Panel):
                 self.align.on_click(host.guarded(lambda _: self._align()))
         self.boxes: dict[str, Any] = {}
 
-    # ------------------------------------------------------------ the view
-
     def opened(self, scene: Scene) -> None:
         """One switch per wrench; what is hidden stays hidden."""
         for box in self.boxes.values():
@@ -112,8 +110,6 @@ class ScenePanel(Panel):
         hidden = self.host.view.shown.hidden
         self._switch(hidden=hidden - {name} if self.boxes[name].value else hidden | {name})
 
-    # ------------------------------------------------------------ second vehicles
-
     def ghost_names(self) -> tuple[str, ...]:
         """What can be shown as a second vehicle beside the flight: what panels made, and the other flights."""
         shown = self.host.scene.name
@@ -133,8 +129,6 @@ class ScenePanel(Panel):
         self._ghosts.setdefault(self.host.scene.name, {})[name] = motion
         self.ghost.options = (NOTHING, *self.ghost_names())
         self.viewed(self.host.view)
-
-    # ------------------------------------------------------------ camera and legend
 
     def follow(self, on: bool) -> None:
         """Let the camera follow the body or stay."""

@@ -84,8 +84,8 @@ def learn(
     wanted, base = o.parse_outputs(outputs), run.model(model)
     names = () if inputs == "auto" else o.parse_names(inputs)
     kind = default_mean(base) if mean is None else mean.value
-    chosen: Any = (subsample.value, scale.value, kind, names, inference.value)
-    settings = FitSettings(points, *chosen, restarts=restarts, seed=seed)
+    how: dict[str, Any] = {"method": subsample.value, "scale": scale.value, "mean": kind, "inference": inference.value}
+    settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, **how)
     physics_of(base, settings)  # or it raises, before any log is read
     with run.progress("learning") as report:
         flights, tests = run.open(reading, logs, base, validate)
