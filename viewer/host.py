@@ -35,7 +35,7 @@ class Host(Protocol):
     scene: Scene
     cursor: Cursor
     view: ViewState
-    jobs: list[Job]
+    _jobs: list[Job]
 
     def show(self, view: ViewState) -> None:
         """Let this be seen instead, as far as the flight has it: every part follows."""
@@ -92,7 +92,7 @@ class Host(Protocol):
         user is told). `cancel()` of the job ends it at its next report.
         """
         job = start(function, on_progress, on_done, on_error or self.fail, self.lock)
-        self.jobs = [j for j in self.jobs if j.is_alive()] + [job]
+        self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
         return job
 
     def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:

@@ -62,7 +62,7 @@ class Page(Host):
         self.cursor = Cursor(self.lock)
         self.view = ViewState(zoom=ZOOMS[0], speed="1")
         self.scene = session.scene(session.flights[0])
-        self.jobs = []
+        self._jobs = []
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)
@@ -143,9 +143,9 @@ class Page(Host):
 
     def stop(self) -> None:
         """Stop playing and serving."""
-        for job in self.jobs:
+        for job in self._jobs:
             job.cancel()
-        for job in self.jobs:
+        for job in self._jobs:
             job.join(ENDING)
         self.cursor.close()
         self.server.stop()

@@ -63,10 +63,10 @@ class Run:
     def model(self, name: str, role: str = "model") -> Model:
         """The model of this name; its hash is noted now, because the output may replace the file."""
         from wrenchgap.replay.api import load_model
-        from wrenchgap.replay.present.documents import model_input
+        from wrenchgap.replay.present.documents import file_input
 
         found = load_model(name)
-        self.inputs.append(model_input(found, role))
+        self.inputs.append(file_input(found.path, role))
         return found
 
     def gp(self, path: Path | None) -> GaussianProcess | None:

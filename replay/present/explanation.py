@@ -21,7 +21,15 @@ from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import comparison, timing, where
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of, values_json
+from wrenchgap.replay.present.numbers import (
+    AXIS_HEADS,
+    entries,
+    parameters_in_words,
+    quantity,
+    share,
+    unit_of,
+    values_json,
+)
 from wrenchgap.replay.present.tables import (
     INTERVAL_LEGEND,
     Line,
@@ -256,8 +264,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
         "steps": [
             {
-                "on": list(step.on),
-                "chosen": step.chosen,
+                **entries(step, "on", "chosen"),
                 "alike": [{"effect": name, "cosine": cosine} for name, cosine in step.alike],
                 "candidates": [_candidate_json(c) for c in step.candidates],
             }
@@ -265,9 +272,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         ],
         "dropped": list(found.dropped),
         "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
-        "rms_before": found.rms_before,
-        "rms_after": found.rms_after,
-        "noise": found.noise,
+        **entries(found, "rms_before", "rms_after", "noise"),
         "validation": None if found.validation is None else _validation_json(found.validation),
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
@@ -277,25 +282,13 @@ def to_json(found: Explanation) -> dict[str, Any]:
 
 
 def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
-    rivals = [
-        {
-            "effect": r.name,
-            "separation": r.separation,
-            "cosine": r.cosine,
-            "alike": r.alike,
-            "worthy": r.candidate.worthy,
-            "score": r.candidate.score,
-        }
-        for r in member.rivals
-    ]
+    names = ("effect=name", "separation", "cosine", "alike", "worthy=candidate.worthy", "score=candidate.score")
     return {
         "effect": member.name,
         "probability": found.confidence(member),
-        "share": member.share,
-        "significance": member.significance,
-        "evidence": member.evidence,
+        **entries(member, "share", "significance", "evidence"),
         "group": [member.name, *(r.name for r in member.alike)],
-        "rivals": rivals,
+        "rivals": [entries(r, *names) for r in member.rivals],
     }
 
 
@@ -310,15 +303,8 @@ def _left_json(found: Explanation) -> dict[str, Any]:
 
 
 def _candidate_json(candidate: Candidate) -> dict[str, Any]:
-    return {
-        "effect": candidate.name,
-        "heldout_fall": candidate.reduction,
-        "score": candidate.score,
-        "parameters": values_json(candidate.values),
-        "evidence": candidate.evidence,
-        "significance": candidate.significance,
-        "implausible": list(candidate.implausible),
-    }
+    names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
+    return entries(candidate, *names, "implausible")
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:

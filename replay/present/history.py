@@ -14,20 +14,20 @@ from wrenchgap.plant.history import Changes, Version, changes
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import changed_since
 from wrenchgap.replay.present.addition import effects_json, trial_json
-from wrenchgap.replay.present.numbers import AXIS_HEADS, number
+from wrenchgap.replay.present.numbers import AXIS_HEADS, entries, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
 
+BEFORE_AND_AFTER = ("before=before.value", "before_std=before.std", "after=after.value", "after_std=after.std")
 _Row = tuple[str, str, float | None, float | None, float | None, str, float | None]
 
 
 def parts(model: Model) -> list[Part]:
     """Versions, parameters that moved, notes."""
     if not model.history:
-        first: list[Part] = [Line(f"{model.name}: no history; wrenchgap add and wrenchgap remove write one")]
-    else:
-        moved = table_of_changes(model)
-        first = [table_of_versions(model), *([moved] if moved.row_count else [])]
-    return [*first, *note_lines(notes(model))]
+        none = Line(f"{model.name}: no history; wrenchgap add and wrenchgap remove write one")
+        return [none, *note_lines(notes(model))]
+    moved = table_of_changes(model)
+    return [table_of_versions(model), *([moved] if moved.row_count else []), *note_lines(notes(model))]
 
 
 def steps(model: Model) -> Iterator[tuple[Version, Changes]]:
@@ -115,16 +115,7 @@ def _version(version: Version, changed: Changes) -> dict[str, Any]:
         "added": [e.effect for e in changed.added],
         "removed": [e.effect for e in changed.removed],
         "changed": [
-            {
-                "effect": c.effect,
-                "parameter": c.after.name,
-                "before": c.before.value,
-                "before_std": c.before.std,
-                "after": c.after.value,
-                "after_std": c.after.std,
-                "unit": c.after.unit,
-            }
-            for c in changed.moved
+            entries(c, "effect", "parameter=after.name", *BEFORE_AND_AFTER, "unit=after.unit") for c in changed.moved
         ],
         "effects": effects_json(version.effects),
     }

@@ -18,10 +18,10 @@ from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.compensation.summary import Summary, summarise
-from wrenchgap.replay.present.compensation import sentences
 from wrenchgap.replay.present.documents import atomic, write_csv
 from wrenchgap.replay.present.figures import save
-from wrenchgap.replay.present.notes import sentences as sentences_of
+from wrenchgap.replay.present.learning import of_process
+from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
 
@@ -120,13 +120,13 @@ def to_json(replay: Replay) -> dict[str, Any]:
 
 def notes(replay: Replay) -> tuple[str, ...]:
     """What a user should know of the log, the command and the GP."""
-    found = sentences_of(replay.notes)
+    found = sentences(replay.notes)
     if replay.computed_from is not None:
         found.append(
             f"{replay.flight.name}: no commanded wrench in the log; computed from {replay.computed_from} with the "
             "model's geometry."
         )
-    return tuple(dict.fromkeys((*found, *sentences(replay.caveats))))
+    return tuple(dict.fromkeys((*found, *of_process(replay.caveats))))
 
 
 def to_frame(replay: Replay) -> pd.DataFrame:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from wrenchgap.learn.diagnose.timing import (
     FlightTiming,
     LateResponse,
     OdometryOffset,
+    TimingWarning,
     UnevenOffset,
 )
 from wrenchgap.replay.present.tables import Line, note_lines, table
@@ -122,51 +122,34 @@ def warnings(found: FlightTiming) -> list[str]:
     return [_warning(w) for w in found.warnings]
 
 
-@singledispatch
-def _warning(warning: object) -> str:
-    raise NotImplementedError(type(warning).__name__)
-
-
-@_warning.register
-def _(warning: OdometryOffset) -> str:
-    return (
-        f"The odometry {'lags' if warning.seconds > 0 else 'leads'} the IMU by {1e3 * abs(warning.seconds):.1f} ms: "
-        f"effects that are driven by speed or attitude come out up to {100 * warning.error:.0f} % wrong. Read it with "
-        f"--shift odometry={-warning.seconds:.4f}."
-    )
-
-
-@_warning.register
-def _(warning: UnevenOffset) -> str:
-    listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in warning.offsets)
-    return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
-
-
-@_warning.register
-def _(warning: Drift) -> str:
-    o = warning.offset
-    return (
-        f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
-        f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
-    )
-
-
-@_warning.register
-def _(warning: LateResponse) -> str:
-    listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in warning.responses)
-    return (
-        f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or the "
-        "clocks of commands and IMU, and `explain` ranks the first three."
-    )
-
-
-@_warning.register
-def _(warning: FeedbackDominated) -> str:
-    return (
-        f"On {', '.join(warning.axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
-        "and a lag that is fitted would be the controller's own phase. To identify them, log actuator speeds and "
-        "tilts, or add a known signal to the commanded wrench on these axes."
-    )
+def _warning(warning: TimingWarning) -> str:
+    match warning:
+        case OdometryOffset(seconds, error):
+            return (
+                f"The odometry {'lags' if seconds > 0 else 'leads'} the IMU by {1e3 * abs(seconds):.1f} ms: effects "
+                f"that are driven by speed or attitude come out up to {100 * error:.0f} % wrong. Read it with "
+                f"--shift odometry={-seconds:.4f}."
+            )
+        case UnevenOffset(offsets):
+            listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in offsets)
+            return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
+        case Drift(o):
+            return (
+                f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
+                f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
+            )
+        case LateResponse(responses):
+            listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in responses)
+            return (
+                f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or "
+                "the clocks of commands and IMU, and `explain` ranks the first three."
+            )
+        case FeedbackDominated(axes):
+            return (
+                f"On {', '.join(axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
+                "and a lag that is fitted would be the controller's own phase. To identify them, log actuator speeds "
+                "and tilts, or add a known signal to the commanded wrench on these axes."
+            )
 
 
 def milliseconds(offset: Offset, absolute: bool = False) -> str:

@@ -14,9 +14,9 @@ from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
-from wrenchgap.replay.present.comparison import stretch_json, worst
+from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, row, share
+from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
 
 QUANTITIES = 3
@@ -208,41 +208,35 @@ def to_json(where: Where) -> dict[str, Any]:
     """The body of the `where` schema."""
     return {
         "axes": list(AXES),
-        "model": where.name,
-        "flights": list(where.flights),
-        "seconds": where.seconds,
-        "samples": where.samples,
-        "cutoff_hz": where.cutoff_hz,
-        "rms": where.rms,
-        "noise": where.noise,
-        "budget": budget_json(where.budget),
+        **entries(where, "model=name", "flights", "seconds", "samples", "cutoff_hz", "rms", "noise"),
+        "budget": _budget_json(where.budget),
         "failure_map": _failure_map_json(where.failure_map),
         "whiteness": _whiteness_json(where.whiteness),
         "relevance": relevance_json(where.relevance),
-        "worst": [stretch_json(s) for s in where.worst],
+        "worst": where.worst,
         "summary": list(summary(where)),
         "notes": sentences(where.notes),
     }
 
 
-def budget_json(budget: Budget) -> dict[str, Any]:
-    """Mean squares by part, and shares of the whole."""
-    mean_square = {name: getattr(budget, name) for name in ("nominal", *PARTS)}
-    return {"mean_square": mean_square, "whole_shares": budget.whole(), "process_source": str(budget.source)}
+def _budget_json(budget: Budget) -> dict[str, Any]:
+    return {
+        "mean_square": entries(budget, "nominal", *PARTS),
+        "whole_shares": budget.whole(),
+        "process_source": str(budget.source),
+    }
 
 
 def _failure_map_json(mapped: FailureMap) -> dict[str, Any]:
     return {
         "quantities": [
             {
-                "quantity": d.name,
-                **{k: getattr(d, k) for k in ("label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant")},
-                "axes": list(d.axes),
-                "bins": dict(d.binned.__dict__),
+                **entries(d, "quantity=name", "label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant"),
+                **entries(d, "axes", "bins=binned"),
             }
             for d in mapped.dependences
         ],
-        "grid": None if mapped.grid is None else dict(mapped.grid.__dict__),
+        "grid": mapped.grid,
         "lacking": [{"quantity": name, "reason": why} for name, why in mapped.lacking.items()],
     }
 
@@ -251,7 +245,7 @@ def _whiteness_json(white: Whiteness) -> dict[str, Any]:
     strongest = [c for axis in AXES if (c := white.strongest(axis)) is not None]
     curves = ("lags", "value")
     return {
-        "autocorrelation": [{**a.__dict__, "white": a.white} for a in white.autocorrelation],
+        "autocorrelation": [{**vars(a), "white": a.white} for a in white.autocorrelation],
         "strongest": [{**c.__dict__, "outside": c.outside} for c in strongest],
         "peaks": [
             {**{k: v for k, v in c.__dict__.items() if k not in curves}, "outside": c.outside}
@@ -264,8 +258,7 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
     """Groups of inputs by name."""
     return {
         "groups": [{**g.__dict__, "chosen": g.chosen} for g in relevant.groups],
-        "explained": relevant.explained,
-        "explained_axes": relevant.explained_axes,
+        **entries(relevant, "explained", "explained_axes"),
         "lacking": [{"input": name, "reason": why} for name, why in relevant.lacking.items()],
     }
 

@@ -14,7 +14,7 @@ from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import caveats, compensator
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual, read_recording
-from wrenchgap.replay.present.compensation import sentences
+from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.panels import compensated, reflown
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
@@ -134,5 +134,5 @@ def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
     gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
     return Compensation(
-        name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, sentences(caveats(gp, model))
+        name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, of_process(caveats(gp, model))
     )
