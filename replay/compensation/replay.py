@@ -21,11 +21,10 @@ from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
+from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.held import commanded_otherwise
 from wrenchgap.learn.data.inputs import check
-from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
 from wrenchgap.plant.mismatch import Conditioning, conditioning

@@ -26,12 +26,11 @@ from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.closed_loop import Lost
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.tracking import Deviation, Tracking
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
 Progress = Callable[[float, str], None]

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight import Flight, UsageError
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:

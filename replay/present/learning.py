@@ -11,10 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.comparison import Comparison
+from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
-from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process.alternatives import Alternatives
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.compensation.compensators import LearntFromThisFlight, LearnWarned, OtherVersion, ProcessCaveat

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn import Design, Explanation
 from wrenchgap.learn.data.comparison import Stretch
-from wrenchgap.learn.design.designed import Design
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.identify import staircase as steps
-from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.learn.identify.search import Step
 from wrenchgap.learn.identify.staircase import Basis
 from wrenchgap.plant import trajectory_file

@@ -15,15 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchgap.flight.errors import WrenchgapError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight import AXES, WrenchgapError
 from wrenchgap.flight.result import PRESENTATION, Result
+from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Lack, inapplicable
-from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
-from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.design.designed import Design
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
 from wrenchgap.learn.diagnose.where import Where, examine
@@ -32,7 +29,6 @@ from wrenchgap.learn.identify.add import Addition, add
 from wrenchgap.learn.identify.explain import Explanation, explain
 from wrenchgap.learn.identify.learning import absorption, default_mean, learn_process
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import OtherFilter
 from wrenchgap.plant.history import order_of
 from wrenchgap.plant.model import Model

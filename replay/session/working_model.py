@@ -15,11 +15,10 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.learn.identify.learning import Learnt
+from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures.addition import bars_by_axis

@@ -6,9 +6,8 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
-from wrenchgap.learn.diagnose.where import Where
-from wrenchgap.learn.identify.explain import Explanation, Verdict
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.learn.identify.search import LIKE, Candidate, Member, Step
 from wrenchgap.learn.identify.staircase import Staircase
