@@ -71,14 +71,11 @@ def report(error: BaseException) -> int:
         return 0
     if hasattr(error, "format_message"):  # wrong use of the command line
         return _usage(error)
-    if "wrenchgap.flight.errors" in sys.modules and isinstance(
-        error, sys.modules["wrenchgap.flight.errors"].WrenchgapError
-    ):
+    errors, own = (sys.modules.get(f"wrenchgap.{name}") for name in ("flight.errors", "plant.own_effects"))
+    if errors is not None and isinstance(error, errors.WrenchgapError):
         say(str(error))
         return 2
-    if "wrenchgap.plant.own_effects" in sys.modules and (
-        said := sys.modules["wrenchgap.plant.own_effects"].blame(error)
-    ):
+    if own is not None and (said := own.blame(error)):
         say(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
         return 2
     if isinstance(error, OSError) and error.filename is not None:
@@ -163,7 +160,3 @@ for _name in sorted(_found, key=lambda name: (*ORDER, name).index(name)):
 def main() -> None:
     """Entry point of the `wrenchgap` command."""
     app(prog_name=NAME)
-
-
-if __name__ == "__main__":
-    main()

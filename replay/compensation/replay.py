@@ -12,9 +12,12 @@ where the log has no motion, in gaps and at their edges.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
@@ -27,7 +30,7 @@ from wrenchgap.learn.data.held import commanded_otherwise
 from wrenchgap.learn.data.inputs import check
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
-from wrenchgap.plant.mismatch import Conditioning, conditioning
+from wrenchgap.plant.mismatch import Conditioning, conditioning, output_indices
 from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import State
@@ -35,10 +38,35 @@ from wrenchgap.plant.wrench_model import about_origin
 from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats
 from wrenchgap.replay.compensation.compensators import compensator as made_for
 from wrenchgap.replay.compensation.source import Source, at_stamps, chosen, logged_command, pieces, starts, without
-from wrenchgap.replay.compensation.steps import Progress, Steps, step_through
+
+Progress = Callable[[float, str], None]
 
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the compensator did in K steps, in order; see `compensate.Result` for each field.
+
+    `commanded`, `correction`, `optimum` are (K, 6) [N, Nm], the others (K,). `mismatch_before` (K, L) is the mismatch
+    mu(W) that the model expects of the wrench as it is, `mismatch_after` (K, L) what is left of it, mu(W + dW) + dW.
+    `solve_time` [s] is wall-clock time, the only thing here that differs between two equal runs. `trouble` counts
+    messages.
+    """
+
+    commanded: Array
+    correction: Array
+    optimum: Array
+    mismatch_before: Array
+    mismatch_after: Array
+    sigma: Array
+    beta: Array
+    cost: Array
+    iterations: NDArray[np.int64]
+    accepted: NDArray[np.bool_]
+    solve_time: Array
+    trouble: dict[str, int]
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,6 +179,37 @@ def replay(
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
         notes=(*opened.notes, *notes),
+    )
+
+
+def step_through(
+    compensator: Compensator,
+    wrench: Array,
+    motion: State | None,
+    starts: NDArray[np.intp],
+    progress: Progress | None = None,
+) -> Steps:
+    """Compensate wrenches (K, 6) one after the other; forget the past at every index in `starts`."""
+    fresh, results = set(starts.tolist()), []
+    rows = output_indices(compensator.model.outputs)
+    before, after = [], []
+    every = max(1, len(wrench) // 100)
+    for k, row in enumerate(wrench):
+        if k in fresh:
+            compensator.reset()
+        one = compensator.step(row, None if motion is None else motion.take(slice(k, k + 1)))
+        results.append(one)
+        before.append(compensator.expected(row))
+        after.append(compensator.expected(one.wrench_cmd) + one.correction[rows])
+        if progress is not None and k % every == 0:
+            progress(k / len(wrench), f"step {k} of {len(wrench)}")
+    same = ("correction", "optimum", "sigma", "beta", "cost", "iterations", "accepted", "solve_time")
+    return Steps(
+        commanded=np.array([r.wrench_cmd for r in results]),
+        mismatch_before=np.array(before),
+        mismatch_after=np.array(after),
+        trouble=dict(Counter(r.trouble for r in results if r.trouble)),
+        **{name: np.array([getattr(r, name) for r in results]) for name in same},
     )
 
 

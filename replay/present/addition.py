@@ -25,15 +25,13 @@ def parts(added: Addition) -> list[Part]:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
     out += [parameters(added.fit.snapshot, f"effects of {added.model.name}"), Line(INTERVAL_LEGEND + "\n", "dim")]
     behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
-    rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
-    if added.trial is None:
+    if (trial := added.trial) is None:
+        rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
         out.append(before_after(f"on the fitted logs, {behind}", rows, added.reduction))
     else:
-        rows = [("rms before", added.trial.before), ("rms after", added.trial.after)]
-        rows.append(("sensor noise", added.trial.noise))
-        out.append(before_after(f"on held-out time of these logs, {behind}", rows, added.trial.fall))
-        worse = added.trial.outcome is Outcome.WORSE
-        out.append(Line(verdict(added.trial), "yellow" if worse else ""))
+        rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
+        out.append(before_after(f"on held-out time of these logs, {behind}", rows, trial.fall))
+        out.append(Line(verdict(trial), "yellow" if trial.outcome is Outcome.WORSE else ""))
     return [*out, *note_lines(limits(added), "warning"), *note_lines(notes(added))]
 
 

@@ -93,12 +93,9 @@ def parts(result: Counterfactual) -> list[Part]:
     heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
     third = table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
     errors = {key: _errors(one) for key, one in result.tracking.items()}
-    for key, values in errors.items():
-        if names.get(key):
-            third.add_row(escape(names[key]), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
-    for name, tracked in result.baselines.items():
-        values = _errors(tracked)
-        third.add_row(escape(f"instead: {name}"), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+    rows = [(names[key], values) for key, values in errors.items() if names.get(key)]
+    for name, values in [*rows, *((f"instead: {name}", _errors(one)) for name, one in result.baselines.items())]:
+        third.add_row(escape(name), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
         third.add_row("change", *reductions(falls))

@@ -125,21 +125,12 @@ def _reason(direction: Direction) -> str:
 
 def directions(design: Design) -> list[tuple[str, ...]]:
     """Rows for a table: truth, imitator, separations before, expected and simulated, imitated share, where it shows."""
-    rows: list[tuple[str, ...]] = []
+    rows = []
     for d, old in _pairs(design):
         telling = f"{AXES[d.telling]}, {d.left[d.telling] / d.noise[d.telling]:.1f} x noise" if d.told else "-"
-        rows.append(
-            (
-                d.truth,
-                d.imitator if d.counts else f"{d.imitator} (richer)",
-                _cosine(old.cosine),
-                separation(old.separation),
-                _cosine(d.cosine),
-                separation(d.separation),
-                separation(design.simulated(d.truth, d.imitator)),
-                telling,
-            )
-        )
+        before, after = ((_cosine(one.cosine), separation(one.separation)) for one in (old, d))
+        imitator = d.imitator if d.counts else f"{d.imitator} (richer)"
+        rows.append((d.truth, imitator, *before, *after, separation(design.simulated(d.truth, d.imitator)), telling))
     return rows
 
 

@@ -116,13 +116,8 @@ class SessionCompensation:
 
 
 def _settings(gating: Gating, dt: float) -> Settings:
-    return Settings(
-        dt=dt,
-        filter_uncertain=gating.gated,
-        sigma_threshold=gating.sigma_threshold,
-        kappa=gating.kappa,
-        decay_time=gating.decay_time,
-    )
+    gate = {"sigma_threshold": gating.sigma_threshold, "kappa": gating.kappa, "decay_time": gating.decay_time}
+    return Settings(dt=dt, filter_uncertain=gating.gated, **gate)
 
 
 def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
@@ -133,6 +128,5 @@ def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     kinds = {axis.split("_")[0] for axis in gp.outputs}
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
     gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
-    return Compensation(
-        name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, of_process(caveats(gp, model))
-    )
+    notes = of_process(caveats(gp, model))
+    return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes)

@@ -137,14 +137,12 @@ class WorkingModel:
 
     def usable(self, model: Model, flight: str) -> WrenchModel:
         """The model without effects that need what the flight's log lacks."""
-        records = self.opened[flight].records
-        kept = tuple(e for e in model.effects if inapplicable(e.name, model, records) is None)
-        return WrenchModel(model.vehicle, kept)
+        lacking = {one.effect for one in self.lacking(flight, model)}
+        return WrenchModel(model.vehicle, tuple(e for e in model.effects if e.name not in lacking))
 
-    def lacking(self, flight: str) -> tuple[Untried, ...]:
-        """Effects of the model that cannot be evaluated on a flight."""
-        records = self.opened[flight].records
-        reasons = (inapplicable(e.name, self.model, records) for e in self.model.effects)
+    def lacking(self, flight: str, model: Model) -> tuple[Untried, ...]:
+        """Effects of a model that cannot be evaluated on a flight."""
+        reasons = (inapplicable(e.name, model, self.opened[flight].records) for e in model.effects)
         return tuple(reason for reason in reasons if reason is not None)
 
     def left_of(self, model: Model, flight: str) -> Array:

@@ -40,7 +40,6 @@ MOST_CANDIDATES, MOST_LATER = 12, 6
 """Candidates that are listed of the first step of the search, and of later ones."""
 MOST_RIVALS = 4
 MOST_INPUTS = 8
-SHOWN_BY = ("effect", "what shows it")
 
 Content = Mapping[str, Any]
 
@@ -207,9 +206,7 @@ def _maps(found: Where) -> dict[str, Any]:
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
         "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
-        "grid": Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale.")
-        if grid
-        else None,
+        "grid": grid and Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale."),
         "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
 
@@ -222,22 +219,16 @@ def of_residual(report: Report, _: Repetition) -> Content:
         for part, values in found.budget.shares().items()
     ]
     alt = "Of the nominal error energy: " + ", ".join(f"{r[0]} {r[1]}" for r in rows)
-    white = [
-        [
-            a.axis.replace("_", " "),
-            where.autocorrelation_in_words(a),
-            where.crosscorrelation_in_words(found.whiteness.strongest(a.axis)),
-        ]
-        for a in found.whiteness.autocorrelation
-    ]
+    white = [[axis.replace("_", " "), *words] for axis, *words in where.whiteness_in_words(found.whiteness)]
     inputs = [
         [g.label, "yes" if g.chosen else "no", share(g.alone), share(g.lost), f"{g.significance:.1f}"]
         for g in found.relevance.groups[:MOST_INPUTS]
     ]
+    heads = ("input", "chosen", "alone", "lost without them", "t")
+    caption = "Shares of the residual's variance on held-out time that the inputs predict."
+    energy = "What the nominal error energy is made of, by axis."
     return {
-        "budget": Image.of(
-            where_figures.budget_figure(found), alt, "What the nominal error energy is made of, by axis."
-        ),
+        "budget": Image.of(where_figures.budget_figure(found), alt, energy),
         "shares": Table(("part", "all axes", *AXIS_HEADS), rows),
         "white": Table(("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
         "correlations": Image.of(
@@ -245,12 +236,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
             "Autocorrelation of the residual, and its strongest correlation with an input.",
             "Grey: what filtered sensor noise would show, and its band.",
         ),
-        "inputs": Table(
-            ("input", "chosen", "alone", "lost without them", "t"),
-            inputs,
-            left=2,
-            caption="Shares of the residual's variance on held-out time that the inputs predict.",
-        ),
+        "inputs": Table(heads, inputs, left=2, caption=caption),
     }
 
 
@@ -266,7 +252,7 @@ def of_next(report: Report, _: Repetition) -> Content:
 
 
 def _shown_by(names: Sequence[str]) -> Table:
-    return Table(SHOWN_BY, [[name, find(name).excited_by] for name in names], left=2)
+    return Table(("effect", "what shows it"), [[name, find(name).excited_by] for name in names], left=2)
 
 
 def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
@@ -301,10 +287,9 @@ def of_repetition(report: Report, repetition: Repetition) -> Content:
         for v, changed in history.steps(model)
     ]
     heads = ("version", "date", "what changed", "fitted to")
-    inputs = [[i.role, i.file, i.sha256] for i in repetition.inputs]
     return {
         "commands": "\n".join(repetition.commands),
-        "inputs": Table(("input", "file", "SHA-256"), inputs, left=3, code=(2,)),
+        "inputs": Table(("input", "file", "SHA-256"), repetition.inputs, left=3, code=(2,)),
         "options": Table(("option", "value"), repetition.options, left=2),
         "versions": Table(("package", "version"), repetition.versions, left=2),
         "history": Table(heads, versions, left=4, caption=f"Versions of {model.name}.") if versions else None,
