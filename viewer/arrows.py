@@ -111,7 +111,7 @@ class Arrows:
                 spread = SPREAD * self._size * (rank // len(KINDS))
                 points = components(vector, spread) if frames else beside(vector, spread)
                 handle.points = (points + self._vehicle.body.com_B).astype(np.float32)
-            _set_visible(handle, seen)
+            set_visible(handle, seen)
             if (kind, name) in self.clouds:
                 sigma = flight.sigma[name][index, part] * (scale.force if kind == "force" else scale.torque)
                 self._cloud(self.clouds[kind, name], vector, sigma, seen and ("sigma", "") in shown)
@@ -124,7 +124,7 @@ class Arrows:
         if seen:
             handle.position = self._vehicle.body.com_B + tip
             handle.scale = tuple(float(s) for s in np.maximum(np.nan_to_num(SIGMAS * sigma), 0.01 * self._size))
-        _set_visible(handle, seen)
+        set_visible(handle, seen)
 
     def _thrust(self, flight: Scene, index: int, scale: Scale, seen: bool) -> None:
         """One arrow per rotor from its hub along its thrust direction."""
@@ -138,7 +138,7 @@ class Arrows:
             hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * normal
             tip = hub + normal * (thrust * scale.thrust)[:, None]
             self.thrusts.points = np.stack((hub, tip), axis=1).astype(np.float32)
-        _set_visible(self.thrusts, seen)
+        set_visible(self.thrusts, seen)
 
     def _worth(self, vector: Array) -> bool:
         return bool(np.isfinite(vector).all()) and float(np.linalg.norm(vector)) > LEAST * self._size
@@ -154,7 +154,7 @@ def thickness(size: float, share: float) -> dict[str, float]:
     return {"shaft_radius": share * size, "head_radius": 2.4 * share * size, "head_length": 6.5 * share * size}
 
 
-def _set_visible(handle: Any, seen: bool) -> None:
+def set_visible(handle: Any, seen: bool) -> None:
     """Assign only what changes: every assignment is a message."""
     if handle.visible != seen:
         handle.visible = seen

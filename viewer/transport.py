@@ -132,8 +132,7 @@ class Transport(Part):
 
     def _wanted(self) -> tuple[float, float]:
         """The range for the chosen zoom, with the cursor in its middle where that is possible."""
-        start, stop = self._cursor.start, self._cursor.stop
-        zoom = self.zoom.value
+        start, stop, zoom = self._cursor.start, self._cursor.stop, self.zoom.value
         both = sorted(self.host.view.marks.values())
         if zoom == "A to B" and len(both) == 2 and both[1] > both[0]:
             return both[0], both[1]
@@ -150,9 +149,8 @@ class Transport(Part):
         if not left <= time <= right and self.zoom.value.endswith(" s"):
             width = right - left
             behind = AHEAD * width if self._cursor.playing else 0.5 * width
-            first = float(
-                np.clip(time - behind, self._cursor.start, max(self._cursor.stop - width, self._cursor.start))
-            )
+            last = max(self._cursor.stop - width, self._cursor.start)
+            first = float(np.clip(time - behind, self._cursor.start, last))
             self._range = (first, first + width)
             self._board.look(self.plotted)
 

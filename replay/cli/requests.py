@@ -86,15 +86,8 @@ class Run:
         """Flights of `logs` and of `unseen`, opened for a model; `how` as in `learn.data.opening.open_flights`."""
         from wrenchgap.learn.data.opening import open_flights
 
-        every = open_flights(
-            [*logs, *(unseen or ())],
-            model,
-            topics=reading.topics,
-            cutoff_hz=reading.cutoff_hz,
-            between=reading.part,
-            shifts=reading.shifts,
-            **how,
-        )
+        how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
+        every = open_flights([*logs, *(unseen or ())], model, cutoff_hz=reading.cutoff_hz, **how)
         flights, tests = every[: len(logs)], every[len(logs) :]
         self._logs += [*((one, "log") for one in flights), *((one, "validation") for one in tests)]
         return flights, tests

@@ -154,6 +154,7 @@ def replay(
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
+        filtered = [(r.time, r.commanded) for r in opened.records]
         wrenches, notes = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
     return Replay(
         flight=flight,
@@ -165,9 +166,7 @@ def replay(
         time=series.time,
         wrench=series.wrench_B,
         logged=at_stamps(series.time, [] if logged is None else pieces(logged)),
-        logged_filtered=at_stamps(
-            series.time, [] if logged is None else [(r.time, r.commanded) for r in opened.records]
-        ),
+        logged_filtered=at_stamps(series.time, [] if logged is None else filtered),
         **wrenches,
         steps=steps,
         conditioning=condition,

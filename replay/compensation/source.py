@@ -18,11 +18,8 @@ Source = Literal["desired", "commanded"]
 
 def checked(source: str | None) -> Source | None:
     """The source by name; raises UsageError on another word."""
-    for name in get_args(Source):
-        if name == source:
-            return cast(Source, name)
-    if source is None:
-        return None
+    if source is None or source in get_args(Source):
+        return cast(Source | None, source)
     raise UsageError(f"--source {source}: expected {' or '.join(get_args(Source))}")
 
 

@@ -125,7 +125,7 @@ def _reason(direction: Direction) -> str:
 
 def directions(design: Design) -> list[tuple[str, ...]]:
     """Rows for a table: truth, imitator, separations before, expected and simulated, imitated share, where it shows."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for d, old in _pairs(design):
         telling = f"{AXES[d.telling]}, {d.left[d.telling] / d.noise[d.telling]:.1f} x noise" if d.told else "-"
         before, after = ((_cosine(one.cosine), separation(one.separation)) for one in (old, d))

@@ -70,21 +70,15 @@ def parts(found: Explanation) -> list[Part]:
     rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
     behind = "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
     out.append(before_after(f"held-out time of the given logs{behind}", rows, found.reduction))
-    out += _validation_parts(found.validation)
+    if tested := found.validation:
+        rows, title = [("rms before", tested.before), ("rms after", tested.after)], ", ".join(tested.comparison.flights)
+        out.append(before_after(f"unseen: {title}", rows, tested.reduction))
+        out += note_lines(validation_warnings(tested), "warning")
     if found.dropped:
         out.append(Line(f"found on the way, then dropped or replaced: {', '.join(found.dropped)}"))
-    out += [
-        Line(f"not tried: {', '.join(names)}: {reason}", "dim") for reason, names in not_tried(found.untried).items()
-    ]
+    lacking = not_tried(found.untried).items()
+    out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
     return [*out, *note_lines(sentences(note for f in found.flights for note in f.notes))]
-
-
-def _validation_parts(tested: Validation | None) -> list[Part]:
-    if tested is None:
-        return []
-    rows = [("rms before", tested.before), ("rms after", tested.after)]
-    title = f"unseen: {', '.join(tested.comparison.flights)}"
-    return [before_after(title, rows, tested.reduction), *note_lines(validation_warnings(tested), "warning")]
 
 
 def validation_warnings(tested: Validation) -> list[str]:
@@ -104,7 +98,8 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    named = " and ".join(_member(found, m) for m in found.members)
+    members = [f"{_with_values(found, m.name)}, confidence {100 * found.confidence(m):.0f} %" for m in found.members]
+    named = " and ".join(members)
     residual = _largest_residual(found)
     if found.verdict is Verdict.NOTHING:
         return f"Nothing is missing that these logs can show. {residual}"
@@ -115,11 +110,6 @@ def summary(found: Explanation) -> str:
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f" Indistinguishable on these logs: {groups}." if groups else ""
     return f"Explained by {named}.{alike} {residual}"
-
-
-def _member(found: Explanation, member: Member) -> str:
-    """Name with values, and the confidence."""
-    return f"{_with_values(found, member.name)}, confidence {100 * found.confidence(member):.0f} %"
 
 
 def _clue(found: Explanation) -> str:
@@ -237,15 +227,9 @@ def ranking(title: str, step: Step, most: int | None = None) -> Table:
     for candidate in step.candidates[:most]:
         mark = "*" if candidate.name == step.chosen else "=" if candidate.name in alike else ""
         limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
-        out.add_row(
-            mark,
-            candidate.name,
-            f"{candidate.score:.3f}",
-            *reductions(candidate.reduction),
-            f"{candidate.significance:.1f}",
-            escape(parameters_in_words(candidate.values)) + limit,
-            style="bold" if mark == "*" else "",
-        )
+        numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
+        words = escape(parameters_in_words(candidate.values)) + limit
+        out.add_row(mark, candidate.name, *numbers, words, style="bold" if mark == "*" else "")
     return out
 
 
@@ -308,26 +292,18 @@ def _candidate_json(candidate: Candidate) -> dict[str, Any]:
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:
-    listed = [
-        {"flight": flight, "ranges": [{**r.__dict__, "outside": r.outside} for r in found]}
-        for flight, found in tested.ranges
-    ]
     body = comparison.to_json(tested.comparison)
+    ranges = [(flight, [{**vars(r), "outside": r.outside} for r in found]) for flight, found in tested.ranges]
+    listed = [{"flight": flight, "ranges": found} for flight, found in ranges]
     return {**body, "fall": tested.reduction, "ranges": listed, "warnings": validation_warnings(tested)}
 
 
 def to_frame(found: Explanation) -> pd.DataFrame:
     """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
-    rows = [
-        {
-            "effect": c.name,
-            "named": c.name in found.effects,
-            "score": c.score,
-            "t": c.significance,
-            "evidence": c.evidence,
-            **{f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)},
-            "parameters": parameters_in_words(c.values),
-        }
-        for c in found.ranking
-    ]
+    rows = []
+    for c in found.ranking:
+        numbers = entries(c, "score", "t=significance", "evidence")
+        axes = {f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)}
+        words = {"parameters": parameters_in_words(c.values)}
+        rows.append({"effect": c.name, "named": c.name in found.effects, **numbers, **axes, **words})
     return pd.DataFrame(rows)

@@ -43,8 +43,7 @@ def topics(seen: Inspection) -> Table:
     title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
     common = _namespace([t.topic for t in seen.topics])
     first = f"topic in\n{common}" if common else "topic"
-    heads = (first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out")
-    out = table(title, *heads, left=3)
+    out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
     for t in seen.topics:
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)

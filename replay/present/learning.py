@@ -26,18 +26,11 @@ from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reduc
 def parts(learnt: Learnt) -> list[Part]:
     """Errors beside the alternatives, standard deviations, calibration, conditioning, what to do."""
     gp = learnt.gp
-    out: list[Part] = [
-        Line(
-            f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart) on top of "
-            f"{gp.provenance.physics}"
-        )
-    ]
+    points = f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart)"
+    out: list[Part] = [Line(f"{points} on top of {gp.provenance.physics}")]
     tested = (("training", learnt.training), ("unseen", learnt.validation))
     out += [_prediction(title, result) for title, result in tested if result is not None]
-    sigmas = [
-        (name, *row((prior, seen)))
-        for name, prior, seen in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)
-    ]
+    sigmas = [(name, *row(pair)) for name, *pair in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)]
     heads = ("output", "far from the data", "99 % of the training samples below")
     out += [plain("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
     low, middle, high = learnt.real_min
@@ -71,16 +64,10 @@ def _prediction(title: str, result: Comparison) -> Table:
 
 
 def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
-    rows = [
-        (
-            ", ".join(("command", *one.settings.inputs)),
-            one.settings.inference,
-            *row(one.rms),
-            share(one.gain) if k else "asked for",
-            "best" if one.settings == found.best else "",
-        )
-        for k, one in enumerate(found.tried)
-    ]
+    rows = []
+    for k, one in enumerate(found.tried):
+        inputs, best = ", ".join(("command", *one.settings.inputs)), "best" if one.settings == found.best else ""
+        rows.append((inputs, one.settings.inference, *row(one.rms), share(one.gain) if k else "asked for", best))
     heads = ("inputs", "inference", *outputs, "reduction", "")
     return plain("rms on held-out time, with other inputs", heads, rows, left=2)
 

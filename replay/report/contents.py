@@ -222,6 +222,3 @@ def _next_flights(found: Explanation, fitted: Model, progress: Progress) -> Iter
             yield NextFlight(group, design(group[:MOST_COMPARED], fitted, flights=found.flights, progress=progress))
         except WrenchgapError as error:
             yield NextFlight(group, None, str(error))
-
-
-__all__ = ["Absent", "NextFlight", "OnNominal", "OnOtherModel", "Report", "Rest", "report"]

@@ -9,11 +9,12 @@ import numpy as np
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import caveats, compensator
 from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual, read_recording
+from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.panels import compensated, reflown
 from wrenchgap.replay.session.worker import apart
@@ -116,8 +117,9 @@ class SessionCompensation:
 
 
 def _settings(gating: Gating, dt: float) -> Settings:
-    gate = {"sigma_threshold": gating.sigma_threshold, "kappa": gating.kappa, "decay_time": gating.decay_time}
-    return Settings(dt=dt, filter_uncertain=gating.gated, **gate)
+    threshold, slope, decay = gating.sigma_threshold, gating.kappa, gating.decay_time
+    gate = Settings(sigma_threshold=threshold, kappa=slope, decay_time=decay)
+    return replace(gate, dt=dt, filter_uncertain=gating.gated)
 
 
 def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:

@@ -59,12 +59,8 @@ class FailurePanel(Panel):
             self.shown.on_update(host.guarded(lambda _: self._draw()))
             self.map = gui.add_html("")
             self.parts = gui.add_html("")
-            self.work = JobControls(
-                host,
-                "What would a Gaussian process explain?",
-                self._ask,
-                "Fits a small one on other blocks of time than those on which it is judged; takes some seconds.",
-            )
+            hint = "Fits a small one on other blocks of time than those on which it is judged; takes some seconds."
+            self.work = JobControls(host, "What would a Gaussian process explain?", self._ask, hint)
             self.links = Links(host)
 
     def opened(self, scene: Scene) -> None:
@@ -80,9 +76,7 @@ class FailurePanel(Panel):
         if self.failure is None or self.failure.flight != name:
             self.failure, self.parts.content = None, ""
             self.map.content = markup.render("sentences", lines=[f"looking at {name} ..."], look="wg-pale")
-        self._looking = self.host.background(
-            lambda report: self.failures.of(name), lambda share, words: None, self._show
-        )
+        self._looking = self.host.background(lambda _: self.failures.of(name), lambda *_: None, self._show)
 
     def _show(self, failure: Failure) -> None:
         """Draw what was found."""

@@ -39,13 +39,11 @@ class ScenePanel(Panel):
                 self.force = self._box("forces", "force")
                 self.torque = self._box("torques", "torque")
                 self.frames = self._box("as frames", "frames", "components along the body's axes, not one arrow")
-                self.uncertainty = self._box(
-                    "3 sigma", "uncertainty", "ellipsoids at the tips of predictions whose uncertainty is known"
-                )
+                hint = "ellipsoids at the tips of predictions whose uncertainty is known"
+                self.uncertainty = self._box("3 sigma", "uncertainty", hint)
                 self.thrust = self._box("rotor thrusts", "thrust")
-                self.lengths = [
-                    self._length(k, f"{name} length") for k, name in enumerate(("force", "torque", "thrust"))
-                ]
+                kinds = ("force", "torque", "thrust")
+                self.lengths = [self._length(k, f"{name} length") for k, name in enumerate(kinds)]
             with gui.add_folder("flight"):
                 self.reference = self._box("reference", "reference")
                 self.path = self._box("path", "path")
@@ -93,7 +91,7 @@ class ScenePanel(Panel):
             slider.value = factor
         self.ghost.value, self.shift.value = view.ghost, view.ghost_shift
         motion = self.ghost_of(view.ghost)
-        self._drawing.motion = None if motion is None else _later(motion, view.ghost_shift)
+        self._drawing.motion = motion and replace(motion, time=motion.time + view.ghost_shift)
         if shown.follow != self._follows:
             self._follows = shown.follow
             position = self.host.scene.position_E[self.host.cursor.index]
@@ -172,7 +170,7 @@ class ScenePanel(Panel):
         self.mode = gui.add_button_group("camera", (FOLLOWING, FIXED), hint="key F")
         self.mode.on_click(guarded(lambda _: self.follow(self.mode.value == FOLLOWING)))
         self.view = gui.add_button_group("look from", (*DIRECTIONS, "all"), hint="keys 1 to 5")
-        self.view.on_click(guarded(lambda event: self.look(self.view.value, _only(event.client))))
+        self.view.on_click(guarded(lambda event: self.look(self.view.value, event.client and [event.client])))
         command("Follow the vehicle, or stay", lambda: self.follow(not self._follows), "F")
         for key, direction in enumerate((*DIRECTIONS, "all"), start=1):
             command(f"Look from: {direction}", partial(self.look, direction), str(key))
@@ -199,17 +197,7 @@ class ScenePanel(Panel):
         motion = self.ghost_of(self.host.view.ghost)
         if motion is None:
             self.host.notify("Choose a second vehicle first.", "warning")
-            return
-        delay = delay_between(motion, self.host.scene.motion)
-        if delay is None:
+        elif (delay := delay_between(motion, self.host.scene.motion)) is None:
             self.host.notify("The two flights never move alike, so they cannot be aligned.", "warning")
-            return
-        self._see(ghost_shift=round(delay, 3))
-
-
-def _only(client: Any) -> Any:
-    return None if client is None else [client]
-
-
-def _later(motion: Motion, seconds: float) -> Motion:
-    return motion if seconds == 0.0 else replace(motion, time=motion.time + seconds)
+        else:
+            self._see(ghost_shift=round(delay, 3))

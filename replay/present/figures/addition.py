@@ -27,19 +27,15 @@ def picture(added: Addition) -> style.Picture:
 
 
 def _draw(added: Addition, panels: Any) -> None:
-    rows = [("before", "0.6", added.rms_before), ("after", style.MODELS[0], added.rms_after)]
-    noise = None
+    before, after, noise = added.rms_before, added.rms_after, None
     if added.trial is not None:
-        rows = [("before", "0.6", added.trial.before), ("after", style.MODELS[0], added.trial.after)]
-        noise = added.trial.noise
-    bars_by_axis(panels, rows, noise)
-    before, after = rows[0][2], rows[1][2]
+        before, after, noise = added.trial.before, added.trial.after, added.trial.noise
+    bars_by_axis(panels, [("before", "0.6", before), ("after", style.MODELS[0], after)], noise)
     for k in range(6):
         words = change(float(after[k] / max(before[k], 1e-30)) - 1.0)
+        look = {"ha": "center", "fontsize": style.SMALL, "color": style.MODELS[0]}
         place = (k % 3 + 0.2, float(after[k]))
-        panels[k // 3].annotate(
-            words, place, (0, 2), textcoords="offset points", ha="center", fontsize=style.SMALL, color=style.MODELS[0]
-        )
+        panels[k // 3].annotate(words, place, (0, 2), textcoords="offset points", **look)
 
 
 def bars_by_axis(panels: Any, rows: list[tuple[str, str, Array]], noise: Array | None) -> None:

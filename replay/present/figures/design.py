@@ -70,9 +70,8 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
     time = np.linspace(cut, design.trajectory.duration - cut, len(added))
     panel.plot(time, added, color=style.MEASURED, lw=1.1, label=f"{d.truth} adds")
     panel.plot(time, imitated, color=style.MODELS[1], lw=1.1, label=f"best imitation by {d.imitator}")
-    panel.fill_between(
-        time, added, imitated, color=style.MODELS[1], alpha=0.2, lw=0, label="difference that separates them"
-    )
+    look = {"color": style.MODELS[1], "alpha": 0.2, "lw": 0}
+    panel.fill_between(time, added, imitated, **look, label="difference that separates them")
     style.band(panel, [cut, design.trajectory.duration - cut], float(d.noise[d.telling]), "± 1 sigma of the noise")
     style.labelled(panel, *style.QUANTITIES[d.telling])
     found = f"separation {d.separation:.1f} expected, {design.simulated(d.truth, d.imitator):.1f} simulated"
@@ -84,9 +83,8 @@ def _manoeuvres(panels: Any, design: Design) -> None:
     """Where one ends and the next begins, with their names on top."""
     starts = np.linspace(REST, design.trajectory.duration - REST, len(design.segments) + 1)
     for start, segment in zip(starts, design.segments, strict=False):
-        panels[0].annotate(
-            str(segment), (start, 1.02), xycoords=("data", "axes fraction"), fontsize=style.SMALL, va="bottom"
-        )
+        place = {"xycoords": ("data", "axes fraction"), "va": "bottom"}
+        panels[0].annotate(str(segment), (start, 1.02), **place, fontsize=style.SMALL)
     for panel in panels:
         for start in starts:
             panel.axvline(start, color="0.6", lw=0.7, ls="--", zorder=0)

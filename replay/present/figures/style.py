@@ -162,19 +162,9 @@ def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
     room = panel.get_position().width * figure.get_size_inches()[0] * 72.0
     widths = np.array([(0.55 * len(name) + 3.4) * SMALL for name in once])
     fitting = [n for n in range(1, len(once) + 1) if sum(max(widths[k::n]) for k in range(n)) <= 1.25 * room]
-    panel.legend(
-        once.values(),
-        once.keys(),
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.2 + 1.3 * above,
-        borderpad=0.1,
-        ncols=max(fitting, default=1),
-        fontsize=SMALL,
-        frameon=False,
-        handlelength=1.6,
-        columnspacing=1.2,
-    )
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2 + 1.3 * above, "borderpad": 0.1}
+    look = {"fontsize": SMALL, "frameon": False, "handlelength": 1.6, "columnspacing": 1.2}
+    panel.legend(once.values(), once.keys(), ncols=max(fitting, default=1), **place, **look)
 
 
 def curve(

@@ -171,9 +171,8 @@ def _draw_grid(panels: Any, where: Where) -> None:
         return
     x_name, x_unit = grid.x_label.removesuffix("]").split(" [")
     y_name, y_unit = grid.y_label.removesuffix("]").split(" [")
-    for panel, values, word, unit in zip(
-        panels, (grid.force, grid.torque), ("force", "torque"), ("N", "Nm"), strict=True
-    ):
+    drawn_in = ((panels[0], grid.force, "force", "N"), (panels[1], grid.torque, "torque", "Nm"))
+    for panel, values, word, unit in drawn_in:
         drawn = panel.pcolormesh(grid.y_edges, grid.x_edges, values, cmap="viridis", vmin=0.0)
         bar = panel.get_figure(root=False).colorbar(drawn, ax=panel)
         style.labelled(bar.ax, f"{word} residual, rms", unit, size=style.SMALL)

@@ -103,9 +103,5 @@ def _fitted_model(report: Report, command: str) -> str:
     """The text of the model file that `wrenchgap add` would write; the given one's where nothing was named."""
     if not report.explanation.effects:
         return dumps(report.model)
-    added = report.addition
-    return dumps(
-        next_version(
-            report.model, added.model, command=command, path=Path(FITTED), flights=added.logs, trial=added.trial
-        )
-    )
+    model, added, path = report.model, report.addition, Path(FITTED)
+    return dumps(next_version(model, added.model, command=command, path=path, flights=added.logs, trial=added.trial))

@@ -9,7 +9,7 @@ from typing import Any
 from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.identify.search import LIKE, Candidate, Member, Step
+from wrenchgap.learn.identify.search import LIKE, Candidate, Step
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
@@ -106,30 +106,24 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     return {
         "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
         "first": _candidates("First step, each effect alone", shown),
-        "later": [(_step_title(s), _candidates("", s.candidates[:MOST_LATER])) for s in found.steps if s.on],
+        "later": [_later(step) for step in found.steps if step.on],
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
         "dropped": ", ".join(found.dropped),
     }
 
 
-def _step_title(step: Step) -> str:
+def _later(step: Step) -> tuple[str, Table]:
     then = f"{step.chosen} is next" if step.chosen else "no further effect stands out"
-    return f"On top of {', '.join(step.on)}: {then}"
+    return f"On top of {', '.join(step.on)}: {then}", _candidates("", step.candidates[:MOST_LATER])
 
 
 def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
-    rows = [
-        [
-            c.name,
-            parameters_in_words(c.values) + (" (implausible: at its limit)" if c.implausible else ""),
-            share(c.score),
-            *(change(-float(v)) for v in c.reduction),
-            f"{c.evidence:.2f}",
-            f"{c.significance:.1f}",
-        ]
-        for c in candidates
-    ]
+    rows = []
+    for c in candidates:
+        words = parameters_in_words(c.values) + (" (implausible: at its limit)" if c.implausible else "")
+        falls = [change(-float(v)) for v in c.reduction]
+        rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
     legend = (
         "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: "
         f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANT:g}."
@@ -139,12 +133,11 @@ def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
 
 
 def _members(found: Explanation) -> Table | None:
-    if not found.members:
-        return None
-    rows = [
-        [m.name, f"{100 * found.confidence(m):.0f} %", share(m.share), f"{m.significance:.1f}", _rivals(m)]
-        for m in found.members
-    ]
+    rows = []
+    for m in found.members:
+        sure, listed = f"{100 * found.confidence(m):.0f} %", m.rivals[:MOST_RIVALS]
+        rivals = ", ".join(f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in listed)
+        rows.append([m.name, sure, share(m.share), f"{m.significance:.1f}", rivals or "none near"])
     caption = (
         "Each named effect was taken out again, and others were tried in its place; two effects with a separation "
         f"below {INDISTINCT:g} and a cosine above {LIKE:g} are indistinguishable on these flights. Confidence: the "
@@ -153,12 +146,7 @@ def _members(found: Explanation) -> Table | None:
         "against the set without it."
     )
     heads = ("effect", "confidence", "share", "t", "tried in its place (separation)")
-    return Table(heads, rows, texts=(4,), caption=caption)
-
-
-def _rivals(member: Member) -> str:
-    listed = [f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in member.rivals[:MOST_RIVALS]]
-    return ", ".join(listed) or "none near"
+    return Table(heads, rows, texts=(4,), caption=caption) if rows else None
 
 
 def of_parameters(report: Report, _: Repetition) -> Content:
@@ -169,9 +157,8 @@ def of_parameters(report: Report, _: Repetition) -> Content:
     for (name, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):
         low, high = (number(float(value + side * INTERVAL * std)) for side in (-1.0, 1.0))
         limits = f"{number(p.low)} to {number(p.high)}" + (" !" if f"{name}.{p.name}" in fitted.at_bound else "")
-        first = name if name != last else ""
+        first, last = name if name != last else "", name
         rows.append([first, p.name, unit(p.unit), number(float(value), 4), f"{low} to {high}", limits])
-        last = name
     caption = (
         "All effects of the model, fitted together to all given logs. The intervals follow from the scatter between "
         "blocks of time, as neighbouring samples are not independent; a standard deviation is never below "
