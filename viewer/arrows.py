@@ -18,6 +18,7 @@ SIGMAS = 3.0
 THICK = {"force": 0.014, "torque": 0.022}
 SPREAD = 0.055
 """Thickness of arrows, and how far those of different wrenches stand apart, in sizes of the vehicle."""
+CLOUD = {"radius": 1.0, "opacity": 0.28, "cast_shadow": False, "receive_shadow": False, "visible": False}
 LEAST = 1e-3
 """An arrow shorter than this share of the vehicle is not drawn."""
 
@@ -87,15 +88,7 @@ class Arrows:
             (kind, name): self._arrows(f"{kind}/{name}", colour_of(name), THICK[kind]) for kind, name in wrenches
         }
         self.clouds = {
-            (kind, name): self._scene.add_icosphere(
-                f"{self._root}/sigma/{kind}/{name}",
-                radius=1.0,
-                color=colour_of(name),
-                opacity=0.28,
-                cast_shadow=False,
-                receive_shadow=False,
-                visible=False,
-            )
+            (kind, name): self._scene.add_icosphere(f"{self._root}/sigma/{kind}/{name}", color=colour_of(name), **CLOUD)
             for kind, name in wrenches
             if name in flight.sigma
         }

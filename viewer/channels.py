@@ -86,7 +86,6 @@ class ChannelPicker:
         return self._read.get(self.host.scene.name, {})
 
     def _offer(self) -> None:
-        """Offer the names that contain what the filter says."""
         known, wanted = self._known(), self.filter.value.strip().lower()
         found = [name for name in known if wanted in name.lower()][:LISTED]
         self.choice.options = found or (NONE,)

@@ -204,11 +204,9 @@ class Page(Host):
         self._draw()
 
     def _caption(self) -> Caption:
-        """What belongs below a picture of the scene."""
         return self.scene_panel.legend_rows(), self.drawing.scale.words().split(", ")
 
     def _show(self) -> None:
-        """Move everything to the cursor."""
         with self.lock, self.server.atomic():
             self._draw()
             self.board.move(self.cursor.time, quick=self.cursor.playing)

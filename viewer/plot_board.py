@@ -159,7 +159,8 @@ class Board:
                 edge = viser.uplot.Series(label="3 sigma", stroke=faint, width=0.5, points={"show": False})
                 bands.append(viser.uplot.Band(series=pair, fill=css(line.colour, 0.16), dir=-1))
                 series += [edge, edge]
-        sync, drag = {"key": "wrenchgap", "scales": ("x", None)}, {"x": False, "y": False, "setScale": False}
+        sync: Any = {"key": "wrenchgap", "scales": ("x", None)}
+        drag: Any = {"x": False, "y": False, "setScale": False}
         return self._gui.add_uplot(
             data,
             tuple(series),

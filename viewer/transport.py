@@ -64,14 +64,9 @@ class Transport(Part):
         start, stop = _rounded(float(scene.time[0])), _rounded(float(scene.time[-1]))
         self.slider.remove()
         with self._slot:
-            self.slider = self.host.gui.add_slider(
-                "time [s]",
-                start,
-                max(stop, start + RESOLUTION),
-                RESOLUTION,
-                float(np.clip(_rounded(self._cursor.time), start, stop)),
-                marks=tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop),
-            )
+            at, end = float(np.clip(_rounded(self._cursor.time), start, stop)), max(stop, start + RESOLUTION)
+            marks = tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop)
+            self.slider = self.host.gui.add_slider("time [s]", start, end, RESOLUTION, at, marks=marks)
         self.slider.on_update(self.host.guarded(self._dragged))
         places = sorted((*scene.worst, *scene.gaps), key=lambda s: s.start)
         self._stretches = {f"{s.start:.2f} s: {s.words}": s for s in places}
@@ -182,7 +177,6 @@ class Transport(Part):
             self.set_marks(self.host.view.marks, not self.host.view.loop)
 
     def _keys(self) -> None:
-        """Commands of the palette (ctrl-K) with their keys."""
         command = self.host.command
         command("Play or pause", self.toggle, "space")
         command("Step back", lambda: self._step(-1), "J")

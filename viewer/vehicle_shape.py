@@ -111,28 +111,17 @@ class VehicleShape:
             self._rotors(node, arm)
 
     def _rotors(self, node: str, arm: int) -> None:
-        """Discs of the rotors on an arm, on one mast."""
         rotors = self._vehicle.rotors
         if rotors is None:
             return
         for rotor in np.flatnonzero(rotors.arm == arm):
             offset, radius = float(rotors.offset[rotor]), float(rotors.radius[rotor])
             colour = SPIN[0 if rotors.spin[rotor] > 0 else 1]
-            self._scene.add_cylinder(
-                f"{node}/disc{rotor}",
-                radius=radius,
-                height=0.012 * self.size,
-                position=(0.0, 0.0, offset),
-                **self._look(colour, 0.45),
-            )
-            self._scene.add_cylinder(
-                f"{node}/motor{rotor}",
-                radius=0.05 * self.size,
-                height=max(abs(offset), 0.05 * self.size),
-                radial_segments=16,
-                position=(0.0, 0.0, 0.5 * offset),
-                **self._look(HULL),
-            )
+            disc = {"radius": radius, "height": 0.012 * self.size, "position": (0.0, 0.0, offset)}
+            self._scene.add_cylinder(f"{node}/disc{rotor}", **disc, **self._look(colour, 0.45))
+            mast = {"radius": 0.05 * self.size, "height": max(abs(offset), 0.05 * self.size), "radial_segments": 16}
+            middle = (0.0, 0.0, 0.5 * offset)
+            self._scene.add_cylinder(f"{node}/motor{rotor}", **mast, position=middle, **self._look(HULL))
             if self._ghost is None:
                 self._turning(f"{node}/turning{rotor}", offset, radius, float(rotors.spin[rotor]), colour)
 

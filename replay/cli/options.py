@@ -34,10 +34,7 @@ def complete_models(incomplete: str) -> list[str]:
 
 
 def complete_effects(incomplete: str) -> list[tuple[str, str]]:
-    """Effects of the catalogue, with the first line of what they are.
-
-    Read from the sources, not imported: a tab must answer at once.
-    """
+    """Effects of the catalogue with their first line; read from the sources, because a tab must answer at once."""
     found = []
     for path in sorted((_ROOT / "plant" / "effects").glob("*.py")):
         for item in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -50,10 +47,8 @@ def complete_effects(incomplete: str) -> list[tuple[str, str]]:
 def _class_name(item: ast.stmt) -> str:
     """The text that a class gives to its attribute `name`, or nothing."""
     for line in item.body if isinstance(item, ast.ClassDef) else ():
-        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
-            target = line.targets[0]
-            if isinstance(target, ast.Name) and target.id == "name":
-                return str(line.value.value)
+        if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]) == "name":
+            return str(line.value.value) if isinstance(line.value, ast.Constant) else ""
     return ""
 
 
@@ -62,12 +57,10 @@ def complete_trajectories(incomplete: str) -> list[str]:
     if "/" in incomplete or incomplete.endswith(".toml"):
         return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
     source = ast.parse((_ROOT / "plant" / "trajectory" / "__init__.py").read_text(encoding="utf-8"))
-    for item in source.body:
-        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name) and item.target.id == "TRAJECTORIES":
-            keys = item.value.keys if isinstance(item.value, ast.Dict) else []
-            names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
-            return [name for name in names if name.startswith(incomplete)]
-    return []
+    tables = [i.value for i in source.body if isinstance(i, ast.AnnAssign) and ast.unparse(i.target) == "TRAJECTORIES"]
+    keys = [key for table in tables if isinstance(table, ast.Dict) for key in table.keys]
+    names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def complete_topics(incomplete: str) -> list[str]:
@@ -198,8 +191,7 @@ def many(*options: str) -> type[TyperCommand]:
 
 def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
     """`--from a b -m c` as `--from a --from b -m c`."""
-    current = ""
-    fresh = False
+    current, fresh = "", False
     for arg in args:
         if arg.startswith("-") and len(arg) > 1:
             current, fresh = (arg if arg in options else ""), True

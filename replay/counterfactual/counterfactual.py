@@ -182,8 +182,7 @@ class Counterfactual(Result):
             flight.Named("/correction", time, self.changed.commanded - self.changed.desired),
         ]
         for what in ("sigma", "beta", "cost", "iterations") if steps else ():
-            values = np.array([float(getattr(step, what)) for step in steps])
-            named.append(flight.Named(f"/{what}", time, values))
+            named.append(flight.Named(f"/{what}", time, np.array([float(getattr(step, what)) for step in steps])))
         return tuple(named)
 
 

@@ -112,7 +112,6 @@ def sentence(design: Design) -> str:
 
 
 def _reason(direction: Direction) -> str:
-    """Why a direction cannot be told."""
     if not np.any(direction.added > 0):
         return f"{direction.truth} of this size changes nothing that is measured"
     if direction.share < LEAST_SHARE:

@@ -113,7 +113,6 @@ def summary(found: Explanation) -> str:
 
 
 def _clue(found: Explanation) -> str:
-    """What is known about what is not in the catalogue."""
     clues = []
     if found.oscillation is not None:
         words = oscillation_in_words(found.oscillation)
@@ -288,7 +287,7 @@ def _left_json(found: Explanation) -> dict[str, Any]:
 
 def _candidate_json(candidate: Candidate) -> dict[str, Any]:
     names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
-    return entries(candidate, *names, "implausible")
+    return {**entries(candidate, *names, "implausible"), "parameters": values_json(candidate.values)}
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:

@@ -95,7 +95,6 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
 
 
 def _values(found: Explanation, name: str) -> tuple[Value, ...]:
-    """Parameters of a named effect, as fitted together with the others."""
     rows = zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
     return tuple(
         Value(p.name, p.unit, float(v), float(std), p.low, p.high, p.scale) for (n, p), v, std in rows if n == name
@@ -103,7 +102,6 @@ def _values(found: Explanation, name: str) -> tuple[Value, ...]:
 
 
 def _trace(step: Step) -> str:
-    """One step of the search."""
     on = f"on top of {', '.join(step.on)}" if step.on else "on the current model"
     if step.chosen is None:
         return f"{on}: no further effect stands out"

@@ -151,7 +151,6 @@ def _map(dependence: Dependence) -> Table:
 
 
 def _others(result: Where) -> Table:
-    """All quantities in one line each."""
     rows = []
     for d in result.failure_map.dependences:
         sure = "yes" if d.significant else "no"
@@ -167,7 +166,6 @@ def whiteness_in_words(white: Whiteness) -> list[tuple[str, str, str]]:
 
 
 def _relevance(relevant: Relevance) -> Table:
-    """Groups of inputs: what they explain on held-out time."""
     rows = [
         (g.step or "", g.label, share(g.alone), share(g.lost), f"{g.significance:.1f}", *map(share, g.alone_axes))
         for g in relevant.groups

@@ -178,7 +178,6 @@ def report(
 
 
 def _part(progress: Progress, start: float, stop: float, prefix: str = "") -> Progress:
-    """Progress of a part of the work."""
     return lambda fraction, words: progress(start + (stop - start) * fraction, prefix + words)
 
 
@@ -214,11 +213,9 @@ def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: St
 
 def _next_flights(found: Explanation, fitted: Model, progress: Progress) -> Iterator[NextFlight]:
     """For each group the flight that separates its first few members."""
-    for number, group in enumerate(found.groups):
-        if number >= MOST_DESIGNED:
-            yield NextFlight(group, None)
-            continue
+    for group in found.groups[:MOST_DESIGNED]:
         try:
             yield NextFlight(group, design(group[:MOST_COMPARED], fitted, flights=found.flights, progress=progress))
         except WrenchgapError as error:
             yield NextFlight(group, None, str(error))
+    yield from (NextFlight(group, None) for group in found.groups[MOST_DESIGNED:])

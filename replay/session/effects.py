@@ -162,7 +162,6 @@ class SessionEffects:
         return (here,) if held_out is None else (here, held_out)
 
     def _raw(self, basis: Basis, flights: list[str]) -> Staircase:
-        """Errors of the models as they were after each step."""
         working = self.working
         residuals = (np.concatenate([working.left_of(model, f) for f in flights]) for model in self._models())
         return panels.staircase(staircase(basis, working.data(*flights), residuals, working.revisions[-1].order))
@@ -178,7 +177,6 @@ class SessionEffects:
         return out
 
     def _fitted_flights(self) -> set[str]:
-        """Names of open flights to which any effect of the model was fitted."""
         used = {sha for e in self.working.model.effects for _, sha in e.provenance.logs}
         return {name for name, one in self.working.opened.items() if one.flight.content_hash in used}
 

@@ -185,6 +185,5 @@ def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, s
 
 
 def _worst(data: Dataset, residual: Array) -> tuple[Stretch, ...]:
-    """The worst seconds, and what the vehicle was doing there."""
     parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
     return tuple(Stretch(s.start, s.stop, panels.doing(s)) for s in worst_stretches(data.records, parts, data.weights))

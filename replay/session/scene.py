@@ -122,7 +122,6 @@ def _tilt(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | N
 
 
 def _thrust(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
-    """Thrusts of all rotors as commanded, None where the model has none."""
     known = [r for r in records if r.commands.tilt is not None and r.commands.rotor_speed is not None]
     if vehicle.rotors is None or not known:
         return None
@@ -157,7 +156,6 @@ def _tracking(scene: Scene, pose: bool) -> tuple[Series, ...]:
 
 
 def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
-    """Tilt angles and rotor speeds, as commanded."""
     found = []
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T

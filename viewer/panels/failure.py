@@ -79,14 +79,12 @@ class FailurePanel(Panel):
         self._looking = self.host.background(lambda _: self.failures.of(name), lambda *_: None, self._show)
 
     def _show(self, failure: Failure) -> None:
-        """Draw what was found."""
         self.failure, self.budget = failure, failure.budget
         for k in range(len(VIEWS)):
             self._most.setdefault((failure.flight, k), _largest(failure, k))
         self._draw()
 
     def _ask(self) -> None:
-        """Let a process say what it would explain."""
         name = self.host.scene.name
 
         def done(found: tuple[Budget, ...]) -> None:
@@ -147,7 +145,6 @@ class FailurePanel(Panel):
         return Scale(k, most, 1e3 if milli else 1.0, f"m{UNITS[k]}" if milli else UNITS[k], decimals)
 
     def _budget(self) -> str:
-        """What the nominal model's error is made of."""
         rows = []
         for row in self.budget:
             shares = {name: getattr(row, name) or 0.0 for name, _, _ in PARTS}
@@ -163,7 +160,6 @@ class FailurePanel(Panel):
 
 
 def _largest(failure: Failure, k: int) -> float:
-    """The largest rms of any cell in a view."""
     grid = () if failure.grid is None else failure.grid.rows
     cells = [c for q in failure.quantities for c in q.cells] + [c for row in grid for c in row if c is not None]
     return max((float(c.rms[k]) for c in cells), default=1.0)

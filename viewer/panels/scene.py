@@ -176,7 +176,6 @@ class ScenePanel(Panel):
             command(f"Look from: {direction}", partial(self.look, direction), str(key))
 
     def _box(self, label: str, name: str, hint: str | None = None) -> Any:
-        """A switch for an entry of `Shown`."""
         box = self.host.gui.add_checkbox(label, bool(getattr(self.host.view.shown, name)), hint=hint)
         box.on_update(self.host.guarded(lambda _: self._switch(**{name: box.value})))
         return box

@@ -147,7 +147,6 @@ def demo(
 
 
 def _result(run: Run, found: dict[str, Any]) -> None:
-    """The closing tables: torque error by model, attitude error by run."""
     from wrenchgap.replay.present.tables import table
 
     run.line()

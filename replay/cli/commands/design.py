@@ -104,7 +104,6 @@ def design(
 
 
 def _limits(vehicle: Vehicle, room: str | None, tilt_deg: float | None, speed: float) -> Limits:
-    """The usual limits of a vehicle, changed as the options say."""
     from dataclasses import replace
 
     import numpy as np

@@ -80,7 +80,6 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
 
 
 def _manoeuvres(panels: Any, design: Design) -> None:
-    """Where one ends and the next begins, with their names on top."""
     starts = np.linspace(REST, design.trajectory.duration - REST, len(design.segments) + 1)
     for start, segment in zip(starts, design.segments, strict=False):
         place = {"xycoords": ("data", "axes fraction"), "va": "bottom"}

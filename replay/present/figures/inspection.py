@@ -46,7 +46,6 @@ def _draw(seen: LogReport, panels: Any) -> None:
 
 
 def _rate(panel: Any, series: Series, duration: float) -> None:
-    """Messages per second in windows, gaps shaded."""
     count = max(1, min(WINDOWS, int(duration / SHORTEST)))
     found, edges = np.histogram(series.time, bins=np.linspace(0.0, max(duration, 1e-3), count + 1))
     rate = found / np.diff(edges)

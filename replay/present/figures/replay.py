@@ -44,7 +44,6 @@ def _draw(replay: Replay, axes: Any) -> None:
 
 
 def _wrenches(panel: Any, replay: Replay, k: int) -> None:
-    """Raw commands, as sent, beside filtered measurement and predictions."""
     drawn = (
         (replay.wrench, style.COMMANDED, replay.source),
         (replay.steps.commanded, REPLAYED, "with correction"),

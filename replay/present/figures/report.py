@@ -40,7 +40,6 @@ def picture(report: Report) -> style.Picture:
 
 
 def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
-    """Bars, as shares of the nominal error; the noise dashed."""
     names = [*map(label, cases[0].falling), "sensor noise"]
     place = np.arange(len(names))
     width = 0.8 / len(cases)
@@ -59,7 +58,6 @@ def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
 
 
 def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
-    """Rms on a logarithmic scale; dashed: the noise."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     unit = unit_of(axis)

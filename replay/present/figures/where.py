@@ -86,8 +86,7 @@ def _shown(where: Where) -> tuple[Dependence, ...]:
 
 
 def _draw_budget(panel: Any, where: Where) -> None:
-    shares, whole = where.budget.shares(), where.budget.whole()
-    place = np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
+    shares, whole, place = where.budget.shares(), where.budget.whole(), np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
     above, below = np.zeros(len(place)), np.zeros(len(place))
     for part in PARTS:
         if part == "physics" and not where.budget.physics.any():
@@ -157,7 +156,6 @@ def _sides(panel: Any) -> None:
 
 
 def _title(dependence: Dependence) -> str:
-    """How much of the error depends on the quantity, and whether that is significant."""
     if not dependence.significant:
         return "no significant dependence"
     return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"

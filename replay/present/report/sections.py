@@ -243,7 +243,6 @@ def _shown_by(names: Sequence[str]) -> Table:
 
 
 def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
-    """The designed flight, its expected gain, and a file to save."""
     title, shown_by = f"To separate {' from '.join(flight.names)}", _shown_by(flight.names)
     found = flight.design
     if found is None:
