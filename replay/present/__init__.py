@@ -69,9 +69,7 @@ def to_frame(result: Any) -> Any:
 
 def plot(result: Any, axes: Any = None) -> Any:
     """A result drawn into axes (new ones where none are given), which are returned."""
-    from wrenchgap.replay.present import figures
-
-    return figures.plot(result, axes)
+    return import_module(f"{__name__}.figures").plot(result, axes)
 
 
 def _module(result: Any) -> Any:

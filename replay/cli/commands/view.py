@@ -42,6 +42,7 @@ def view(
 
     Example: `wrenchgap view train.mcap test.mcap -m tilt_hexarotor --gp torque.gp`
     """
+    # Long because typer reads the options from the signature, one a line.
     import threading
     import webbrowser
 
