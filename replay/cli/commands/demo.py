@@ -124,8 +124,8 @@ def demo(
         raise o.usage_error(f"{output}: is a file, expected a folder; choose another with -o")
     if output.is_dir() and any(output.iterdir()) and not force:
         raise o.usage_error(f"{output}: is not empty; choose another folder with -o, or say --force to write into it")
-    run, root = Run(json=json and json.resolve(), force=force), ctx.find_root()
-    run.claim({"--json": json})
+    run, root = Run(json=json, force=force), ctx.find_root()
+    run.claim({})
     output.mkdir(parents=True, exist_ok=True)
 
     with contextlib.chdir(output):
@@ -142,7 +142,6 @@ def demo(
     _result(run, found)
     run.line(f"figures: {output / 'effect.png'}, {output / 'torque.png'}; logs and results: {output}")
     run.write("demo", found)
-    run.json = json
     run.wrote()
 
 
