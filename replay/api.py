@@ -12,9 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from wrenchgap.compensate import Compensator, Settings
-from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.write import write
+from wrenchgap.flight import Flight, UsageError, write
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.measurement import CUTOFF_HZ

@@ -9,16 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.viewer.background import Report as Report
-from wrenchgap.viewer.scene import Array, Motion, Stretch
+from wrenchgap.viewer.scene import Motion, Stretch
 
 VIEWS = ("all axes", "force", "torque", *AXES)
 """What an error may be looked at: everything on one scale [N], the norms of force [N] and torque [Nm], one axis."""
 UNITS = ("N", "N", "Nm", *("N" if axis.startswith("force") else "Nm" for axis in AXES))
-
-
-# --- failure ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -98,9 +95,6 @@ class Failures(Protocol):
 
     def full_budget(self, flight: str, report: Report) -> tuple[Budget, ...]:
         """The budget with what a Gaussian process would explain; takes seconds."""
-
-
-# --- effects ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -262,9 +256,6 @@ class Effects(Protocol):
         """Search for the flight that tells these effects apart; takes long."""
 
 
-# --- compensation -----------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Gating:
     """Settings of the compensation: on or off; sigma_th and kappa of the gate, decay time [s] of what is withheld.
@@ -312,9 +303,8 @@ class Reflown:
 class Compensations(Protocol):
     """What the compensation panel asks."""
 
-    @property
-    def setting(self) -> Compensation | None:
-        """The compensation as it is set, None without a GP."""
+    setting: Compensation | None
+    """The compensation as it is set, None without a GP."""
 
     def set(self, gating: Gating) -> None:
         """Change it; what was replayed with other settings is forgotten."""

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.viewer.colours import THRUST, Colour, colour_of
 from wrenchgap.viewer.scene import Scene
-
-Array = NDArray[np.float64]
 
 KINDS = ("force", "torque")
 SIGMAS = 3.0
@@ -20,6 +18,7 @@ SIGMAS = 3.0
 THICK = {"force": 0.014, "torque": 0.022}
 SPREAD = 0.055
 """Thickness of arrows, and how far those of different wrenches stand apart, in sizes of the vehicle."""
+CLOUD = {"radius": 1.0, "opacity": 0.28, "cast_shadow": False, "receive_shadow": False, "visible": False}
 LEAST = 1e-3
 """An arrow shorter than this share of the vehicle is not drawn."""
 
@@ -89,15 +88,7 @@ class Arrows:
             (kind, name): self._arrows(f"{kind}/{name}", colour_of(name), THICK[kind]) for kind, name in wrenches
         }
         self.clouds = {
-            (kind, name): self._scene.add_icosphere(
-                f"{self._root}/sigma/{kind}/{name}",
-                radius=1.0,
-                color=colour_of(name),
-                opacity=0.28,
-                cast_shadow=False,
-                receive_shadow=False,
-                visible=False,
-            )
+            (kind, name): self._scene.add_icosphere(f"{self._root}/sigma/{kind}/{name}", color=colour_of(name), **CLOUD)
             for kind, name in wrenches
             if name in flight.sigma
         }
@@ -113,7 +104,7 @@ class Arrows:
                 spread = SPREAD * self._size * (rank // len(KINDS))
                 points = components(vector, spread) if frames else beside(vector, spread)
                 handle.points = (points + self._vehicle.body.com_B).astype(np.float32)
-            _set_visible(handle, seen)
+            set_visible(handle, seen)
             if (kind, name) in self.clouds:
                 sigma = flight.sigma[name][index, part] * (scale.force if kind == "force" else scale.torque)
                 self._cloud(self.clouds[kind, name], vector, sigma, seen and ("sigma", "") in shown)
@@ -126,7 +117,7 @@ class Arrows:
         if seen:
             handle.position = self._vehicle.body.com_B + tip
             handle.scale = tuple(float(s) for s in np.maximum(np.nan_to_num(SIGMAS * sigma), 0.01 * self._size))
-        _set_visible(handle, seen)
+        set_visible(handle, seen)
 
     def _thrust(self, flight: Scene, index: int, scale: Scale, seen: bool) -> None:
         """One arrow per rotor from its hub along its thrust direction."""
@@ -140,7 +131,7 @@ class Arrows:
             hub = arms.position_B[rotors.arm] + rotors.offset[:, None] * normal
             tip = hub + normal * (thrust * scale.thrust)[:, None]
             self.thrusts.points = np.stack((hub, tip), axis=1).astype(np.float32)
-        _set_visible(self.thrusts, seen)
+        set_visible(self.thrusts, seen)
 
     def _worth(self, vector: Array) -> bool:
         return bool(np.isfinite(vector).all()) and float(np.linalg.norm(vector)) > LEAST * self._size
@@ -156,7 +147,7 @@ def thickness(size: float, share: float) -> dict[str, float]:
     return {"shaft_radius": share * size, "head_radius": 2.4 * share * size, "head_length": 6.5 * share * size}
 
 
-def _set_visible(handle: Any, seen: bool) -> None:
+def set_visible(handle: Any, seen: bool) -> None:
     """Assign only what changes: every assignment is a message."""
     if handle.visible != seen:
         handle.visible = seen

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "oblique": (-3.5, -4.0, 2.5),

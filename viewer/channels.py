@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import CHANNELS, Plot, channel_plot
-from wrenchgap.viewer.scene import Array
 from wrenchgap.viewer.session import ReadChannels
 from wrenchgap.viewer.view_state import ViewState
 
@@ -86,7 +86,6 @@ class ChannelPicker:
         return self._read.get(self.host.scene.name, {})
 
     def _offer(self) -> None:
-        """Offer the names that contain what the filter says."""
         known, wanted = self._known(), self.filter.value.strip().lower()
         found = [name for name in known if wanted in name.lower()][:LISTED]
         self.choice.options = found or (NONE,)

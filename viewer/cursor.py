@@ -8,9 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 FRAME_RATE = 30.0
 """Updates per second while playing [Hz]."""

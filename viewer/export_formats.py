@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.colours import Colour
 from wrenchgap.viewer.plots import Plot
-
-Array = NDArray[np.float64]
 
 TEXT: Colour = (60, 66, 74)
 

@@ -3,44 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any, Literal, Protocol, TypeVar
 
-from wrenchgap.viewer.background import Job, Report
+from wrenchgap.flight.flight import Array
+from wrenchgap.viewer.background import Job, Report, start, told
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.scene import Array, Motion, Scene
+from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.view_state import ViewState
 
 T = TypeVar("T")
 Kind = Literal["info", "warning", "error"]
 Callback = Callable[[Any], None]
+KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
 
 
 class Host(Protocol):
     """The page as its parts see it. All but `background`'s work happens under the page's lock.
 
-    Callbacks of controls go through `guarded`, so that what a user typed wrong becomes a message and not a traceback.
+    `gui` are viser's controls (new ones go where the present `with` says), `session` is whom to ask about flights and
+    models, `scene`, `cursor` and `view` are the flight that is shown, its instant, and what is seen of it. Callbacks of
+    controls go through `guarded`, so that what a user typed wrong becomes a message and not a traceback.
     """
 
-    @property
-    def gui(self) -> Any:
-        """Viser's controls, which has no types: new ones go where the present `with` says."""
-
-    @property
-    def session(self) -> Session:
-        """Whom to ask about flights and models."""
-
-    @property
-    def scene(self) -> Scene:
-        """The flight that is shown."""
-
-    @property
-    def cursor(self) -> Cursor:
-        """The instant that is shown."""
-
-    @property
-    def view(self) -> ViewState:
-        """What is seen of it."""
+    server: Any
+    lock: AbstractContextManager[Any]
+    gui: Any
+    tabs: Any
+    session: Session
+    scene: Scene
+    cursor: Cursor
+    view: ViewState
+    _jobs: list[Job]
 
     def show(self, view: ViewState) -> None:
         """Let this be seen instead, as far as the flight has it: every part follows."""
@@ -50,30 +45,6 @@ class Host(Protocol):
 
     def restore(self, view: ViewState, client: Any = None) -> None:
         """Show a view that was saved."""
-
-    def tab(self, label: str) -> Any:
-        """A new tab of the control panel, as a context to put controls into."""
-
-    def command(self, label: str, act: Callable[[], Any], hotkey: Any = None, modifier: Any = None) -> None:
-        """A command of the palette (ctrl-K), with a key where one is given."""
-
-    def guarded(self, callback: Callback) -> Callback:
-        """`callback` under the page's lock; what it raises is told to the user and does not end the page."""
-
-    def background(
-        self,
-        function: Callable[[Report], T],
-        on_progress: Report,
-        on_done: Callable[[T], None],
-        on_error: Callable[[Exception], None] | None = None,
-    ) -> Job:
-        """Do long work beside the page: `function(report)` on a thread, the others under the page's lock."""
-
-    def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:
-        """Tell all clients something, in a corner of the page."""
-
-    def fail(self, error: Exception) -> None:
-        """Tell all clients what went wrong."""
 
     def refresh(self) -> None:
         """Ask the session for the flight again after the model changed; the cursor stays where it is."""
@@ -86,3 +57,49 @@ class Host(Protocol):
 
     def curve(self, name: str, points: Array | None, colour: tuple[int, int, int]) -> None:
         """Draw a curve (N, 3) [m] in E under a name; None takes it away."""
+
+    def tab(self, label: str) -> Any:
+        """A new tab of the control panel, as a context to put controls into."""
+        return self.tabs.add_tab(label)
+
+    def command(self, label: str, act: Callable[[], Any], hotkey: Any = None, modifier: Any = None) -> None:
+        """A command of the palette (ctrl-K), with a key where one is given."""
+        handle = self.gui.add_command(label, hotkey=hotkey, modifier=modifier)
+        handle.on_trigger(self.guarded(lambda _: act()))
+
+    def guarded(self, callback: Callback) -> Callback:
+        """`callback` under the page's lock; what it raises is told to the user and does not end the page."""
+
+        def run(event: Any) -> None:
+            try:
+                with self.lock, self.server.atomic():
+                    callback(event)
+            except Exception as error:  # the boundary between the page and whatever a user may do
+                self.fail(error)
+
+        return run
+
+    def background(
+        self,
+        function: Callable[[Report], T],
+        on_progress: Report,
+        on_done: Callable[[T], None],
+        on_error: Callable[[Exception], None] | None = None,
+    ) -> Job:
+        """Do long work beside the page: `function(report)` on a thread, the others under the page's lock.
+
+        `function` may call `report(share, words)`; `on_done` gets its result, `on_error` what it raised (default: the
+        user is told). `cancel()` of the job ends it at its next report.
+        """
+        job = start(function, on_progress, on_done, on_error or self.fail, self.lock)
+        self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
+        return job
+
+    def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:
+        """Tell all clients something, in a corner of the page."""
+        for client in self.server.get_clients().values():
+            client.add_notification("wrenchgap", text, color=KINDS[kind], auto_close_seconds=seconds)
+
+    def fail(self, error: Exception) -> None:
+        """Tell all clients what went wrong."""
+        self.notify(told(error), "error", 15.0)

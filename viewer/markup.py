@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.viewer.analysis import Candidate, Value
-from wrenchgap.viewer.scene import Array
 from wrenchgap.viewer.sliders import finer
 
 TEMPLATES = Path(__file__).parent / "templates"

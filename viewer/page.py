@@ -9,18 +9,24 @@ All clients see one state: controls, cursor and scene are the server's, only the
 
 from __future__ import annotations
 
+import io
+import socket
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import redirect_stdout
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
+import viser
 
-from wrenchgap.viewer import background, markup
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.host import Callback, Kind
+from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel, Part
 from wrenchgap.viewer.panels import PANELS
 from wrenchgap.viewer.panels.export import Caption, ExportPanel
@@ -28,37 +34,35 @@ from wrenchgap.viewer.panels.notes import NotesPanel
 from wrenchgap.viewer.panels.scene import ScenePanel
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import GROUPS, plots_of
-from wrenchgap.viewer.scene import Array, Motion, Scene
+from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import Drawing
-from wrenchgap.viewer.serving import exposed, serve
 from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.transport import ZOOMS, Transport
 from wrenchgap.viewer.view_state import ViewState
 
-__all__ = ["Page", "exposed"]
-
-T = TypeVar("T")
-
-KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+PORTS = 20
+"""Ports that are tried, one after the other."""
 CONTROLS, PLOTS = 350, 505
 """Widths of the panels on the right and on the left [px]."""
 ENDING = 2.0
 """How long the page waits for cancelled work when it stops [s]."""
 
 
-class Page:
-    """The page of one session, served from construction to `stop`; the `Host` of its parts."""
+class Page(Host):
+    """The page of one session, served from construction to `stop`."""
 
     def __init__(
         self, session: Session, host: str = "127.0.0.1", port: int = 8080, panels: Sequence[type[Panel]] = PANELS
     ) -> None:
         self.session = session
-        self.server: Any = serve(host, port)
+        self.server = serve(host, port)
+        self.gui = self.server.gui
         self.lock = threading.RLock()
         self.cursor = Cursor(self.lock)
         self.view = ViewState(zoom=ZOOMS[0], speed="1")
         self.scene = session.scene(session.flights[0])
-        self._jobs: list[background.Job] = []
+        self._jobs = []
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)
@@ -74,22 +78,6 @@ class Page:
     def url(self) -> str:
         """Where to find it."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
-
-    @property
-    def gui(self) -> Any:
-        """Viser's controls."""
-        return self.server.gui
-
-    def tab(self, label: str) -> Any:
-        """A new tab of the control panel, as a context to put controls into."""
-        return self._tabs.add_tab(label)
-
-    def command(self, label: str, act: Callable[[], Any], hotkey: Any = None, modifier: Any = None) -> None:
-        """A command of the palette (ctrl-K), with a key where one is given."""
-        handle = self.server.gui.add_command(label, hotkey=hotkey, modifier=modifier)
-        handle.on_trigger(self.guarded(lambda _: act()))
-
-    # ------------------------------------------------------------ what is shown
 
     def open(self, name: str) -> None:
         """Show another flight from its start; switches, plots, range and speed stay."""
@@ -153,45 +141,6 @@ class Page:
         """Draw a curve (N, 3) [m] in E under a name; None takes it away."""
         self.drawing.curve(name, points, colour)
 
-    # ------------------------------------------------------------ words and work
-
-    def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:
-        """Tell all clients something, in a corner of the page."""
-        for client in self.server.get_clients().values():
-            client.add_notification("wrenchgap", text, color=KINDS[kind], auto_close_seconds=seconds)
-
-    def fail(self, error: Exception) -> None:
-        """Tell all clients what went wrong."""
-        self.notify(background.told(error), "error", 15.0)
-
-    def background(
-        self,
-        function: Callable[[background.Report], T],
-        on_progress: background.Report,
-        on_done: Callable[[T], None],
-        on_error: Callable[[Exception], None] | None = None,
-    ) -> background.Job:
-        """Do long work beside the page: `function(report)` on a thread, the others under the page's lock.
-
-        `function` may call `report(share, words)`; `on_done` gets its result, `on_error` what it raised (default: the
-        user is told). `cancel()` of the job ends it at its next report.
-        """
-        job = background.start(function, on_progress, on_done, on_error or self.fail, self.lock)
-        self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
-        return job
-
-    def guarded(self, callback: Callback) -> Callback:
-        """`callback` under the page's lock; what it raises is told to the user and does not end the page."""
-
-        def run(event: Any) -> None:
-            try:
-                with self.lock, self.server.atomic():
-                    callback(event)
-            except Exception as error:  # the boundary between the page and whatever a user may do
-                self.fail(error)
-
-        return run
-
     def stop(self) -> None:
         """Stop playing and serving."""
         for job in self._jobs:
@@ -214,7 +163,7 @@ class Page:
         for group in GROUPS:
             self.board.tab(group)
         self.channels = ChannelPicker(self, self.board, self.session.capabilities.channels)
-        self._tabs = gui.add_tab_group()
+        self.tabs = gui.add_tab_group()
         self.scene_panel = ScenePanel(self, self.drawing, self.cameras)
         of_session = [found for panel in panels if (found := panel.of(self)) is not None]
         last = (ExportPanel(self, self.board, self._caption), NotesPanel(self))
@@ -255,11 +204,9 @@ class Page:
         self._draw()
 
     def _caption(self) -> Caption:
-        """What belongs below a picture of the scene."""
         return self.scene_panel.legend_rows(), self.drawing.scale.words().split(", ")
 
     def _show(self) -> None:
-        """Move everything to the cursor."""
         with self.lock, self.server.atomic():
             self._draw()
             self.board.move(self.cursor.time, quick=self.cursor.playing)
@@ -274,3 +221,33 @@ class Page:
         """The last client has gone: nobody watches, so nothing plays."""
         if not self.server.get_clients():
             self.transport.playing(False)
+
+
+def exposed(host: str) -> bool:
+    """Whether other machines could reach a page that is bound to this address."""
+    return host not in LOOPBACK
+
+
+def free_port(host: str, port: int) -> int:
+    """`port`, or the next one of a few that nobody listens on; any free one for 0. Raises UsageError without one.
+
+    Asked beforehand, because viser waits for ever on an address that cannot be had.
+    """
+    reason = ""
+    for candidate in [port] if port == 0 else range(port, min(port + PORTS, 65536)):
+        try:
+            family, *_, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, socket.SOCK_STREAM) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+                return int(probe.getsockname()[1])
+        except OSError as error:
+            reason = error.strerror or str(error)
+    raise UsageError(f"--host {host} --port {port}: cannot listen there: {reason}; choose others")
+
+
+def serve(host: str, port: int) -> Any:
+    """A viser server on this host and port, or the next free one."""
+    port = free_port(host, port)
+    with redirect_stdout(io.StringIO()):  # viser announces itself
+        return viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)

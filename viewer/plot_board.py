@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from wrenchgap.flight.decimate import envelope
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.scene import Stretch
-
-Array = NDArray[np.float64]
 
 HEIGHT = 128
 """Of a chart [px]."""
@@ -144,10 +142,8 @@ class Board:
             chart.put("marks", content)
 
     def _made(self, plot: Plot) -> Chart:
-        empty = self._gui.add_html
-        head, marks, cursor = empty(_head(plot, np.nan, ())), empty(""), empty("")
-        data, scales = self._data(plot)
-        return Chart(plot, head, marks, cursor, self._chart(plot, data, scales))
+        head, marks, cursor = map(self._gui.add_html, (_head(plot, np.nan, ()), "", ""))
+        return Chart(plot, head, marks, cursor, self._chart(plot, *self._data(plot)))
 
     def _send(self, chart: Chart) -> None:
         chart.chart.data, chart.chart.scales = self._data(chart.plot)
@@ -159,21 +155,19 @@ class Board:
             colour = css(line.colour)
             series.append(viser.uplot.Series(label=line.name, stroke=colour, width=line.width, points={"show": False}))
             if line.sigma is not None:
-                edge = viser.uplot.Series(label="3 sigma", stroke=css(line.colour, 0.25), width=0.5)
-                edge["points"] = {"show": False}
-                bands.append(
-                    viser.uplot.Band(series=(len(series), len(series) + 1), fill=css(line.colour, 0.16), dir=-1)
-                )
+                faint, pair = css(line.colour, 0.25), (len(series), len(series) + 1)
+                edge = viser.uplot.Series(label="3 sigma", stroke=faint, width=0.5, points={"show": False})
+                bands.append(viser.uplot.Band(series=pair, fill=css(line.colour, 0.16), dir=-1))
                 series += [edge, edge]
+        sync: Any = {"key": "wrenchgap", "scales": ("x", None)}
+        drag: Any = {"x": False, "y": False, "setScale": False}
         return self._gui.add_uplot(
             data,
             tuple(series),
             bands=tuple(bands) or None,
             scales=scales,
             axes=({"size": X_AXIS, "ticks": TICKS}, {"size": Y_AXIS, "space": 20, "ticks": TICKS}),
-            cursor=viser.uplot.Cursor(
-                sync={"key": "wrenchgap", "scales": ("x", None)}, drag={"x": False, "y": False, "setScale": False}
-            ),
+            cursor=viser.uplot.Cursor(sync=sync, drag=drag),
             legend=viser.uplot.Legend(show=False),
             height=HEIGHT,
             padding=(4, RIGHT, 0, 0),
@@ -189,11 +183,8 @@ class Board:
         start, stop = self.view.start, self.view.stop
         time, values = envelope(plot.time, np.stack(rows), start, stop)
         within = values[:, (time >= start) & (time <= stop)]
-        low, high = _limits(within)
-        return (time, *values), {
-            "x": viser.uplot.Scale(time=False, range=(start, stop)),
-            "y": viser.uplot.Scale(range=(low, high)),
-        }
+        x, y = viser.uplot.Scale(time=False, range=(start, stop)), viser.uplot.Scale(range=_limits(within))
+        return (time, *values), {"x": x, "y": y}
 
 
 def _limits(values: Array) -> tuple[float, float]:
@@ -244,8 +235,5 @@ def _over(stretches: Sequence[tuple[float, float, str]], uprights: Sequence[tupl
 
 def _stretch(view: View, start: float, stop: float, colour: str) -> list[tuple[float, float, str]]:
     span = max(view.stop - view.start, 1e-9)
-    left, right = (start - view.start) / span, (stop - view.start) / span
-    if right < 0 or left > 1:
-        return []
-    left, right = max(left, 0.0), min(right, 1.0)
-    return [(100.0 * left, 100.0 * (right - left), colour)]
+    left, right = max((start - view.start) / span, 0.0), min((stop - view.start) / span, 1.0)
+    return [(100.0 * left, 100.0 * (right - left), colour)] if left <= 1.0 and right >= 0.0 else []

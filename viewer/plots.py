@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.colours import Colour, colour_of, line_colours
-from wrenchgap.viewer.scene import Scene, Series
-
-Array = NDArray[np.float64]
+from wrenchgap.viewer.scene import Scene
 
 WRENCHES, RESIDUAL, CHANNELS = "Wrench", "Residual", "Log"
 GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
@@ -65,7 +63,8 @@ class Plot:
 
 def plots_of(scene: Scene) -> list[Plot]:
     """The plots of a flight, tab by tab: torques first, because most effects show there first."""
-    return [*_wrenches(scene), *_residuals(scene), *(_series(one) for one in scene.series)]
+    series = [Plot(one.group, one.title, one.unit, one.time, _lines(one.values)) for one in scene.series]
+    return [*_wrenches(scene), *_residuals(scene), *series]
 
 
 def channel_plot(name: str, channel: tuple[Array, Array]) -> Plot:
@@ -76,8 +75,7 @@ def channel_plot(name: str, channel: tuple[Array, Array]) -> Plot:
 def _wrenches(scene: Scene) -> list[Plot]:
     plots = []
     for kind, unit, first in (("torque", "Nm", 3), ("force", "N", 0)):
-        for i, axis in enumerate(AXES):
-            column = first + i
+        for column, axis in enumerate(AXES, first):
             lines = tuple(
                 Line(name, colour_of(name), wrench[:, column], _column(scene.sigma, name, column))
                 for name, wrench in scene.wrenches.items()
@@ -105,16 +103,11 @@ def _residuals(scene: Scene) -> list[Plot]:
         left = measured - scene.wrenches[name]
         for kind, unit, part in (("torque", "Nm", left[:, 3:]), ("force", "N", left[:, :3])):
             if np.isfinite(part).any():
-                lines = _lines(AXES, part.T)
+                lines = _lines(dict(zip(AXES, part.T, strict=True)))
                 plots.append(Plot(RESIDUAL, f"{kind}: measured - {name}", unit, scene.time, lines))
     return plots
 
 
-def _series(series: Series) -> Plot:
-    lines = _lines(tuple(series.values), tuple(series.values.values()))
-    return Plot(series.group, series.title, series.unit, series.time, lines)
-
-
-def _lines(names: tuple[str, ...], values: Sequence[Array] | Array) -> tuple[Line, ...]:
-    colours = line_colours(names)
-    return tuple(Line(n, c, np.asarray(v, dtype=float)) for n, c, v in zip(names, colours, values, strict=True))
+def _lines(values: Mapping[str, Array]) -> tuple[Line, ...]:
+    colours = line_colours(tuple(values))
+    return tuple(Line(n, c, np.asarray(v, dtype=float)) for (n, v), c in zip(values.items(), colours, strict=True))

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, thickness
+from wrenchgap.viewer.arrows import KINDS, Arrows, Scale, scale_for, set_visible, thickness
 from wrenchgap.viewer.colours import BODY, GHOST, PATH, REFERENCE, Colour, colour_of
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.vehicle_shape import VehicleShape
-
-Array = NDArray[np.float64]
 
 PATH_POINTS = 3000
 """Points of a drawn path, at most."""
@@ -102,12 +100,11 @@ class Drawing:
         self.arrows.open(flight)
         for handle in self._paths:
             handle.remove()
-        self._paths = [self._path("/world/path", flight.time, flight.position_E, PATH, 1.5)]
+        self._trail = self._line("/world/trail", np.zeros((TRAIL_POINTS - 1, 2, 3)), BODY, 4.0)
+        self._paths = [self._path("/world/path", flight.time, flight.position_E, PATH, 1.5), self._trail]
         if flight.reference_position_E is not None:
             pink: Colour = (226, 140, 140)
             self._paths.append(self._path("/world/reference_path", flight.time, flight.reference_position_E, pink, 1.0))
-        self._trail = self._line("/world/trail", np.zeros((TRAIL_POINTS - 1, 2, 3)), BODY, 4.0)
-        self._paths.append(self._trail)
 
     def show(self, index: int, shown: Shown) -> None:
         """Move everything to instant `index`."""
@@ -137,7 +134,7 @@ class Drawing:
 
     def _ground(self, flight: Scene) -> None:
         lowest = float(np.nanmin(flight.position_E[:, 2])) - 1.2 * self.size
-        cell = nice(self.size)
+        cell = tidy(self.size)
         self._scene.add_grid(
             "/world/ground",
             infinite_grid=True,
@@ -151,24 +148,19 @@ class Drawing:
         )
 
     def _reference(self, flight: Scene, index: int, wanted: bool) -> None:
-        known = wanted and flight.reference_position_E is not None and flight.quat_ED is not None
-        if known:
-            assert flight.reference_position_E is not None
-            assert flight.quat_ED is not None
+        known = False
+        if wanted and flight.reference_position_E is not None and flight.quat_ED is not None:
             pose = np.concatenate((flight.reference_position_E[index], flight.quat_ED[index]))
             known = bool(np.isfinite(pose).all())
             if known:
                 self.reference.position, self.reference.wxyz = pose[:3], pose[3:]
-        if self.reference.visible != known:
-            self.reference.visible = known
+        set_visible(self.reference, known)
 
     def _show_path(self, flight: Scene, index: int, wanted: bool) -> None:
         for handle in self._paths:
-            if handle.visible != wanted:
-                handle.visible = wanted
+            set_visible(handle, wanted)
         if wanted:
-            now = float(flight.time[index])
-            first = flight.index(now - TRAIL_SECONDS)
+            first = flight.index(float(flight.time[index]) - TRAIL_SECONDS)
             rows = np.linspace(first, index, TRAIL_POINTS).round().astype(int)
             self._trail.points = _segments(flight.position_E[rows]).astype(np.float32)
 
@@ -187,33 +179,25 @@ class Drawing:
         rows = np.unique(np.searchsorted(flight.time, grid[:: max(1, -(-len(grid) // ALONG))]))
         position, quat = flight.position_E[rows], flight.quat_EB[rows]
         if shown.along == "frames":
-            self._along = [
-                self._scene.add_batched_axes(
-                    "/world/along", quat, position, axes_length=0.5 * self.size, axes_radius=0.012 * self.size
-                )
-            ]
+            axes = {"axes_length": 0.5 * self.size, "axes_radius": 0.012 * self.size}
+            self._along = [self._scene.add_batched_axes("/world/along", quat, position, **axes)]
             return
         kind, _, name = shown.along.partition(" ")
         if name not in flight.wrenches:
             return
-        vector = flight.wrenches[name][rows, :3] * self.scale.force
-        if kind == "torque":
-            vector = flight.wrenches[name][rows, 3:] * self.scale.torque
+        part, scale = (slice(3, 6), self.scale.torque) if kind == "torque" else (slice(0, 3), self.scale.force)
+        vector = flight.wrenches[name][rows, part] * scale
         known = np.isfinite(vector).all(axis=1)
         start = position[known]
         points = np.stack((start, start + so3.rotate(quat[known], vector[known])), axis=1)
         self._along = [self._scene.add_arrows("/world/along", points, colour_of(name), **thickness(self.size, 0.008))]
 
     def _show_ghost(self, time: float) -> None:
-        motion = self.motion
-        seen = motion is not None and motion.time[0] - 1e-6 <= time <= motion.time[-1] + 1e-6
-        if seen:
-            assert motion is not None
-            k = max(int(np.searchsorted(motion.time, time + 1e-9, side="right")) - 1, 0)
-            tilt = None if motion.tilt is None else motion.tilt[k]
-            self.ghost.move(motion.position_E[k], motion.quat_EB[k], tilt)
-        if self.ghost.frame.visible != seen:
-            self.ghost.frame.visible = seen
+        seen, motion = False, self.motion
+        if motion is not None and motion.time[0] - 1e-6 <= time <= motion.time[-1] + 1e-6:
+            seen, k = True, max(int(np.searchsorted(motion.time, time + 1e-9, side="right")) - 1, 0)
+            self.ghost.move(motion.position_E[k], motion.quat_EB[k], None if motion.tilt is None else motion.tilt[k])
+        set_visible(self.ghost.frame, seen)
 
     def _path(self, name: str, time: Array, position: Array, colour: Colour, width: float) -> Any:
         """A path, broken where the log has a gap."""
@@ -238,7 +222,7 @@ def _segments(points: Array) -> Array:
     return np.stack((points[:-1], points[1:]), axis=1)
 
 
-def nice(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `value`."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= value * (1.0 + 1e-9)))
+def tidy(step: float) -> float:
+    """1, 2 or 5 times a power of ten, at most `step`."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(max(m for m in (1.0, 2.0, 5.0) if m * power <= step * 1.0001) * power)

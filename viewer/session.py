@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.analysis import Compensations, Effects, Failures
 from wrenchgap.viewer.background import Report
-from wrenchgap.viewer.scene import Array, Scene
+from wrenchgap.viewer.scene import Scene
 
 ReadChannels = Callable[[str], Mapping[str, tuple[Array, Array]]]
 """All channels of a flight by name: times (N,) [s] on its clock and values (N,). May take seconds."""
@@ -35,17 +36,12 @@ class Capabilities:
 class Session(Protocol):
     """What the page may ask of every session."""
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle to draw."""
-
-    @property
-    def flights(self) -> tuple[str, ...]:
-        """Names of the flights, all different, at least one."""
-
-    @property
-    def capabilities(self) -> Capabilities:
-        """What else it can do."""
+    vehicle: Vehicle
+    """The vehicle to draw."""
+    flights: tuple[str, ...]
+    """Names of the flights, all different, at least one."""
+    capabilities: Capabilities
+    """What else it can do."""
 
     def scene(self, flight: str) -> Scene:
         """The flight of this name."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from wrenchgap.viewer.analysis import Installed, Value
 from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.scene_drawing import tidy
 
 FINER: dict[str, tuple[str, float]] = {
     "m": ("mm", 1e3),
@@ -105,9 +106,3 @@ def finer(value: Value) -> tuple[str, float]:
 def _on(step: float, value: float, low: float, high: float) -> float:
     """The place of a slider that is nearest to a value."""
     return float(np.clip(step * round(value / step), low, high))
-
-
-def tidy(step: float) -> float:
-    """1, 2 or 5 times a power of ten, at most `step`."""
-    power = 10.0 ** np.floor(np.log10(step))
-    return float(max(m for m in (1.0, 2.0, 5.0) if m * power <= step * 1.0001) * power)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.scene import Motion
-
-Array = NDArray[np.float64]
 
 STEP = 0.02
 """Of the clock on which they are compared [s]."""
@@ -25,18 +23,16 @@ def delay_between(late: Motion, fixed: Motion) -> float | None:
     a, b = _features(fixed), _features(late)
     if not (a.any() and b.any()):
         return None
-    full = len(a) + len(b) - 1
-    size = 1 << (full - 1).bit_length()
+    size = 1 << (len(a) + len(b) - 2).bit_length()
     spectrum = np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))
     products = np.fft.irfft(spectrum.sum(axis=1), size)
     lags = np.arange(-(len(b) - 1), len(a))
-    overlap = np.minimum(len(a), lags + len(b)) - np.maximum(0, lags)
     energy_a, energy_b = _energy(a), _energy(b)
     first, last = np.maximum(0, lags), np.minimum(len(a), lags + len(b))
     in_a = energy_a[last] - energy_a[first]
     in_b = energy_b[last - lags] - energy_b[first - lags]
     score = products[lags % size] / np.sqrt(np.maximum(in_a * in_b, 1e-30))
-    score[overlap < 0.5 * min(len(a), len(b))] = -np.inf
+    score[last - first < 0.5 * min(len(a), len(b))] = -np.inf
     best = int(np.argmax(score))
     if score[best] < ALIKE:
         return None

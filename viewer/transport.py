@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.panel import Part
 from wrenchgap.viewer.plot_board import Board, View
 from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.view_state import ViewState
@@ -30,11 +31,12 @@ AHEAD = 0.05
 """Share of the range that lies behind the cursor after playing has turned the page."""
 
 
-class Transport:
+class Transport(Part):
     """Reads and moves the page's cursor; says which range the plots show."""
 
     def __init__(self, host: Host, board: Board) -> None:
-        self.host, self._board, self._cursor = host, board, host.cursor
+        super().__init__(host)
+        self._board, self._cursor = board, host.cursor
         gui, guarded = host.gui, host.guarded
         self._slot = gui.add_folder(None)
         with self._slot:
@@ -62,14 +64,9 @@ class Transport:
         start, stop = _rounded(float(scene.time[0])), _rounded(float(scene.time[-1]))
         self.slider.remove()
         with self._slot:
-            self.slider = self.host.gui.add_slider(
-                "time [s]",
-                start,
-                max(stop, start + RESOLUTION),
-                RESOLUTION,
-                float(np.clip(_rounded(self._cursor.time), start, stop)),
-                marks=tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop),
-            )
+            at, end = float(np.clip(_rounded(self._cursor.time), start, stop)), max(stop, start + RESOLUTION)
+            marks = tuple((_rounded(s.start), "") for s in scene.worst if start <= s.start <= stop)
+            self.slider = self.host.gui.add_slider("time [s]", start, end, RESOLUTION, at, marks=marks)
         self.slider.on_update(self.host.guarded(self._dragged))
         places = sorted((*scene.worst, *scene.gaps), key=lambda s: s.start)
         self._stretches = {f"{s.start:.2f} s: {s.words}": s for s in places}
@@ -130,8 +127,7 @@ class Transport:
 
     def _wanted(self) -> tuple[float, float]:
         """The range for the chosen zoom, with the cursor in its middle where that is possible."""
-        start, stop = self._cursor.start, self._cursor.stop
-        zoom = self.zoom.value
+        start, stop, zoom = self._cursor.start, self._cursor.stop, self.zoom.value
         both = sorted(self.host.view.marks.values())
         if zoom == "A to B" and len(both) == 2 and both[1] > both[0]:
             return both[0], both[1]
@@ -148,9 +144,8 @@ class Transport:
         if not left <= time <= right and self.zoom.value.endswith(" s"):
             width = right - left
             behind = AHEAD * width if self._cursor.playing else 0.5 * width
-            first = float(
-                np.clip(time - behind, self._cursor.start, max(self._cursor.stop - width, self._cursor.start))
-            )
+            last = max(self._cursor.stop - width, self._cursor.start)
+            first = float(np.clip(time - behind, self._cursor.start, last))
             self._range = (first, first + width)
             self._board.look(self.plotted)
 
@@ -182,7 +177,6 @@ class Transport:
             self.set_marks(self.host.view.marks, not self.host.view.loop)
 
     def _keys(self) -> None:
-        """Commands of the palette (ctrl-K) with their keys."""
         command = self.host.command
         command("Play or pause", self.toggle, "space")
         command("Step back", lambda: self._step(-1), "J")

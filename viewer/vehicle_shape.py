@@ -9,13 +9,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Arms, Vehicle
 from wrenchgap.viewer.colours import BODY, HULL, SPIN, Colour
-
-Array = NDArray[np.float64]
 
 ARC = np.radians(np.linspace(20.0, 130.0, 12))
 """Angles of the arc on a disc that shows how it turns."""
@@ -84,17 +82,14 @@ class VehicleShape:
 
     def _hull(self) -> None:
         """A flat drum with a green nose; a ball on rotor-less vehicles, of which nothing but the size is known."""
+        size, name, look = self.size, f"{self._root}/hull", self._look(HULL)
+        radius = (0.5 if self._vehicle.arms is None else 0.24) * size
         if self._vehicle.arms is None:
-            self._scene.add_icosphere(
-                f"{self._root}/hull", radius=0.5 * self.size, scale=(1.0, 1.0, 0.5), **self._look(HULL)
-            )
-            radius = 0.5 * self.size
+            self._scene.add_icosphere(name, radius=radius, scale=(1.0, 1.0, 0.5), **look)
         else:
-            radius = 0.24 * self.size
-            self._scene.add_cylinder(f"{self._root}/hull", radius=radius, height=0.14 * self.size, **self._look(HULL))
-        self._scene.add_icosphere(
-            f"{self._root}/nose", radius=0.055 * self.size, position=(radius, 0.0, 0.0), **self._look(BODY)
-        )
+            self._scene.add_cylinder(name, radius=radius, height=0.14 * size, **look)
+        nose = {"radius": 0.055 * size, "position": (radius, 0.0, 0.0), **self._look(BODY)}
+        self._scene.add_icosphere(f"{self._root}/nose", **nose)
 
     def _arms(self, arms: Arms) -> None:
         """Tubes from the hull to the hubs, and on each hub a frame that tilts and carries the rotors."""
@@ -111,34 +106,22 @@ class VehicleShape:
                     **self._look(HULL),
                 )
             node = f"{self._root}/arm{arm}"
-            self.arms.append(
-                self._scene.add_frame(node, show_axes=False, position=place, wxyz=arm_pose(arms, arm, 0.0))
-            )
+            level = arm_pose(arms, arm, 0.0)
+            self.arms.append(self._scene.add_frame(node, show_axes=False, position=place, wxyz=level))
             self._rotors(node, arm)
 
     def _rotors(self, node: str, arm: int) -> None:
-        """Discs of the rotors on an arm, on one mast."""
         rotors = self._vehicle.rotors
         if rotors is None:
             return
         for rotor in np.flatnonzero(rotors.arm == arm):
             offset, radius = float(rotors.offset[rotor]), float(rotors.radius[rotor])
             colour = SPIN[0 if rotors.spin[rotor] > 0 else 1]
-            self._scene.add_cylinder(
-                f"{node}/disc{rotor}",
-                radius=radius,
-                height=0.012 * self.size,
-                position=(0.0, 0.0, offset),
-                **self._look(colour, 0.45),
-            )
-            self._scene.add_cylinder(
-                f"{node}/motor{rotor}",
-                radius=0.05 * self.size,
-                height=max(abs(offset), 0.05 * self.size),
-                radial_segments=16,
-                position=(0.0, 0.0, 0.5 * offset),
-                **self._look(HULL),
-            )
+            disc = {"radius": radius, "height": 0.012 * self.size, "position": (0.0, 0.0, offset)}
+            self._scene.add_cylinder(f"{node}/disc{rotor}", **disc, **self._look(colour, 0.45))
+            mast = {"radius": 0.05 * self.size, "height": max(abs(offset), 0.05 * self.size), "radial_segments": 16}
+            middle = (0.0, 0.0, 0.5 * offset)
+            self._scene.add_cylinder(f"{node}/motor{rotor}", **mast, position=middle, **self._look(HULL))
             if self._ghost is None:
                 self._turning(f"{node}/turning{rotor}", offset, radius, float(rotors.spin[rotor]), colour)
 
@@ -155,11 +138,5 @@ class VehicleShape:
             tangent = points[-1] - points[-2]
             heads.append(np.stack((points[-1], points[-1] + tangent / np.linalg.norm(tangent) * 0.26 * radius)))
         self._scene.add_line_segments(f"{node}/arc", np.concatenate(arcs), dark, thickness=0.05 * radius)
-        self._scene.add_arrows(
-            f"{node}/head",
-            np.stack(heads),
-            dark,
-            shaft_radius=0.001 * radius,
-            head_radius=0.09 * radius,
-            head_length=0.26 * radius,
-        )
+        sizes = {"shaft_radius": 0.001 * radius, "head_radius": 0.09 * radius, "head_length": 0.26 * radius}
+        self._scene.add_arrows(f"{node}/head", np.stack(heads), dark, **sizes)

@@ -43,9 +43,7 @@ class ViewState:
         """As JSON on one line."""
         content = asdict(self)
         content["shown"]["hidden"] = sorted(self.shown.hidden)
-        content["camera"] = (
-            None if self.camera is None else dict(zip(("position", "look_at"), self.camera, strict=True))
-        )
+        content["camera"] = self.camera and dict(zip(("position", "look_at"), self.camera, strict=True))
         return json.dumps({"schema": SCHEMA, **content}, ensure_ascii=False)
 
 
@@ -134,8 +132,7 @@ class _Entries:
         for name, default in vars(Shown()).items():
             if name not in value:
                 continue
-            given = value[name]
-            entry = f"shown.{name}"
+            given, entry = value[name], f"shown.{name}"
             if isinstance(default, bool):
                 found[name] = self._checked(entry, given, isinstance(given, bool), "true or false")
             elif name == "hidden":

@@ -1,4 +1,4 @@
-"""What the commands print: results on standard output, progress on standard error."""
+"""Where the commands print: results on standard output, progress on standard error."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,50 +19,13 @@ PATIENCE = 10.0
 """Seconds between lines of progress where standard error is no terminal."""
 
 
-class Printer:
-    """Prints to standard output, or nothing at all when `quiet`."""
+def console() -> Any:
+    """A rich console; wide enough for the tables, whose numbers must not be cut, on a narrow terminal too."""
+    from rich.console import Console
 
-    def __init__(self, quiet: bool = False) -> None:
-        self.quiet = quiet
-        self._console: Any = None
-
-    @property
-    def console(self) -> Any:
-        """The rich console; wide enough for the tables, whose numbers must not be cut, on a narrow terminal too."""
-        if self._console is None:
-            from rich.console import Console
-
-            known = sys.stdout.isatty() or "COLUMNS" in os.environ
-            wide = max(shutil.get_terminal_size().columns, LEAST_WIDTH) if known else 132
-            self._console = Console(width=wide, highlight=False)
-        return self._console
-
-    def show(self, *parts: Any) -> None:
-        """Print lines and tables (`replay.present.tables`)."""
-        if not self.quiet:
-            from wrenchgap.replay.present.tables import show
-
-            for part in parts:
-                show(self.console, part)
-
-    def line(self, text: str = "", style: str = "") -> None:
-        """Print one text as it is, without markup."""
-        from wrenchgap.replay.present.tables import Line
-
-        self.show(Line(text, style))
-
-    def notes(self, notes: Iterable[object], title: str = "note") -> None:
-        """Print plain sentences that a user should read."""
-        from wrenchgap.replay.present.notes import sentences
-        from wrenchgap.replay.present.tables import note_lines
-
-        self.show(*note_lines(sentences(notes), title))
-
-    def wrote(self, **files: Any) -> None:
-        """Say which files were written."""
-        for what, path in files.items():
-            if path is not None:
-                self.line(f"wrote {what.replace('_', ' ')} {path}")
+    known = sys.stdout.isatty() or "COLUMNS" in os.environ
+    wide = max(shutil.get_terminal_size().columns, LEAST_WIDTH) if known else 132
+    return Console(width=wide, highlight=False)
 
 
 @contextmanager

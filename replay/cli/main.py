@@ -21,35 +21,19 @@ import typer
 from typer.core import TyperGroup
 
 from wrenchgap.replay.cli import commands
+from wrenchgap.replay.cli.options import many
+from wrenchgap.replay.cli.requests import grouped
 
 NAME = "wrenchgap"
 ORDER = (
-    "inspect",
-    "compare",
-    "where",
-    "explain",
-    "add",
-    "remove",
-    "history",
-    "learn",
-    "report",
-    "replay",
-    "counterfactual",
-    "design",
-    "simulate",
-    "view",
-    "demo",
+    *("inspect", "compare", "where", "explain", "add", "remove", "history", "learn", "report", "replay"),
+    *("counterfactual", "design", "simulate", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""
 
 
 class Commands(TyperGroup):
     """The group of all commands, with one policy for errors."""
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """In the order in which a user meets them."""
-        names = super().list_commands(ctx)
-        return sorted(names, key=lambda n: (ORDER.index(n) if n in ORDER else len(ORDER), n))
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run, and leave with the exit code."""
@@ -87,14 +71,11 @@ def report(error: BaseException) -> int:
         return 0
     if hasattr(error, "format_message"):  # wrong use of the command line
         return _usage(error)
-    if "wrenchgap.flight.errors" in sys.modules and isinstance(
-        error, sys.modules["wrenchgap.flight.errors"].WrenchgapError
-    ):
+    errors, own = (sys.modules.get(f"wrenchgap.{name}") for name in ("flight.errors", "plant.own_effects"))
+    if errors is not None and isinstance(error, errors.WrenchgapError):
         say(str(error))
         return 2
-    if "wrenchgap.plant.own_effects" in sys.modules and (
-        said := sys.modules["wrenchgap.plant.own_effects"].blame(error)
-    ):
+    if own is not None and (said := own.blame(error)):
         say(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
         return 2
     if isinstance(error, OSError) and error.filename is not None:
@@ -169,17 +150,13 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
 
 
-for _module in sorted(pkgutil.iter_modules(commands.__path__), key=lambda m: m.name):
-    importlib.import_module(f"{commands.__name__}.{_module.name}").register(app)
-for _command in app.registered_commands:
-    if _command.help is None and _command.callback is not None:
-        _command.help = _unwrapped(_command.callback.__doc__ or "")
+_found = sorted(module.name for module in pkgutil.iter_modules(commands.__path__))
+for _name in sorted(_found, key=lambda name: (*ORDER, name).index(name)):
+    _module = importlib.import_module(f"{commands.__name__}.{_name}")
+    _command, _many = getattr(_module, _name), getattr(_module, "MANY", ())
+    app.command(_name, cls=many(*_many), help=_unwrapped(_command.__doc__ or ""))(grouped(_command))
 
 
 def main() -> None:
     """Entry point of the `wrenchgap` command."""
     app(prog_name=NAME)
-
-
-if __name__ == "__main__":
-    main()

@@ -9,10 +9,12 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 from typer.core import TyperCommand
+
+T = TypeVar("T")
 
 ROLES = (
     *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "odometry", "pose", "twist"),
@@ -32,10 +34,7 @@ def complete_models(incomplete: str) -> list[str]:
 
 
 def complete_effects(incomplete: str) -> list[tuple[str, str]]:
-    """Effects of the catalogue, with the first line of what they are.
-
-    Read from the sources, not imported: a tab must answer at once.
-    """
+    """Effects of the catalogue with their first line; read from the sources, because a tab must answer at once."""
     found = []
     for path in sorted((_ROOT / "plant" / "effects").glob("*.py")):
         for item in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -48,10 +47,8 @@ def complete_effects(incomplete: str) -> list[tuple[str, str]]:
 def _class_name(item: ast.stmt) -> str:
     """The text that a class gives to its attribute `name`, or nothing."""
     for line in item.body if isinstance(item, ast.ClassDef) else ():
-        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
-            target = line.targets[0]
-            if isinstance(target, ast.Name) and target.id == "name":
-                return str(line.value.value)
+        if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]) == "name":
+            return str(line.value.value) if isinstance(line.value, ast.Constant) else ""
     return ""
 
 
@@ -60,12 +57,10 @@ def complete_trajectories(incomplete: str) -> list[str]:
     if "/" in incomplete or incomplete.endswith(".toml"):
         return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
     source = ast.parse((_ROOT / "plant" / "trajectory" / "__init__.py").read_text(encoding="utf-8"))
-    for item in source.body:
-        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name) and item.target.id == "TRAJECTORIES":
-            keys = item.value.keys if isinstance(item.value, ast.Dict) else []
-            names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
-            return [name for name in names if name.startswith(incomplete)]
-    return []
+    tables = [i.value for i in source.body if isinstance(i, ast.AnnAssign) and ast.unparse(i.target) == "TRAJECTORIES"]
+    keys = [key for table in tables if isinstance(table, ast.Dict) for key in table.keys]
+    names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def complete_topics(incomplete: str) -> list[str]:
@@ -196,8 +191,7 @@ def many(*options: str) -> type[TyperCommand]:
 
 def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
     """`--from a b -m c` as `--from a --from b -m c`."""
-    current = ""
-    fresh = False
+    current, fresh = "", False
     for arg in args:
         if arg.startswith("-") and len(arg) > 1:
             current, fresh = (arg if arg in options else ""), True
@@ -238,19 +232,22 @@ def _words(ctx: typer.Context, wanted: Callable[[str], bool]) -> list[str]:
     return words
 
 
-def parse_cutoff(hz: float) -> float:
-    """The cut-off [Hz], if it is one; raises UsageError."""
+def usage_error(text: str) -> Exception:
+    """What to raise where an option cannot be used; imported late, because `--help` must be quick."""
     from wrenchgap.flight.errors import UsageError
 
+    return UsageError(text)
+
+
+def parse_cutoff(hz: float) -> float:
+    """The cut-off [Hz], if it is one; raises UsageError."""
     if not (math.isfinite(hz) and hz > 0):
-        raise UsageError(f"--cutoff {hz:g}: expected a positive number of Hz, e.g. 8")
+        raise usage_error(f"--cutoff {hz:g}: expected a positive number of Hz, e.g. 8")
     return hz
 
 
 def parse_between(text: str | None) -> tuple[float, float] | None:
     """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
-    from wrenchgap.flight.errors import UsageError
-
     if text is None:
         return None
     first, colon, last = text.partition(":")
@@ -259,41 +256,37 @@ def parse_between(text: str | None) -> tuple[float, float] | None:
     except ValueError:
         start = stop = float("nan")
     if not colon or not start < stop:
-        raise UsageError(f"--between {text}: expected T0:T1 in seconds with T0 before T1, e.g. --between 5:40")
+        raise usage_error(f"--between {text}: expected T0:T1 in seconds with T0 before T1, e.g. --between 5:40")
     return start, stop
 
 
 def parse_shifts(texts: Sequence[str] | None) -> dict[str, float]:
     """`["odometry=-0.012"]` as `{"odometry": -0.012}`; raises UsageError on anything else."""
-    from wrenchgap.flight.errors import UsageError
 
-    found: dict[str, float] = {}
-    for text in texts or ():
-        name, equals, value = text.partition("=")
+    def seconds(text: str) -> float | None:
         try:
-            seconds = float(value)
+            return float(text) if math.isfinite(float(text)) else None
         except ValueError:
-            seconds = math.nan
-        if not (name and equals and math.isfinite(seconds)):
-            raise UsageError(f"--shift {text}: expected ROLE=SECONDS, e.g. --shift odometry=-0.0123")
-        if name in found:
-            raise UsageError(f"--shift {name}: given twice; say it once")
-        found[name] = seconds
-    return found
+            return None
+
+    return _by_role("--shift", texts, seconds, "ROLE=SECONDS, e.g. --shift odometry=-0.0123")
 
 
 def parse_topics(texts: Sequence[str] | None) -> dict[str, str]:
     """`["imu=/my/imu"]` as `{"imu": "/my/imu"}`; raises UsageError on anything else."""
-    from wrenchgap.flight.errors import UsageError
+    return _by_role("--topic", texts, lambda topic: topic or None, "ROLE=/TOPIC, e.g. --topic imu=/my/imu")
 
-    found: dict[str, str] = {}
+
+def _by_role(option: str, texts: Sequence[str] | None, read: Callable[[str], T | None], expected: str) -> dict[str, T]:
+    found: dict[str, T] = {}
     for text in texts or ():
-        role, equals, topic = text.partition("=")
-        if not (role and equals and topic):
-            raise UsageError(f"--topic {text}: expected ROLE=/TOPIC, e.g. --topic imu=/my/imu")
+        role, _, given = text.partition("=")
+        value = read(given)
+        if not role or value is None:
+            raise usage_error(f"{option} {text}: expected {expected}")
         if role in found:
-            raise UsageError(f"--topic {role}: given twice; say it once")
-        found[role] = topic
+            raise usage_error(f"{option} {role}: given twice; say it once")
+        found[role] = value
     return found
 
 
@@ -306,7 +299,6 @@ def parse_effects(text: str | None) -> tuple[str, ...]:
 
 def parse_outputs(text: str) -> tuple[str, ...]:
     """`torque`, `wrench`, or names of axes separated by commas; raises UsageError on anything else."""
-    from wrenchgap.flight.errors import UsageError
     from wrenchgap.flight.flight import AXES
 
     if text in ("torque", "wrench"):
@@ -314,20 +306,18 @@ def parse_outputs(text: str) -> tuple[str, ...]:
     names = parse_names(text)
     wrong = [n for n in names if n not in AXES]
     if wrong or not names or len(set(names)) < len(names):
-        raise UsageError(f"--outputs {text}: expected torque, wrench, or different names out of {', '.join(AXES)}")
+        raise usage_error(f"--outputs {text}: expected torque, wrench, or different names out of {', '.join(AXES)}")
     return names
 
 
 def parse_room(text: str | None) -> tuple[float, float, float] | None:
     """`"4,4,3"` as three lengths [m]; raises UsageError on anything else."""
-    from wrenchgap.flight.errors import UsageError
-
     if text is None:
         return None
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise UsageError(f"--room {text}: expected three lengths in metres, e.g. --room 4,4,3") from None
+        raise usage_error(f"--room {text}: expected three lengths in metres, e.g. --room 4,4,3") from None
     return x, y, z
 
 

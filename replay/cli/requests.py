@@ -1,94 +1,173 @@
-"""What commands have in common: flights opened as the options ask, results printed and written."""
+"""What commands have in common: options that come together, flights opened as they ask, results printed and written."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
 
-from wrenchgap.replay.cli.options import parse_between, parse_cutoff, parse_shifts, parse_topics
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.console import Report, console, progress
 
 if TYPE_CHECKING:
     from wrenchgap.learn.data.opening import OpenFlight
     from wrenchgap.learn.process.gp import GaussianProcess
     from wrenchgap.plant.model import Model
-    from wrenchgap.replay.cli.console import Printer
 
 
-@dataclass(frozen=True)
+@dataclass
 class Reading:
-    """How logs are to be read: the values of --topic, --shift, --cutoff and --between, checked."""
+    """How logs are to be read; raises UsageError for an option that is not understood."""
 
-    topics: Mapping[str, str]
-    shifts: Mapping[str, float]
-    cutoff_hz: float
-    between: tuple[float, float] | None
+    topic: o.Topics = None
+    shift: o.Shift = None
+    cutoff: o.Cutoff = 8.0
+    between: o.Between = None
 
-    @classmethod
-    def of(
-        cls, topic: Sequence[str] | None, shift: Sequence[str] | None, cutoff: float = 8.0, between: str | None = None
-    ) -> Reading:
-        """From the texts of the command line; raises UsageError for one that is not understood."""
-        return cls(parse_topics(topic), parse_shifts(shift), parse_cutoff(cutoff), parse_between(between))
+    def __post_init__(self) -> None:
+        self.topics, self.shifts = o.parse_topics(self.topic), o.parse_shifts(self.shift)
+        self.cutoff_hz, self.part = o.parse_cutoff(self.cutoff), o.parse_between(self.between)
 
-    def open(self, logs: Sequence[Path], model: Model, **how: Any) -> list[OpenFlight]:
-        """The flights of these logs, opened for a model; `how` as in `learn.data.opening.open_flights`."""
+
+@dataclass
+class Run:
+    """One run of a command: notes what is read, for the JSON result; prints, unless `quiet`; writes."""
+
+    own: o.OwnEffects = None
+    json: o.JsonFile = None
+    force: o.Force = False
+    quiet: o.Quiet = False
+
+    def __post_init__(self) -> None:
+        self.inputs: list[Mapping[str, Any]] = []
+        self._logs: list[tuple[OpenFlight, str]] = []
+
+    def claim(self, outputs: Mapping[str, Path | None], *inputs: Path | str | None) -> None:
+        """Check, before any work, that the outputs may be written (by option; --json is known)."""
+        from wrenchgap.replay.present.documents import claim
+
+        read = [path for path in inputs if path is not None]
+        claim({**outputs, "--json": self.json}, force=self.force, inputs=read)
+
+    @contextmanager
+    def progress(self, label: str, first: str = "reading logs") -> Iterator[Report]:
+        """Progress on standard error; `first` is what is done first."""
+        with progress(label, self.quiet) as report:
+            report(0.0, first)
+            yield report
+
+    def model(self, name: str, role: str = "model") -> Model:
+        """The model of this name; its hash is noted now, because the output may replace the file."""
+        from wrenchgap.replay.api import load_model
+        from wrenchgap.replay.present.documents import file_input
+
+        found = load_model(name)
+        self.inputs.append(file_input(found.path, role))
+        return found
+
+    def gp(self, path: Path | None) -> GaussianProcess | None:
+        """The process of a file, where one is named."""
+        if path is None:
+            return None
+        from wrenchgap.replay.api import load_gp
+        from wrenchgap.replay.present.documents import file_input
+
+        found = load_gp(path)
+        self.inputs.append(file_input(path, "gp"))
+        return found
+
+    def open(
+        self, reading: Reading, logs: Sequence[Path], model: Model, unseen: Sequence[Path] | None = None, **how: Any
+    ) -> tuple[list[OpenFlight], list[OpenFlight]]:
+        """Flights of `logs` and of `unseen`, opened for a model; `how` as in `learn.data.opening.open_flights`."""
         from wrenchgap.learn.data.opening import open_flights
 
-        asked = {"topics": self.topics, "cutoff_hz": self.cutoff_hz, "between": self.between, "shifts": self.shifts}
-        return open_flights(logs, model, **asked, **how)  # type: ignore[arg-type]
+        how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
+        every = open_flights([*logs, *(unseen or ())], model, cutoff_hz=reading.cutoff_hz, **how)
+        flights, tests = every[: len(logs)], every[len(logs) :]
+        self._logs += [*((one, "log") for one in flights), *((one, "validation") for one in tests)]
+        return flights, tests
+
+    @cached_property
+    def _console(self) -> Any:
+        return console()
+
+    def show(self, *parts: Any) -> None:
+        """Print lines and tables (`replay.present.tables`)."""
+        if not self.quiet:
+            from wrenchgap.replay.present.tables import show
+
+            for part in parts:
+                show(self._console, part)
+
+    def result(self, result: Any) -> None:
+        """Print a result."""
+        from wrenchgap.replay.present import parts
+
+        self.show(*parts(result))
+
+    def line(self, text: str = "", style: str = "") -> None:
+        """Print one text as it is, without markup."""
+        from wrenchgap.replay.present.tables import Line
+
+        self.show(Line(text, style))
+
+    def notes(self, notes: Iterable[object], title: str = "note") -> None:
+        """Print plain sentences that a user should read."""
+        from wrenchgap.replay.present.notes import sentences
+        from wrenchgap.replay.present.tables import note_lines
+
+        self.show(*note_lines(sentences(notes), title))
+
+    def draw(self, result: Any, path: Path | None) -> None:
+        """Write a result's picture, where one is asked for."""
+        if path is not None:
+            from wrenchgap.replay.present.figures import save
+
+            save(result, path, force=self.force)
+
+    @property
+    def read(self) -> list[Mapping[str, Any]]:
+        """What went into the result: logs, models and files with role, path and hash."""
+        from wrenchgap.replay.present.documents import log_input
+
+        return [*(log_input(one.flight, role) for one, role in self._logs), *self.inputs]
+
+    def write(self, command: str, body: Mapping[str, Any]) -> None:
+        """Write the JSON of a command with what went in, where it is asked for."""
+        if self.json is not None:
+            from wrenchgap.replay.present.documents import document, write_json
+
+            write_json(self.json, document(command, body, self.read), force=self.force)
+
+    def wrote(self, **files: Any) -> None:
+        """Say which files were written."""
+        for what, path in {**files, "result": self.json}.items():
+            if path is not None:
+                self.line(f"wrote {what.replace('_', ' ')} {path}")
 
 
-def load_gp(path: Path | None) -> GaussianProcess | None:
-    """The process of a file, where one is named."""
-    if path is None:
-        return None
-    from wrenchgap.learn.process import store
+def grouped(function: Callable[..., None]) -> Callable[..., None]:
+    """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
+    hints = get_type_hints(function, include_extras=True)
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    options: list[inspect.Parameter] = []
+    for one in inspect.signature(function).parameters.values():
+        rows = [(one.name, hints[one.name], one.default)]
+        if group := groups.get(one.name):
+            own = get_type_hints(group, include_extras=True)
+            rows = [(f.name, own[f.name], f.default) for f in fields(group)]
+        options += [inspect.Parameter(n, one.KEYWORD_ONLY, default=d, annotation=kind) for n, kind, d in rows]
 
-    return store.load(path)
+    @wraps(function)
+    def called(**values: Any) -> None:
+        made = {name: kind(**{f.name: values.pop(f.name) for f in fields(kind)}) for name, kind in groups.items()}
+        function(**values, **made)
 
-
-def write_result(
-    path: Path | None,
-    command: str,
-    body: Mapping[str, Any],
-    *,
-    force: bool,
-    flights: Iterable[OpenFlight] = (),
-    validation: Iterable[OpenFlight] = (),
-    models: Iterable[tuple[Model, str]] = (),
-    files: Iterable[tuple[Path | None, str]] = (),
-    inputs: Iterable[Mapping[str, Any]] = (),
-) -> None:
-    """Write the JSON of a command where one is asked for, with what went in: flights, models and files by role.
-
-    `inputs` are those whose hash had to be taken before the work.
-    """
-    if path is None:
-        return
-    from wrenchgap.replay.present.documents import document, write_json
-
-    read = [*inputs_of(flights, (), (), validation), *inputs, *inputs_of((), models, files)]
-    write_json(path, document(command, body, read), force=force)
-
-
-def inputs_of(
-    flights: Iterable[OpenFlight],
-    models: Iterable[tuple[Model, str]],
-    files: Iterable[tuple[Path | None, str]] = (),
-    validation: Iterable[OpenFlight] = (),
-) -> list[dict[str, Any]]:
-    """What went into a result, each with role, file and hash."""
-    from wrenchgap.replay.present.documents import file_input, log_input, model_input
-
-    read = [*(log_input(f.flight) for f in flights), *(log_input(f.flight, "validation") for f in validation)]
-    read += [model_input(model, role) for model, role in models]
-    return read + [file_input(file, role) for file, role in files if file is not None]
-
-
-def show_result(printer: Printer, result: Any) -> None:
-    """Print a result."""
-    from wrenchgap.replay.present import parts
-
-    printer.show(*parts(result))
+    called.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
+    called.__annotations__ = {option.name: option.annotation for option in options}
+    return called

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import AXES, Flight
+from wrenchgap.flight import AXES, FitError, Flight
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.flight_computer import Compensating

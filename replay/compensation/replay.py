@@ -12,6 +12,8 @@ where the log has no motion, in gaps and at their edges.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,16 +22,15 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import Flight, WrenchSeries
+from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
+from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.held import commanded_otherwise
 from wrenchgap.learn.data.inputs import check
-from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
-from wrenchgap.plant.mismatch import Conditioning, conditioning
+from wrenchgap.plant.mismatch import Conditioning, conditioning, output_indices
 from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import State
@@ -37,12 +38,35 @@ from wrenchgap.plant.wrench_model import about_origin
 from wrenchgap.replay.compensation.compensators import ProcessCaveat, caveats
 from wrenchgap.replay.compensation.compensators import compensator as made_for
 from wrenchgap.replay.compensation.source import Source, at_stamps, chosen, logged_command, pieces, starts, without
-from wrenchgap.replay.compensation.steps import Progress, Steps, step_through
 
-Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
 
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the compensator did in K steps, in order; see `compensate.Result` for each field.
+
+    `commanded`, `correction`, `optimum` are (K, 6) [N, Nm], the others (K,). `mismatch_before` (K, L) is the mismatch
+    mu(W) that the model expects of the wrench as it is, `mismatch_after` (K, L) what is left of it, mu(W + dW) + dW.
+    `solve_time` [s] is wall-clock time, the only thing here that differs between two equal runs. `trouble` counts
+    messages.
+    """
+
+    commanded: Array
+    correction: Array
+    optimum: Array
+    mismatch_before: Array
+    mismatch_after: Array
+    sigma: Array
+    beta: Array
+    cost: Array
+    iterations: NDArray[np.int64]
+    accepted: NDArray[np.bool_]
+    solve_time: Array
+    trouble: dict[str, int]
 
 
 @dataclass(frozen=True, repr=False)
@@ -130,7 +154,8 @@ def replay(
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
-        wrenches = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
+        filtered = [(r.time, r.commanded) for r in opened.records]
+        wrenches, notes = _wrenches(opened, model, gp, replace(series, wrench_B=steps.commanded))
     return Replay(
         flight=flight,
         model=model,
@@ -141,12 +166,8 @@ def replay(
         time=series.time,
         wrench=series.wrench_B,
         logged=at_stamps(series.time, [] if logged is None else pieces(logged)),
-        logged_filtered=at_stamps(
-            series.time, [] if logged is None else [(r.time, r.commanded) for r in opened.records]
-        ),
-        measured=wrenches.measured,
-        predicted=wrenches.predicted,
-        predicted_new=wrenches.predicted_new,
+        logged_filtered=at_stamps(series.time, [] if logged is None else filtered),
+        **wrenches,
         steps=steps,
         conditioning=condition,
         saturation=_saturation(model, steps.commanded, series, dt),
@@ -156,7 +177,38 @@ def replay(
         restarts=len(starts(series)) - 1,
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=(*opened.notes, *wrenches.notes),
+        notes=(*opened.notes, *notes),
+    )
+
+
+def step_through(
+    compensator: Compensator,
+    wrench: Array,
+    motion: State | None,
+    starts: NDArray[np.intp],
+    progress: Progress | None = None,
+) -> Steps:
+    """Compensate wrenches (K, 6) one after the other; forget the past at every index in `starts`."""
+    fresh, results = set(starts.tolist()), []
+    rows = output_indices(compensator.model.outputs)
+    before, after = [], []
+    every = max(1, len(wrench) // 100)
+    for k, row in enumerate(wrench):
+        if k in fresh:
+            compensator.reset()
+        one = compensator.step(row, None if motion is None else motion.take(slice(k, k + 1)))
+        results.append(one)
+        before.append(compensator.expected(row))
+        after.append(compensator.expected(one.wrench_cmd) + one.correction[rows])
+        if progress is not None and k % every == 0:
+            progress(k / len(wrench), f"step {k} of {len(wrench)}")
+    same = ("correction", "optimum", "sigma", "beta", "cost", "iterations", "accepted", "solve_time")
+    return Steps(
+        commanded=np.array([r.wrench_cmd for r in results]),
+        mismatch_before=np.array(before),
+        mismatch_after=np.array(after),
+        trouble=dict(Counter(r.trouble for r in results if r.trouble)),
+        **{name: np.array([getattr(r, name) for r in results]) for name in same},
     )
 
 
@@ -185,29 +237,20 @@ def _inputs(gp: GaussianProcess, wrench: Array, motion: State | None, dt: float)
     return np.hstack((wrench, extra))
 
 
-@dataclass(frozen=True)
-class _Wrenches:
-    """As in `Replay`, (K, 6) each, and notes on the predictions."""
-
-    measured: Array
-    predicted: Array
-    predicted_new: Array
-    notes: list[ProcessNote]
-
-
-def _wrenches(opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries) -> _Wrenches:
-    """Measured, predicted as flown and predicted at the new command, at the stamps of `new`."""
+def _wrenches(
+    opened: OpenFlight, model: Model, gp: GaussianProcess, new: WrenchSeries
+) -> tuple[dict[str, Array], list[ProcessNote]]:
+    """As in `Replay`: measured, predicted as flown and at the new command, at the stamps of `new`; and notes."""
     records, body = opened.records, model.vehicle.body
     found, notes = predictors(model, (), gp, records[0].cutoff_hz if records else None)
     predictor = found[-1]
     check_effects(predictor.model.effects, model, records)
     otherwise = [commanded_otherwise(r, s, new, model.vehicle) for r, s in zip(records, opened.flown, strict=True)]
-    return _Wrenches(
-        at_stamps(new.time, [(r.time, r.measured) for r in records]),
-        at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in records]),
-        at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in otherwise]),
-        notes,
-    )
+    return {
+        "measured": at_stamps(new.time, [(r.time, r.measured) for r in records]),
+        "predicted": at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in records]),
+        "predicted_new": at_stamps(new.time, [(r.time, predictor.predict(r, body)) for r in otherwise]),
+    }, notes
 
 
 def _saturation(model: Model, wrench: Array, series: WrenchSeries, dt: float) -> Saturation | None:

@@ -9,21 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import AXES, Flight, Gap, WrenchSeries
+from wrenchgap.flight.flight import AXES, Array, Flight, Gap, WrenchSeries
 from wrenchgap.learn.data.measurement import from_actuators
 from wrenchgap.plant.model import Model
 
-Array = NDArray[np.float64]
 Source = Literal["desired", "commanded"]
 
 
 def checked(source: str | None) -> Source | None:
     """The source by name; raises UsageError on another word."""
-    for name in get_args(Source):
-        if name == source:
-            return cast(Source, name)
-    if source is None:
-        return None
+    if source is None or source in get_args(Source):
+        return cast(Source | None, source)
     raise UsageError(f"--source {source}: expected {' or '.join(get_args(Source))}")
 
 
@@ -78,8 +74,8 @@ def starts(series: WrenchSeries) -> NDArray[np.intp]:
 
 
 def at_stamps(time: Array, pieces: Sequence[tuple[Array, Array]]) -> Array:
-    """Piecewise wrenches, linear between their samples, at `time` (K,); nan between the pieces."""
-    out = np.full((len(time), len(AXES)), np.nan)
+    """Piecewise series (of wrenches where there is no piece), linear between samples, at `time` (K,); nan between."""
+    out = np.full((len(time), pieces[0][1].shape[1] if pieces else len(AXES)), np.nan)
     for knots, values in pieces:
         if len(knots) == 0:
             continue

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.replay.compensation.replay import Replay
-
-Array = NDArray[np.float64]
 
 HELD_BACK = 0.5
 """beta above which the uncertainty filter counts as holding the correction back."""

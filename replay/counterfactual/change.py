@@ -9,10 +9,9 @@ from typing import Any
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effect_values import set_by_hand
-from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.counterfactual.counterfactual import Change
 

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap import flight
 from wrenchgap.flight.flight import AXES
@@ -27,15 +26,13 @@ from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.closed_loop import Lost
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.tracking import Deviation, Tracking
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
@@ -185,8 +182,7 @@ class Counterfactual(Result):
             flight.Named("/correction", time, self.changed.commanded - self.changed.desired),
         ]
         for what in ("sigma", "beta", "cost", "iterations") if steps else ():
-            values = np.array([float(getattr(step, what)) for step in steps])
-            named.append(flight.Named(f"/{what}", time, values))
+            named.append(flight.Named(f"/{what}", time, np.array([float(getattr(step, what)) for step in steps])))
         return tuple(named)
 
 

@@ -12,21 +12,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference
+from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.closed_loop import Flown, fly, watch
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating, Correction, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
-from wrenchgap.plant.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,8 @@ def to_frame(result: Any) -> Any:
 
 def plot(result: Any, axes: Any = None) -> Any:
     """A result drawn into axes (new ones where none are given), which are returned."""
-    return _module(result, ".figures").plot(result, axes)
+    return import_module(f"{__name__}.figures").plot(result, axes)
 
 
-def _module(result: Any, folder: str = "") -> Any:
-    return import_module(f"{__name__}{folder}.{MODULES[type(result).__name__]}")
+def _module(result: Any) -> Any:
+    return import_module(f"{__name__}.{MODULES[type(result).__name__]}")

@@ -12,7 +12,7 @@ from wrenchgap.learn.identify.add import Addition
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import change, values_json
+from wrenchgap.replay.present.numbers import change, entries
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -25,15 +25,13 @@ def parts(added: Addition) -> list[Part]:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
     out += [parameters(added.fit.snapshot, f"effects of {added.model.name}"), Line(INTERVAL_LEGEND + "\n", "dim")]
     behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
-    rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
-    if added.trial is None:
+    if (trial := added.trial) is None:
+        rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
         out.append(before_after(f"on the fitted logs, {behind}", rows, added.reduction))
     else:
-        rows = [("rms before", added.trial.before), ("rms after", added.trial.after)]
-        rows.append(("sensor noise", added.trial.noise))
-        out.append(before_after(f"on held-out time of these logs, {behind}", rows, added.trial.fall))
-        worse = added.trial.outcome is Outcome.WORSE
-        out.append(Line(verdict(added.trial), "yellow" if worse else ""))
+        rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
+        out.append(before_after(f"on held-out time of these logs, {behind}", rows, trial.fall))
+        out.append(Line(verdict(trial), "yellow" if trial.outcome is Outcome.WORSE else ""))
     return [*out, *note_lines(limits(added), "warning"), *note_lines(notes(added))]
 
 
@@ -61,9 +59,7 @@ def to_json(added: Addition) -> dict[str, Any]:
         "axes": list(AXES),
         "effects": effects_json(added.model.snapshot),
         "refitted": list(added.refitted),
-        "rms_before": added.rms_before,
-        "rms_after": added.rms_after,
-        "at_bound": list(added.fit.at_bound),
+        **entries(added, "rms_before", "rms_after", "at_bound=fit.at_bound"),
         "held_out": None if added.trial is None else trial_json(added.trial),
         "cutoff_hz": added.flights[0].records[0].cutoff_hz,
         "notes": [*limits(added), *notes(added)],
@@ -72,21 +68,13 @@ def to_json(added: Addition) -> dict[str, Any]:
 
 def trial_json(trial: Trial) -> dict[str, Any]:
     """Errors on time that was not fitted, six each."""
-    return {
-        "rms_before": trial.before,
-        "rms_after": trial.after,
-        "noise": trial.noise,
-        "fall": trial.fall,
-        "verdict": verdict(trial),
-        "outcome": str(trial.outcome),
-        "change": trial.change,
-        "t": trial.t,
-    }
+    errors = entries(trial, "rms_before=before", "rms_after=after", "noise", "fall")
+    return {**errors, "verdict": verdict(trial), **entries(trial, "outcome", "change", "t")}
 
 
 def effects_json(effects: Sequence[Snapshot]) -> list[dict[str, Any]]:
     """Effects with their values."""
-    return [{"effect": e.effect, "parameters": values_json(e.values)} for e in effects]
+    return [{"effect": e.effect, "parameters": e.values} for e in effects]
 
 
 def model_table(model: Model) -> Part:
@@ -96,5 +84,4 @@ def model_table(model: Model) -> Part:
 
 def to_frame(added: Addition) -> pd.DataFrame:
     """One row for each parameter: effect, name, value, std, unit."""
-    rows = [{"effect": s.effect, **v.__dict__} for s in added.fit.snapshot for v in s.values]
-    return pd.DataFrame(rows)
+    return pd.DataFrame([{"effect": s.effect, **vars(v)} for s in added.fit.snapshot for v in s.values])

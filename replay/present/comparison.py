@@ -12,7 +12,6 @@ from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Comparison, Stretch
-from wrenchgap.learn.data.errors import Errors
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
@@ -77,13 +76,10 @@ def to_json(result: Comparison) -> dict[str, Any]:
         "models": [
             {
                 "name": e.name,
-                **errors_json(e.pooled),
+                **vars(e.pooled),
                 "fall_of_rms": result.reduction(e),
-                "per_flight": [
-                    {"flight": flight, **errors_json(own)}
-                    for flight, own in zip(result.flights, e.by_flight, strict=True)
-                ],
-                "worst": [stretch_json(s) for s in e.worst],
+                "per_flight": [{"flight": f, **vars(own)} for f, own in zip(result.flights, e.by_flight, strict=True)],
+                "worst": e.worst,
             }
             for e in result.evaluations
         ],
@@ -92,16 +88,6 @@ def to_json(result: Comparison) -> dict[str, Any]:
         "cutoff_hz": result.records[0].cutoff_hz,
         "notes": sentences(result.notes),
     }
-
-
-def errors_json(found: Errors) -> dict[str, Any]:
-    """Errors by name."""
-    return dict(found.__dict__)
-
-
-def stretch_json(stretch: Stretch) -> dict[str, Any]:
-    """A stretch by name."""
-    return dict(stretch.__dict__)
 
 
 def to_frame(result: Comparison) -> pd.DataFrame:

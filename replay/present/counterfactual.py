@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.markup import escape
 
 from wrenchgap import flight
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.tracking import Tracking
@@ -31,11 +29,9 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     ReferenceEnds,
     WeakLaw,
 )
-from wrenchgap.replay.present import compensation as of_process
-from wrenchgap.replay.present.numbers import UNIT_HEADS, row, share
+from wrenchgap.replay.present import learning
+from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
-
-Array = NDArray[np.float64]
 
 
 def notes(result: Counterfactual) -> tuple[str, ...]:
@@ -43,7 +39,7 @@ def notes(result: Counterfactual) -> tuple[str, ...]:
     log, model = result.inference.recording.flight, result.inference.model
     found = [*result.inference.recording.notes, *(_sentence(one, log.name, model.name) for one in result.caveats)]
     if (process := result.change.process) is not None:
-        found += of_process.sentences(compensating.caveats(process, model, log))
+        found += learning.of_process(compensating.caveats(process, model, log))
     return tuple(dict.fromkeys(found))
 
 
@@ -97,12 +93,9 @@ def parts(result: Counterfactual) -> list[Part]:
     heads = ("mean x", "y", "z", "median x", "y", "z", "mean |p|", "largest")
     third = table("tracking error: |e_R| per axis [deg], distance from the reference [mm]", "", *heads)
     errors = {key: _errors(one) for key, one in result.tracking.items()}
-    for key, values in errors.items():
-        if names.get(key):
-            third.add_row(escape(names[key]), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
-    for name, tracked in result.baselines.items():
-        values = _errors(tracked)
-        third.add_row(escape(f"instead: {name}"), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+    rows = [(names[key], values) for key, values in errors.items() if names.get(key)]
+    for name, values in [*rows, *((f"instead: {name}", _errors(one)) for name, one in result.baselines.items())]:
+        third.add_row(escape(name), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
@@ -139,43 +132,18 @@ def to_json(result: Counterfactual) -> dict[str, Any]:
         "model": inference.model.name,
         "changes": list(result.change.words),
         "start_s": float(r.time[r.first]),
-        "null_run": asdict(result.null_run),
+        "null_run": result.null_run,
         "tracking": {name: _tracking_json(one) for name, one in result.tracking.items()},
         "baselines": {name: _tracking_json(one) for name, one in result.baselines.items()},
         "axes": list(AXES),
-        "disturbance": {
-            "mean": size.mean.tolist(),
-            "rms": size.rms.tolist(),
-            "rms_above_10_hz": size.rms_fast.tolist(),
-            "max_abs": size.largest.tolist(),
-            "pull_rms": size.rms_pull.tolist(),
-        },
-        "controller_explained": inference.explained.tolist(),
+        "disturbance": entries(size, "mean", "rms", "rms_above_10_hz=rms_fast", "max_abs=largest", "pull_rms=rms_pull"),
+        "controller_explained": inference.explained,
         "lost": None if lost is None else f"{lost}; the re-simulation ends there",
         "notes": list(notes(result)),
     }
 
 
 def _tracking_json(one: Tracking) -> dict[str, Any]:
-    return {
-        "attitude_error": {
-            "mean_abs": one.attitude_mean.tolist(),
-            "median_abs": one.attitude_median.tolist(),
-            "rms": one.attitude_rms.tolist(),
-        },
-        "position_error_m": {
-            "mean": one.position_mean,
-            "median": one.position_median,
-            "rms": one.position_rms,
-            "max": one.position_max,
-        },
-        "duration_s": one.duration,
-    }
-
-
-__all__ = [
-    "notes",
-    "parts",
-    "to_json",
-    "write_log",
-]
+    attitude = entries(one, "mean_abs=attitude_mean", "median_abs=attitude_median", "rms=attitude_rms")
+    position = entries(one, *(f"{name}=position_{name}" for name in ("mean", "median", "rms", "max")))
+    return {"attitude_error": attitude, "position_error_m": position, "duration_s": one.duration}

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
@@ -23,11 +22,8 @@ from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import separation
+from wrenchgap.replay.present.numbers import entries, separation
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
-
-Array = NDArray[np.float64]
-
 
 ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
     (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),
@@ -116,7 +112,6 @@ def sentence(design: Design) -> str:
 
 
 def _reason(direction: Direction) -> str:
-    """Why a direction cannot be told."""
     if not np.any(direction.added > 0):
         return f"{direction.truth} of this size changes nothing that is measured"
     if direction.share < LEAST_SHARE:
@@ -129,24 +124,19 @@ def _reason(direction: Direction) -> str:
 
 def directions(design: Design) -> list[tuple[str, ...]]:
     """Rows for a table: truth, imitator, separations before, expected and simulated, imitated share, where it shows."""
-    before = {(d.truth, d.imitator): d for d in design.before.directions}
     rows: list[tuple[str, ...]] = []
-    for d in design.expected.directions:
-        old = before[d.truth, d.imitator]
+    for d, old in _pairs(design):
         telling = f"{AXES[d.telling]}, {d.left[d.telling] / d.noise[d.telling]:.1f} x noise" if d.told else "-"
-        rows.append(
-            (
-                d.truth,
-                d.imitator if d.counts else f"{d.imitator} (richer)",
-                _cosine(old.cosine),
-                separation(old.separation),
-                _cosine(d.cosine),
-                separation(d.separation),
-                separation(design.simulated(d.truth, d.imitator)),
-                telling,
-            )
-        )
+        before, after = ((_cosine(one.cosine), separation(one.separation)) for one in (old, d))
+        imitator = d.imitator if d.counts else f"{d.imitator} (richer)"
+        rows.append((d.truth, imitator, *before, *after, separation(design.simulated(d.truth, d.imitator)), telling))
     return rows
+
+
+def _pairs(design: Design) -> list[tuple[Direction, Direction]]:
+    """Each direction as expected of the flight, and as it was before."""
+    before = {(d.truth, d.imitator): d for d in design.before.directions}
+    return [(d, before[d.truth, d.imitator]) for d in design.expected.directions]
 
 
 def _cosine(value: float) -> str:
@@ -165,22 +155,16 @@ def flown(design: Design) -> str:
 
 def sizes(design: Design) -> list[Snapshot]:
     """The effects as they were assumed."""
-    return [
-        Snapshot(
-            e.name,
-            tuple(
-                Value(p.name, float(v), None, p.unit)
-                for p, v in zip(e.effect.parameters(design.model.vehicle), e.theta, strict=True)
-            ),
-        )
-        for e in design.effects
-    ]
+    out = []
+    for e in design.effects:
+        rows = zip(e.effect.parameters(design.model.vehicle), e.theta, strict=True)
+        out.append(Snapshot(e.name, tuple(Value(p.name, float(v), None, p.unit) for p, v in rows)))
+    return out
 
 
 def finished(design: Design, name: str) -> TrajectoryFile:
     """The file to write: the trajectory, and what it is for."""
     model = design.model
-    before = {(d.truth, d.imitator): d for d in design.before.directions}
     purpose = {
         "separates": list(design.expected.names),
         "made_by": f"wrenchgap {tool_version()} design",
@@ -194,10 +178,10 @@ def finished(design: Design, name: str) -> TrajectoryFile:
                 "truth": d.truth,
                 "imitator": d.imitator,
                 "separation": round(d.separation, 2),
-                "separation_before": round(before[d.truth, d.imitator].separation, 2),
+                "separation_before": round(before.separation, 2),
                 "separation_simulated": round(design.simulated(d.truth, d.imitator), 2),
             }
-            for d in design.expected.directions
+            for d, before in _pairs(design)
         ],
     }
     return TrajectoryFile(name, design.trajectory, model.vehicle.name, purpose)
@@ -238,45 +222,24 @@ def to_json(design: Design) -> dict[str, Any]:
 
 
 def _separability(found: Separability, design: Design, *, simulated: bool) -> dict[str, Any]:
-    listed = []
-    for d in found.directions:
-        entry = {
-            "truth": d.truth,
-            "imitator": d.imitator,
-            "counts": d.counts,
-            "told": d.told,
-            "cosine": d.cosine,
-            "share_left": d.share,
-            "evidence": d.evidence,
-            "separation": d.separation,
-            "added_rms": d.added,
-            "left_rms": d.left,
-            "noise": d.noise,
-        }
-        if simulated:
-            entry["separation_simulated"] = design.simulated(d.truth, d.imitator)
-        listed.append(entry)
-    return {
-        "seconds": found.seconds,
-        "separation": found.separation,
-        "separable": found.separable,
-        "directions": listed,
-    }
+    names = ("truth", "imitator", "counts", "told", "cosine", "share_left=share", "evidence", "separation")
+    listed = [entries(d, *names, "added_rms=added", "left_rms=left", "noise") for d in found.directions]
+    if simulated:
+        for entry in listed:
+            entry["separation_simulated"] = design.simulated(entry["truth"], entry["imitator"])
+    return {**entries(found, "seconds", "separation", "separable"), "directions": listed}
 
 
 def to_frame(design: Design) -> pd.DataFrame:
     """One row for each direction: truth, imitator, separation before, expected and simulated, cosine."""
-    before = {(d.truth, d.imitator): d for d in design.before.directions}
     rows = [
         {
-            "truth": d.truth,
-            "imitator": d.imitator,
-            "counts": d.counts,
-            "before": before[d.truth, d.imitator].separation,
+            **entries(d, "truth", "imitator", "counts"),
+            "before": before.separation,
             "expected": d.separation,
             "simulated": design.simulated(d.truth, d.imitator),
             "cosine": d.cosine,
         }
-        for d in design.expected.directions
+        for d, before in _pairs(design)
     ]
     return pd.DataFrame(rows)

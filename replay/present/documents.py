@@ -11,14 +11,13 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Flight
-from wrenchgap.plant.model import Model
+from wrenchgap.flight import Flight, UsageError
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:
@@ -102,16 +101,9 @@ def log_input(flight: Flight, role: str = "log") -> dict[str, Any]:
     return {"role": role, "file": str(flight.path), "sha256": flight.content_hash, **shifts}
 
 
-def model_input(model: Model, role: str = "model") -> dict[str, str]:
-    """A model file as an input of a result."""
-    if model.path is None:
-        return {"role": role, "file": "", "sha256": ""}
-    return file_input(model.path, role)
-
-
-def file_input(path: Path, role: str) -> dict[str, str]:
-    """Any other file as an input of a result."""
-    return {"role": role, "file": str(path), "sha256": sha256(path)}
+def file_input(path: Path | None, role: str) -> dict[str, str]:
+    """Any other file as an input of a result; None is a model that has no file."""
+    return {"role": role, "file": str(path or ""), "sha256": sha256(path) if path is not None else ""}
 
 
 def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
@@ -130,6 +122,8 @@ def write_json(path: Path, result: Mapping[str, Any], *, force: bool) -> None:
 
 def plain(value: Any) -> Any:
     """The same value in types that JSON knows; what is not a finite number becomes null."""
+    if is_dataclass(value):
+        value = vars(value)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
@@ -22,7 +21,15 @@ from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import comparison, timing, where
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import AXIS_HEADS, parameters_in_words, quantity, share, unit_of, values_json
+from wrenchgap.replay.present.numbers import (
+    AXIS_HEADS,
+    entries,
+    parameters_in_words,
+    quantity,
+    share,
+    unit_of,
+    values_json,
+)
 from wrenchgap.replay.present.tables import (
     INTERVAL_LEGEND,
     Line,
@@ -33,8 +40,6 @@ from wrenchgap.replay.present.tables import (
     reductions,
     table,
 )
-
-Array = NDArray[np.float64]
 
 CONCENTRATED = 0.7
 """Share of the residual in the worst tenth of the time that is worth saying."""
@@ -65,21 +70,15 @@ def parts(found: Explanation) -> list[Part]:
     rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
     behind = "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
     out.append(before_after(f"held-out time of the given logs{behind}", rows, found.reduction))
-    out += _validation_parts(found.validation)
+    if tested := found.validation:
+        rows, title = [("rms before", tested.before), ("rms after", tested.after)], ", ".join(tested.comparison.flights)
+        out.append(before_after(f"unseen: {title}", rows, tested.reduction))
+        out += note_lines(validation_warnings(tested), "warning")
     if found.dropped:
         out.append(Line(f"found on the way, then dropped or replaced: {', '.join(found.dropped)}"))
-    out += [
-        Line(f"not tried: {', '.join(names)}: {reason}", "dim") for reason, names in not_tried(found.untried).items()
-    ]
+    lacking = not_tried(found.untried).items()
+    out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
     return [*out, *note_lines(sentences(note for f in found.flights for note in f.notes))]
-
-
-def _validation_parts(tested: Validation | None) -> list[Part]:
-    if tested is None:
-        return []
-    rows = [("rms before", tested.before), ("rms after", tested.after)]
-    title = f"unseen: {', '.join(tested.comparison.flights)}"
-    return [before_after(title, rows, tested.reduction), *note_lines(validation_warnings(tested), "warning")]
 
 
 def validation_warnings(tested: Validation) -> list[str]:
@@ -99,7 +98,8 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    named = " and ".join(_member(found, m) for m in found.members)
+    members = [f"{_with_values(found, m.name)}, confidence {100 * found.confidence(m):.0f} %" for m in found.members]
+    named = " and ".join(members)
     residual = _largest_residual(found)
     if found.verdict is Verdict.NOTHING:
         return f"Nothing is missing that these logs can show. {residual}"
@@ -112,13 +112,7 @@ def summary(found: Explanation) -> str:
     return f"Explained by {named}.{alike} {residual}"
 
 
-def _member(found: Explanation, member: Member) -> str:
-    """Name with values, and the confidence."""
-    return f"{_with_values(found, member.name)}, confidence {100 * found.confidence(member):.0f} %"
-
-
 def _clue(found: Explanation) -> str:
-    """What is known about what is not in the catalogue."""
     clues = []
     if found.oscillation is not None:
         words = oscillation_in_words(found.oscillation)
@@ -232,15 +226,9 @@ def ranking(title: str, step: Step, most: int | None = None) -> Table:
     for candidate in step.candidates[:most]:
         mark = "*" if candidate.name == step.chosen else "=" if candidate.name in alike else ""
         limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
-        out.add_row(
-            mark,
-            candidate.name,
-            f"{candidate.score:.3f}",
-            *reductions(candidate.reduction),
-            f"{candidate.significance:.1f}",
-            escape(parameters_in_words(candidate.values)) + limit,
-            style="bold" if mark == "*" else "",
-        )
+        numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
+        words = escape(parameters_in_words(candidate.values)) + limit
+        out.add_row(mark, candidate.name, *numbers, words, style="bold" if mark == "*" else "")
     return out
 
 
@@ -259,8 +247,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
         "steps": [
             {
-                "on": list(step.on),
-                "chosen": step.chosen,
+                **entries(step, "on", "chosen"),
                 "alike": [{"effect": name, "cosine": cosine} for name, cosine in step.alike],
                 "candidates": [_candidate_json(c) for c in step.candidates],
             }
@@ -268,9 +255,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         ],
         "dropped": list(found.dropped),
         "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
-        "rms_before": found.rms_before,
-        "rms_after": found.rms_after,
-        "noise": found.noise,
+        **entries(found, "rms_before", "rms_after", "noise"),
         "validation": None if found.validation is None else _validation_json(found.validation),
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
@@ -280,25 +265,13 @@ def to_json(found: Explanation) -> dict[str, Any]:
 
 
 def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
-    rivals = [
-        {
-            "effect": r.name,
-            "separation": r.separation,
-            "cosine": r.cosine,
-            "alike": r.alike,
-            "worthy": r.candidate.worthy,
-            "score": r.candidate.score,
-        }
-        for r in member.rivals
-    ]
+    names = ("effect=name", "separation", "cosine", "alike", "worthy=candidate.worthy", "score=candidate.score")
     return {
         "effect": member.name,
         "probability": found.confidence(member),
-        "share": member.share,
-        "significance": member.significance,
-        "evidence": member.evidence,
+        **entries(member, "share", "significance", "evidence"),
         "group": [member.name, *(r.name for r in member.alike)],
-        "rivals": rivals,
+        "rivals": [entries(r, *names) for r in member.rivals],
     }
 
 
@@ -313,38 +286,23 @@ def _left_json(found: Explanation) -> dict[str, Any]:
 
 
 def _candidate_json(candidate: Candidate) -> dict[str, Any]:
-    return {
-        "effect": candidate.name,
-        "heldout_fall": candidate.reduction,
-        "score": candidate.score,
-        "parameters": values_json(candidate.values),
-        "evidence": candidate.evidence,
-        "significance": candidate.significance,
-        "implausible": list(candidate.implausible),
-    }
+    names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
+    return {**entries(candidate, *names, "implausible"), "parameters": values_json(candidate.values)}
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:
-    listed = [
-        {"flight": flight, "ranges": [{**r.__dict__, "outside": r.outside} for r in found]}
-        for flight, found in tested.ranges
-    ]
     body = comparison.to_json(tested.comparison)
+    ranges = [(flight, [{**vars(r), "outside": r.outside} for r in found]) for flight, found in tested.ranges]
+    listed = [{"flight": flight, "ranges": found} for flight, found in ranges]
     return {**body, "fall": tested.reduction, "ranges": listed, "warnings": validation_warnings(tested)}
 
 
 def to_frame(found: Explanation) -> pd.DataFrame:
     """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
-    rows = [
-        {
-            "effect": c.name,
-            "named": c.name in found.effects,
-            "score": c.score,
-            "t": c.significance,
-            "evidence": c.evidence,
-            **{f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)},
-            "parameters": parameters_in_words(c.values),
-        }
-        for c in found.ranking
-    ]
+    rows = []
+    for c in found.ranking:
+        numbers = entries(c, "score", "t=significance", "evidence")
+        axes = {f"reduction.{axis}": float(v) for axis, v in zip(AXES, c.reduction, strict=True)}
+        words = {"parameters": parameters_in_words(c.values)}
+        rows.append({"effect": c.name, "named": c.name in found.effects, **numbers, **axes, **words})
     return pd.DataFrame(rows)

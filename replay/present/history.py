@@ -10,24 +10,24 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.plant.history import Changes, Version, changes
+from wrenchgap.plant.history import Changes, Value, Version, changes
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import changed_since
 from wrenchgap.replay.present.addition import effects_json, trial_json
-from wrenchgap.replay.present.numbers import AXIS_HEADS, number
+from wrenchgap.replay.present.numbers import AXIS_HEADS, entries, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
 
-_Row = tuple[str, str, float | None, float | None, float | None, str, float | None]
+BEFORE_AND_AFTER = ("before=before.value", "before_std=before.std", "after=after.value", "after_std=after.std")
+_Row = tuple[str, Value, float | None, float | None, float | None, float | None]
 
 
 def parts(model: Model) -> list[Part]:
     """Versions, parameters that moved, notes."""
     if not model.history:
-        first: list[Part] = [Line(f"{model.name}: no history; wrenchgap add and wrenchgap remove write one")]
-    else:
-        moved = table_of_changes(model)
-        first = [table_of_versions(model), *([moved] if moved.row_count else [])]
-    return [*first, *note_lines(notes(model))]
+        none = Line(f"{model.name}: no history; wrenchgap add and wrenchgap remove write one")
+        return [none, *note_lines(notes(model))]
+    moved = table_of_changes(model)
+    return [table_of_versions(model), *([moved] if moved.row_count else []), *note_lines(notes(model))]
 
 
 def steps(model: Model) -> Iterator[tuple[Version, Changes]]:
@@ -67,17 +67,13 @@ def table_of_changes(model: Model) -> Table:
     out = table("parameters", "", "effect", "parameter", "before", "after", "+-", "unit", "sigmas", left=3)
     out.columns[6].justify = "left"
     for version, changed in steps(model):
-        rows: list[_Row] = []
-        rows += [(e.effect, v.name, None, v.value, v.std, v.unit, None) for e in changed.added for v in e.values]
-        rows += [(e.effect, v.name, v.value, None, None, v.unit, None) for e in changed.removed for v in e.values]
-        rows += [
-            (c.effect, c.after.name, c.before.value, c.after.value, c.after.std, c.after.unit, c.sigmas)
-            for c in changed.moved
-        ]
-        for effect, name, before, after, std, unit, sigmas in rows:
+        rows: list[_Row] = [(e.effect, v, None, v.value, v.std, None) for e in changed.added for v in e.values]
+        rows += [(e.effect, v, v.value, None, None, None) for e in changed.removed for v in e.values]
+        rows += [(c.effect, c.after, c.before.value, c.after.value, c.after.std, c.sigmas) for c in changed.moved]
+        for effect, v, before, after, std, sigmas in rows:
             numbers = (number(before, 4), number(after, 4), number(std, 2))
             shift = "-" if sigmas is None else f"{sigmas:+.1f}"
-            out.add_row(str(version.number), escape(effect), escape(name), *numbers, unit, shift)
+            out.add_row(str(version.number), escape(effect), escape(v.name), *numbers, v.unit, shift)
     return out
 
 
@@ -115,16 +111,7 @@ def _version(version: Version, changed: Changes) -> dict[str, Any]:
         "added": [e.effect for e in changed.added],
         "removed": [e.effect for e in changed.removed],
         "changed": [
-            {
-                "effect": c.effect,
-                "parameter": c.after.name,
-                "before": c.before.value,
-                "before_std": c.before.std,
-                "after": c.after.value,
-                "after_std": c.after.std,
-                "unit": c.after.unit,
-            }
-            for c in changed.moved
+            entries(c, "effect", "parameter=after.name", *BEFORE_AND_AFTER, "unit=after.unit") for c in changed.moved
         ],
         "effects": effects_json(version.effects),
     }

@@ -15,7 +15,7 @@ from wrenchgap.flight.checks import Check
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
-from wrenchgap.replay.present.numbers import number
+from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 SCHEMA_VERSION = 1
@@ -43,8 +43,7 @@ def topics(seen: Inspection) -> Table:
     title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
     common = _namespace([t.topic for t in seen.topics])
     first = f"topic in\n{common}" if common else "topic"
-    heads = (first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out")
-    out = table(title, *heads, left=3)
+    out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
     for t in seen.topics:
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
@@ -71,22 +70,11 @@ def checks(found: Sequence[Check]) -> Table:
 
 def to_json(seen: LogReport) -> dict[str, Any]:
     """One entry of `logs` in the `inspect` schema."""
-    found = seen.inspection
+    names = ("path", "format", "size_bytes=size", "sha256=content_hash", "start_ns", "duration_s=duration", "level")
     return {
         "version": SCHEMA_VERSION,
-        "path": str(found.path),
-        "format": found.format,
-        "size_bytes": found.size,
-        "sha256": found.content_hash,
-        "start_ns": found.start_ns,
-        "duration_s": found.duration,
-        "level": found.level,
-        "topics": [asdict(topic) for topic in found.topics],
-        "mapping": found.mapping,
-        "checks": [asdict(check) for check in found.checks],
-        "model_checks": [asdict(check) for check in seen.model_checks],
-        "notes": list(seen.notes),
-        "shift_s": dict(seen.shifts),
+        **entries(seen.inspection, *names, "topics", "mapping", "checks"),
+        **entries(seen, "model_checks", "notes", "shift_s=shifts"),
         "timing": None if seen.timing is None else timing.to_json(seen.timing),
     }
 

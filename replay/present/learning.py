@@ -11,34 +11,26 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.data.comparison import Comparison
+from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
-from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process.alternatives import Alternatives
-from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import Caution, CautionKind
+from wrenchgap.replay.compensation.compensators import LearntFromThisFlight, LearnWarned, OtherVersion, ProcessCaveat
 from wrenchgap.replay.present import comparison
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, quantity, row, share, values_json
+from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
 
 
 def parts(learnt: Learnt) -> list[Part]:
     """Errors beside the alternatives, standard deviations, calibration, conditioning, what to do."""
     gp = learnt.gp
-    out: list[Part] = [
-        Line(
-            f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart) on top of "
-            f"{gp.provenance.physics}"
-        )
-    ]
+    points = f"{len(gp.inputs)} of {learnt.samples} samples ({1e3 * learnt.spacing:.0f} ms apart)"
+    out: list[Part] = [Line(f"{points} on top of {gp.provenance.physics}")]
     tested = (("training", learnt.training), ("unseen", learnt.validation))
     out += [_prediction(title, result) for title, result in tested if result is not None]
-    sigmas = [
-        (name, *row((prior, seen)))
-        for name, prior, seen in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)
-    ]
+    sigmas = [(name, *row(pair)) for name, *pair in zip(gp.outputs, gp.sigma_prior, gp.sigma_training, strict=True)]
     heads = ("output", "far from the data", "99 % of the training samples below")
     out += [plain("standard deviation of a prediction [N, Nm]", heads, sigmas), _calibration(learnt)]
     low, middle, high = learnt.real_min
@@ -52,8 +44,11 @@ def parts(learnt: Learnt) -> list[Part]:
         out.append(_alternatives(learnt.alternatives, gp.outputs))
     said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
     out += [Line(words, "bold") for words in said if words]
-    notes = [*learnt.training.notes, *(learnt.validation.notes if learnt.validation is not None else ())]
-    return [*out, *note_lines(map(caution, learnt.cautions), "warning"), *note_lines(sentences(notes))]
+    return [*out, *note_lines(map(caution, learnt.cautions), "warning"), *note_lines(_notes(learnt))]
+
+
+def _notes(learnt: Learnt) -> list[str]:
+    return sentences([*learnt.training.notes, *(learnt.validation.notes if learnt.validation is not None else ())])
 
 
 def _prediction(title: str, result: Comparison) -> Table:
@@ -69,16 +64,10 @@ def _prediction(title: str, result: Comparison) -> Table:
 
 
 def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
-    rows = [
-        (
-            ", ".join(("command", *one.settings.inputs)),
-            one.settings.inference,
-            *row(one.rms),
-            share(one.gain) if k else "asked for",
-            "best" if one.settings == found.best else "",
-        )
-        for k, one in enumerate(found.tried)
-    ]
+    rows = []
+    for k, one in enumerate(found.tried):
+        inputs, best = ", ".join(("command", *one.settings.inputs)), "best" if one.settings == found.best else ""
+        rows.append((inputs, one.settings.inference, *row(one.rms), share(one.gain) if k else "asked for", best))
     heads = ("inputs", "inference", *outputs, "reduction", "")
     return plain("rms on held-out time, with other inputs", heads, rows, left=2)
 
@@ -116,6 +105,24 @@ def caution(found: Caution) -> str:
             return found.text
 
 
+def of_process(caveats: Sequence[ProcessCaveat]) -> tuple[str, ...]:
+    """What a user must know before compensating with a process, one sentence each."""
+    return tuple(map(_caveat, caveats))
+
+
+def _caveat(found: ProcessCaveat) -> str:
+    match found:
+        case LearnWarned(warning):
+            return f"when this GP was learnt: {caution(warning)}"
+        case OtherVersion(model, physics):
+            return (
+                f"the GP was learnt on another version of {model} ({physics}): the physics that is compensated is that "
+                "of the model given here."
+            )
+        case LearntFromThisFlight(flight):
+            return f"{flight}: the GP was learnt from this very flight: the result is optimistic; use an unseen one"
+
+
 def absorption_in_words(found: Absorption) -> str:
     """What the GP absorbs and what to do about it, in one sentence; empty where it absorbs nothing that has a name."""
     first = found.first
@@ -151,49 +158,28 @@ def to_json(learnt: Learnt) -> dict[str, Any]:
     """The body of the `learn` schema."""
     gp = learnt.gp
     low, middle, high = learnt.real_min
-    notes = [*learnt.training.notes, *(learnt.validation.notes if learnt.validation is not None else ())]
     return {
         "axes": list(AXES),
-        "outputs": list(gp.outputs),
-        "settings": dict(gp.settings.__dict__),
+        **entries(gp, "outputs", "settings"),
         "samples": learnt.samples,
         "points": len(gp.inputs),
         "spacing_s": learnt.spacing,
-        "cutoff_hz": gp.provenance.cutoff_hz,
-        "physics": gp.provenance.physics,
-        "sigma_prior": gp.sigma_prior,
-        "sigma_training": gp.sigma_training,
-        "sigma_scale": gp.sigma_scale,
-        "coverage": {
-            name: {"before": _coverage_json(before), "after": _coverage_json(after)}
-            for name, (before, after) in learnt.coverage.items()
-        },
+        **entries(gp, "cutoff_hz=provenance.cutoff_hz", "physics=provenance.physics"),
+        **entries(gp, "sigma_prior", "sigma_training", "sigma_scale"),
+        "coverage": {name: {"before": before, "after": after} for name, (before, after) in learnt.coverage.items()},
         "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
         "training": comparison.to_json(learnt.training),
         "validation": None if learnt.validation is None else comparison.to_json(learnt.validation),
         "warnings": [caution(c) for c in learnt.cautions],
         "alternatives": [] if learnt.alternatives is None else _alternatives_json(learnt.alternatives),
         "absorbs": None if learnt.absorption is None else absorption_json(learnt.absorption),
-        "notes": sentences(notes),
+        "notes": _notes(learnt),
     }
 
 
-def _coverage_json(found: Coverage) -> dict[str, Any]:
-    return dict(found.__dict__)
-
-
 def _alternatives_json(found: Alternatives) -> list[dict[str, Any]]:
-    return [
-        {
-            "inputs": list(one.settings.inputs),
-            "inference": one.settings.inference,
-            "rms": one.rms,
-            "gain": one.gain,
-            "significance": one.t,
-            "best": one.settings == found.best,
-        }
-        for one in found.tried
-    ]
+    names = ("inputs=settings.inputs", "inference=settings.inference", "rms", "gain", "significance=t")
+    return [{**entries(one, *names), "best": one.settings == found.best} for one in found.tried]
 
 
 def absorption_json(found: Absorption) -> dict[str, Any]:
@@ -202,14 +188,7 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
         "effects": list(found.effects),
         "summary": absorption_in_words(found),
         "tried": [
-            {
-                "effect": a.name,
-                "cosine": a.cosine,
-                "share": a.share,
-                "significance": a.t,
-                "named": a.named,
-                "parameters": values_json(a.values),
-            }
+            entries(a, "effect=name", "cosine", "share", "significance=t", "named", "parameters=values")
             for a in found.tried
         ],
     }
@@ -224,6 +203,3 @@ def to_frame(learnt: Learnt) -> pd.DataFrame:
                 errors = {name: float(np.asarray(values)[k]) for name, values in e.pooled.__dict__.items()}
                 rows.append({"flights": flights, "model": e.name, "axis": axis, **errors})
     return pd.DataFrame(rows)
-
-
-__all__ = ["absorption_in_words", "absorption_json", "caution", "parts", "to_frame", "to_json"]

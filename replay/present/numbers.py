@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.plant.history import Value
-
-Array = NDArray[np.float64]
 
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
@@ -90,6 +88,12 @@ def parameters_in_words(values: Sequence[Value]) -> str:
     return ", ".join(f"{v.name} {quantity(v.value, v.unit)}" for v in shown) + more
 
 
+def entries(found: object, *names: str) -> dict[str, Any]:
+    """Attributes for JSON, each under its own name, or as `key=attribute`."""
+    pairs = [name.partition("=") for name in names]
+    return {key: attrgetter(attribute or key)(found) for key, _, attribute in pairs}
+
+
 def values_json(values: Sequence[Value]) -> list[dict[str, Any]]:
     """Parameters by name."""
-    return [{"name": v.name, "value": v.value, "std": v.std, "unit": v.unit} for v in values]
+    return [entries(v, "name", "value", "std", "unit") for v in values]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn import Design, Explanation
 from wrenchgap.learn.data.comparison import Stretch
-from wrenchgap.learn.design.designed import Design
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.identify import staircase as steps
-from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.learn.identify.search import Step
 from wrenchgap.learn.identify.staircase import Basis
 from wrenchgap.plant import trajectory_file
@@ -19,7 +17,7 @@ from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
 from wrenchgap.replay.present import counterfactual, design, explanation, replay
-from wrenchgap.replay.present.numbers import number, parameters_in_words, share, unit_of
+from wrenchgap.replay.present.numbers import parameters_in_words, row, share, unit_of
 from wrenchgap.replay.present.staircase import label
 from wrenchgap.replay.present.where import dependence_in_words
 from wrenchgap.viewer.analysis import (
@@ -35,8 +33,6 @@ from wrenchgap.viewer.analysis import (
     Value,
 )
 from wrenchgap.viewer.scene import Motion
-
-Array = NDArray[np.float64]
 
 PATH_POINTS = 600
 """Points of a designed trajectory that are drawn."""
@@ -69,49 +65,29 @@ def installed(item: ModelEffect, vehicle: Vehicle) -> Installed:
         for k, (p, v) in rows
     )
     logs = [file for file, _ in item.provenance.logs]
-    return Installed(
-        item.name, values, f"fitted on {', '.join(logs)}" if logs else item.provenance.method or "as given"
-    )
+    source = f"fitted on {', '.join(logs)}" if logs else item.provenance.method or "as given"
+    return Installed(item.name, values, source)
 
 
 def ranking(found: Explanation, flight: str, model: str) -> Ranking:
     """What is missing in a model on a flight, and the evidence."""
-    named = tuple(
-        Named(
-            m.name,
-            found.confidence(m),
-            m.share,
-            m.significance,
-            _values(found, m.name),
-            tuple(r.name for r in m.alike),
-        )
-        for m in found.members
-    )
-    alike = {name for n in named for name in n.alike}
-
-    def mark(name: str, implausible: bool) -> str:
-        chosen = name in found.effects
-        return "chosen" if chosen else "alike" if name in alike else "implausible" if implausible else ""
-
-    candidates = tuple(
-        Candidate(
-            c.name,
-            c.score,
-            c.significance,
-            c.reduction,
-            parameters_in_words(c.values),
-            mark(c.name, bool(c.implausible)),
-        )
-        for c in found.ranking
-    )
+    named, candidates = [], []
+    for m in found.members:
+        alike = tuple(r.name for r in m.alike)
+        named.append(Named(m.name, found.confidence(m), m.share, m.significance, _values(found, m.name), alike))
+    indistinct = {name for n in named for name in n.alike}
+    for c in found.ranking:
+        chosen, implausible = c.name in found.effects, "implausible" if c.implausible else ""
+        mark = "chosen" if chosen else "alike" if c.name in indistinct else implausible
+        candidates.append(Candidate(c.name, c.score, c.significance, c.reduction, parameters_in_words(c.values), mark))
     not_tried = explanation.not_tried(found.untried).items()
     return Ranking(
         flight,
         model,
         str(found.verdict),
         explanation.summary(found),
-        named,
-        candidates,
+        tuple(named),
+        tuple(candidates),
         found.groups,
         tuple(map(_trace, found.steps)),
         tuple(f"{', '.join(names)}: {reason}" for reason, names in not_tried),
@@ -119,7 +95,6 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
 
 
 def _values(found: Explanation, name: str) -> tuple[Value, ...]:
-    """Parameters of a named effect, as fitted together with the others."""
     rows = zip(found.fit.parameters, found.fit.theta, found.fit.std, strict=True)
     return tuple(
         Value(p.name, p.unit, float(v), float(std), p.low, p.high, p.scale) for (n, p), v, std in rows if n == name
@@ -127,7 +102,6 @@ def _values(found: Explanation, name: str) -> tuple[Value, ...]:
 
 
 def _trace(step: Step) -> str:
-    """One step of the search."""
     on = f"on top of {', '.join(step.on)}" if step.on else "on the current model"
     if step.chosen is None:
         return f"{on}: no further effect stands out"
@@ -168,10 +142,8 @@ def compensated(done: Replay) -> Compensated:
     """The mismatch of each output before and after the correction, and how much of it was withheld."""
     steps_ = done.steps
     before, after = (np.mean(np.abs(m), axis=0) for m in (steps_.mismatch_before, steps_.mismatch_after))
-    rows = tuple(
-        (f"{axis} [{unit_of(AXES.index(axis))}]", number(float(b)), number(float(a)))
-        for axis, b, a in zip(done.outputs, before, after, strict=True)
-    )
+    heads = [f"{axis} [{unit_of(AXES.index(axis))}]" for axis in done.outputs]
+    rows = tuple(zip(heads, row(before), row(after), strict=True))
     withheld = float(np.mean(steps_.beta > 0.5))
     fading = np.exp(-done.dt / done.settings.decay_time)
     sentences = [
@@ -196,17 +168,13 @@ def reflown(found: Counterfactual, name: str) -> Reflown:
     )
     runs = [found.tracking[key] for key in ("recorded", "null_run", "counterfactual")]
     attitude = np.degrees(np.arcsin(np.clip([r.attitude_rms for r in runs], 0.0, 1.0)))
-    rows = [(f"attitude {axis}, RMS [deg]", *_three(attitude[:, k])) for k, axis in enumerate("xyz")]
-    rows.append(("position, RMS [cm]", *_three(np.array([100 * r.position_rms for r in runs]))))
-    rows.append(("position, max [cm]", *_three(np.array([100 * r.position_max for r in runs]))))
+    numbers = {f"attitude {axis}, RMS [deg]": attitude[:, k] for k, axis in enumerate("xyz")}
+    numbers["position, RMS [cm]"] = np.array([100 * r.position_rms for r in runs])
+    numbers["position, max [cm]"] = np.array([100 * r.position_max for r in runs])
+    rows = tuple((name, f"{a:.2f}", f"{b:.2f}", f"{c:.2f}") for name, (a, b, c) in numbers.items())
     bound = (
         f"With nothing changed the re-simulated flight is at most {found.null_run.attitude_deg_max:.2f} deg and "
         f"{100 * found.null_run.position_m_max:.1f} cm off the recorded one: this null-run error bounds the accuracy "
         "of what follows."
     )
-    return Reflown(motion, tuple(rows), (bound, *counterfactual.notes(found)))
-
-
-def _three(values: Array) -> tuple[str, str, str]:
-    first, second, third = (f"{v:.2f}" for v in values)
-    return first, second, third
+    return Reflown(motion, rows, (bound, *counterfactual.notes(found)))

@@ -9,24 +9,21 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.compensation.summary import Summary, summarise
-from wrenchgap.replay.present.compensation import sentences
 from wrenchgap.replay.present.documents import atomic, write_csv
 from wrenchgap.replay.present.figures import save
-from wrenchgap.replay.present.notes import sentences as sentences_of
+from wrenchgap.replay.present.learning import of_process
+from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
-
-Array = NDArray[np.float64]
 
 
 def parts(replay: Replay) -> list[Part]:
@@ -35,13 +32,10 @@ def parts(replay: Replay) -> list[Part]:
     wrenches = table(f"{replay.flight.name}: compensation of the {summary.source} wrench", "mean |.|", *UNIT_HEADS)
     wrenches.add_row("correction", *row(summary.correction_mean_abs))
     wrenches.add_row("  its maximum", *row(summary.correction_max_abs))
-    known = output_indices(summary.outputs)
-    for name, values in (
-        ("predicted error before", summary.error_before_mean_abs),
-        ("predicted error after", summary.error_after_mean_abs),
-    ):
+    before, after = summary.error_before_mean_abs, summary.error_after_mean_abs
+    for name, values in (("predicted error before", before), ("predicted error after", after)):
         cells = np.full(len(AXES), np.nan)
-        cells[known] = values
+        cells[output_indices(summary.outputs)] = values
         wrenches.add_row(name, *row(cells))
     wrenches.add_row("measured - logged command, filtered", *row(summary.measured_minus_logged))
     wrenches.add_row("measured - model and GP, filtered", *row(summary.measured_minus_predicted))
@@ -82,7 +76,9 @@ def warnings(summary: Summary) -> tuple[str, ...]:
 
 
 def _lines(summary: Summary, unit: str) -> list[tuple[str, str]]:
-    sigma, beta = (" / ".join(number(float(v)) for v in values) for values in (summary.sigma, summary.beta))
+    sigma, beta = (" / ".join(row(values)) for values in (summary.sigma, summary.beta))
+    solve = (summary.solve_mean_ms, summary.solve_p99_ms, summary.solve_max_ms)
+    times = f"{' / '.join(f'{ms:.2f}' for ms in solve)} ms, {summary.iterations_mean:.1f} evaluations"
     lines = [
         ("steps, duration, restarts after gaps", f"{summary.steps}, {summary.duration:.2f} s, {summary.restarts}"),
         ("accepted", share(summary.accepted)),
@@ -90,11 +86,7 @@ def _lines(summary: Summary, unit: str) -> list[tuple[str, str]]:
         ("beta 5 / 50 / 95 / 100 %", beta),
         ("correction withheld (beta > 0.5)", f"{share(summary.held_back)} of the time"),
         ("smallest real eigenvalue of I + dmu/dW", number(summary.eigenvalue_min)),
-        (
-            "solve time mean / p99 / max",
-            f"{summary.solve_mean_ms:.2f} / {summary.solve_p99_ms:.2f} / {summary.solve_max_ms:.2f} ms, "
-            f"{summary.iterations_mean:.1f} evaluations",
-        ),
+        ("solve time mean / p99 / max", times),
     ]
     if summary.saturation is not None and summary.saturation_logged is not None:
         for name, count in summary.saturation.items():
@@ -106,9 +98,10 @@ def _lines(summary: Summary, unit: str) -> list[tuple[str, str]]:
 def to_json(replay: Replay) -> dict[str, Any]:
     """The content of the command's JSON; see docs/json.md."""
     summary = summarise(replay)
+    names = ("p5", "p50", "p95", "max")
     numbers = asdict(summary) | {
-        "sigma": dict(zip(("p5", "p50", "p95", "max"), summary.sigma.tolist(), strict=True)),
-        "beta": dict(zip(("p5", "p50", "p95", "max"), summary.beta.tolist(), strict=True)),
+        "sigma": dict(zip(names, summary.sigma, strict=True)),
+        "beta": dict(zip(names, summary.beta, strict=True)),
         "error_fall": 1.0 - summary.error_after_mean_abs / np.maximum(summary.error_before_mean_abs, 1e-12),
     }
     return {
@@ -123,13 +116,13 @@ def to_json(replay: Replay) -> dict[str, Any]:
 
 def notes(replay: Replay) -> tuple[str, ...]:
     """What a user should know of the log, the command and the GP."""
-    found = sentences_of(replay.notes)
+    found = sentences(replay.notes)
     if replay.computed_from is not None:
         found.append(
             f"{replay.flight.name}: no commanded wrench in the log; computed from {replay.computed_from} with the "
             "model's geometry."
         )
-    return tuple(dict.fromkeys((*found, *sentences(replay.caveats))))
+    return tuple(dict.fromkeys((*found, *of_process(replay.caveats))))
 
 
 def to_frame(replay: Replay) -> pd.DataFrame:
@@ -145,13 +138,7 @@ def to_frame(replay: Replay) -> pd.DataFrame:
 
 
 def write_files(
-    replay: Replay,
-    log: Path | None,
-    csv: Path | None,
-    parquet: Path | None,
-    figure: Path | None,
-    *,
-    force: bool = False,
+    replay: Replay, log: Path | None, csv: Path | None, parquet: Path | None, figure: Path | None, *, force: bool
 ) -> None:
     """Log, tables and figure, where they are asked for."""
     if log is not None:

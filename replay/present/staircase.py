@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wrenchgap.learn.identify.staircase import Basis, Kind, Stair, Staircase
-from wrenchgap.replay.present.numbers import share
+from wrenchgap.replay.present.numbers import entries, share
 
 LABELS = {
     Kind.NOMINAL: "nominal",
@@ -60,9 +60,6 @@ def to_json(case: Staircase) -> dict[str, Any]:
     """Steps by name."""
     return {
         "title": title(case),
-        "stairs": [
-            {"name": label(s), "rms": s.rms, "in_all": s.in_all, "beside": s.beside, "learnt_here": s.learnt_here}
-            for s in case.stairs
-        ],
-        "noise": {"rms": case.noise.rms, "in_all": case.noise.in_all},
+        "stairs": [{"name": label(s), **entries(s, "rms", "in_all", "beside", "learnt_here")} for s in case.stairs],
+        "noise": entries(case.noise, "rms", "in_all"),
     }

@@ -6,16 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.history import Snapshot
 from wrenchgap.replay.present.numbers import UNIT_HEADS, change, number, row, unit
-
-Array = NDArray[np.float64]
 
 COLOURED = 0.1
 """Reduction from which on it is coloured."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from wrenchgap.flight.offsets import Offset, Part, Problem
+from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.diagnose.response import Response
 from wrenchgap.learn.diagnose.timing import (
     Drift,
@@ -18,10 +16,11 @@ from wrenchgap.learn.diagnose.timing import (
     FlightTiming,
     LateResponse,
     OdometryOffset,
+    TimingWarning,
     UnevenOffset,
 )
-from wrenchgap.replay.present.tables import Line, note_lines, table
-from wrenchgap.replay.present.tables import Part as Shown
+from wrenchgap.replay.present.numbers import entries
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
 LEGEND = (
     "delay: positive where the signal is later than its reference   form: of a late response   consequence: error of "
@@ -37,10 +36,11 @@ PROBLEMS = {
     Problem.VAGUE: "no better than {about}: too little motion in common",
     Problem.FEEDBACK: "feedback-dominated: the command follows the motion; actuator dynamics are not identifiable here",
 }
+PARTS = ("halves", "axes", "bands")
 FORMS = {"delay": "a delay", "lag": "a lag", "either": "a lag or a delay", None: "a lag or a delay"}
 
 
-def parts(found: FlightTiming) -> list[Shown]:
+def parts(found: FlightTiming) -> list[Part]:
     """Table, what cannot be estimated, warnings."""
     if not found.offsets:
         return []
@@ -58,16 +58,12 @@ def offsets_table(found: FlightTiming) -> Table:
         if o.seconds is None:
             continue
         response = forms.get(id(o))
-        out.add_row(
-            escape(o.second),
-            escape(o.first),
-            "same series" if o.same else milliseconds(o),
-            "-" if o.drift is None or o.same else f"{_per_minute(o.drift)} +- {_per_minute(o.drift_std, sign=False)}",
-            f"{o.lowest_hz:.1f}-{o.highest_hz:.1f}",
-            "-" if response is None else response.shape or "-",
-            _matters(errors.get(id(o)), response),
-            style="" if o.certain else "dim",
-        )
+        delay, drift = "same series" if o.same else milliseconds(o), "-"
+        if o.drift is not None and not o.same:
+            drift = f"{_per_minute(o.drift)} +- {_per_minute(o.drift_std, sign=False)}"
+        band, form = f"{o.lowest_hz:.1f}-{o.highest_hz:.1f}", "-" if response is None else response.shape or "-"
+        row = (escape(o.second), escape(o.first), delay, drift, band, form, _matters(errors.get(id(o)), response))
+        out.add_row(*row, style="" if o.certain else "dim")
     return out
 
 
@@ -122,51 +118,34 @@ def warnings(found: FlightTiming) -> list[str]:
     return [_warning(w) for w in found.warnings]
 
 
-@singledispatch
-def _warning(warning: object) -> str:
-    raise NotImplementedError(type(warning).__name__)
-
-
-@_warning.register
-def _(warning: OdometryOffset) -> str:
-    return (
-        f"The odometry {'lags' if warning.seconds > 0 else 'leads'} the IMU by {1e3 * abs(warning.seconds):.1f} ms: "
-        f"effects that are driven by speed or attitude come out up to {100 * warning.error:.0f} % wrong. Read it with "
-        f"--shift odometry={-warning.seconds:.4f}."
-    )
-
-
-@_warning.register
-def _(warning: UnevenOffset) -> str:
-    listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in warning.offsets)
-    return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
-
-
-@_warning.register
-def _(warning: Drift) -> str:
-    o = warning.offset
-    return (
-        f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
-        f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
-    )
-
-
-@_warning.register
-def _(warning: LateResponse) -> str:
-    listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in warning.responses)
-    return (
-        f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or the "
-        "clocks of commands and IMU, and `explain` ranks the first three."
-    )
-
-
-@_warning.register
-def _(warning: FeedbackDominated) -> str:
-    return (
-        f"On {', '.join(warning.axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
-        "and a lag that is fitted would be the controller's own phase. To identify them, log actuator speeds and "
-        "tilts, or add a known signal to the commanded wrench on these axes."
-    )
+def _warning(warning: TimingWarning) -> str:
+    match warning:
+        case OdometryOffset(seconds, error):
+            return (
+                f"The odometry {'lags' if seconds > 0 else 'leads'} the IMU by {1e3 * abs(seconds):.1f} ms: effects "
+                f"that are driven by speed or attitude come out up to {100 * error:.0f} % wrong. Read it with "
+                f"--shift odometry={-seconds:.4f}."
+            )
+        case UnevenOffset(offsets):
+            listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in offsets)
+            return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
+        case Drift(o):
+            return (
+                f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
+                f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
+            )
+        case LateResponse(responses):
+            listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in responses)
+            return (
+                f"Commands take effect late: {listed}. Not removed: it may be servo_lag, motor_lag, command_delay or "
+                "the clocks of commands and IMU, and `explain` ranks the first three."
+            )
+        case FeedbackDominated(axes):
+            return (
+                f"On {', '.join(axes)} the flight is feedback-dominated: actuator dynamics are not identifiable there, "
+                "and a lag that is fitted would be the controller's own phase. To identify them, log actuator speeds "
+                "and tilts, or add a known signal to the commanded wrench on these axes."
+            )
 
 
 def milliseconds(offset: Offset, absolute: bool = False) -> str:
@@ -196,21 +175,12 @@ def to_json(found: FlightTiming) -> dict[str, Any]:
 
 
 def _response_json(r: Response) -> dict[str, Any]:
-    own = {name: getattr(r, name) for name in ("axis", "shape", "lag", "leaves", "residual", "noise", "matters")}
+    own = entries(r, "axis", "shape", "lag", "leaves", "residual", "noise", "matters")
     return {**_offset_json(r.offset), **own}
 
 
 def _offset_json(offset: Offset) -> dict[str, Any]:
-    def listed(found: Sequence[Part]) -> list[dict[str, Any]]:
-        return [{"name": p.name, "seconds": p.seconds, "std": p.std} for p in found]
-
     numbers = ("first", "second", "seconds", "std", "drift", "drift_std", "coherence", "lowest_hz", "highest_hz")
-    return {
-        **{name: getattr(offset, name) for name in numbers},
-        "interval_95": offset.interval,
-        "halves": listed(offset.halves),
-        "axes": listed(offset.axes),
-        "bands": listed(offset.bands),
-        "blocks": offset.blocks,
-        "problem": problem(offset) or None,
-    }
+    named = {key: [entries(p, "name", "seconds", "std") for p in getattr(offset, key)] for key in PARTS}
+    own = entries(offset, *numbers, "interval_95=interval")
+    return {**own, **named, "blocks": offset.blocks, "problem": problem(offset) or None}

@@ -14,9 +14,9 @@ from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
-from wrenchgap.replay.present.comparison import stretch_json, worst
+from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, row, share
+from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
 
 QUANTITIES = 3
@@ -35,12 +35,9 @@ def parts(result: Where) -> list[Part]:
     """Summary, budget, the quantities that the error depends on most, worst stretches, whiteness, relevant inputs."""
     out: list[Part] = [*(Line(text, "bold") for text in summary(result)), Line(), budget_table(result.budget)]
     out += [_map(d) for d in result.failure_map.significant if d.score >= LEAST][:QUANTITIES]
-    out += [
-        _others(result),
-        worst(result.name, result.worst),
-        _whiteness(result.whiteness),
-        _relevance(result.relevance),
-    ]
+    heads = ("axis", "autocorrelation", "strongest correlation with an input")
+    white = plain("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)
+    out += [_others(result), worst(result.name, result.worst), white, _relevance(result.relevance)]
     out += [Line(f"not mapped: {name}: {why}", "dim") for name, why in result.failure_map.lacking.items()]
     return [*out, *note_lines(sentences(result.notes))]
 
@@ -55,15 +52,13 @@ def summary(where: Where) -> tuple[str, ...]:
     if where.budget.source is not Source.NONE:
         listed.append(f"{process[where.budget.source]} {share(shares['process'])}")
     listed.append(f"{share(shares['unexplained'])} stays unexplained")
-    out = [f"Of the nominal model's error energy {', '.join(listed)}.", depends_on(where.failure_map)]
-    out.append(_relevant(where.relevance))
+    first = f"Of the nominal model's error energy {', '.join(listed)}."
     coloured = [a.axis for a in where.whiteness.autocorrelation if not a.white]
+    named = "any axis" if len(coloured) == len(AXES) else ", ".join(coloured)
+    last = f"The residual is not white on {named}: there is structure left to explain."
     if not coloured:
-        out.append("The residual is as white as filtered sensor noise on all axes.")
-    else:
-        named = "any axis" if len(coloured) == len(AXES) else ", ".join(coloured)
-        out.append(f"The residual is not white on {named}: there is structure left to explain.")
-    return tuple(out)
+        last = "The residual is as white as filtered sensor noise on all axes."
+    return first, depends_on(where.failure_map), _relevant(where.relevance), last
 
 
 def depends_on(mapped: FailureMap) -> str:
@@ -97,7 +92,7 @@ def _group(group: GroupRelevance) -> str:
     return f"{group.label} ({share(group.alone)} alone, {share(group.lost)} lost without{on})"
 
 
-def autocorrelation_in_words(auto: Autocorrelation) -> str:
+def _autocorrelation(auto: Autocorrelation) -> str:
     """Whether one axis is white, and at which lag it is least."""
     if auto.white:
         return "as white as filtered noise"
@@ -105,7 +100,7 @@ def autocorrelation_in_words(auto: Autocorrelation) -> str:
     return f"not white: {auto.value[k]:+.2f} at {auto.worst:.2f} s, noise {auto.expected[k]:+.2f} +- {auto.band[k]:.2f}"
 
 
-def crosscorrelation_in_words(cross: CrossCorrelation | None) -> str:
+def _crosscorrelation(cross: CrossCorrelation | None) -> str:
     """What one axis follows most, and how late."""
     if cross is None:
         return "no input that varies enough"
@@ -135,19 +130,16 @@ def budget_table(budget: Budget) -> Table:
     shares, whole = budget.shares(), budget.whole()
     for part in PARTS:
         if part != "physics" or budget.physics.any():
-            out.add_row(names.get(part, part), *(share(float(v)) for v in [*shares[part], whole[part]]))
+            out.add_row(names.get(part, part), *map(share, [*shares[part], whole[part]]))
     return out
 
 
 def _map(dependence: Dependence) -> Table:
     """The bins of one quantity: how long, how large the error, and the share of it that sits there."""
     b = dependence.binned
-    title = (
-        f"{dependence.label} [{dependence.unit}]: explains {share(dependence.of_mean)} of the mean error, "
-        f"{share(dependence.of_size)} of its size"
-    )
+    explained = f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
     heads = ("", "time", "F rms [N]", "noise", "M rms [Nm]", "noise", "error", "share of all error above the noise")
-    out = table(title, *heads)
+    out = table(f"{dependence.label} [{dependence.unit}]: {explained}", *heads)
     out.columns[-1].justify = "left"
     longest = max(float(b.whole_share.max()), 1e-9)
     for i in range(len(b)):
@@ -159,44 +151,23 @@ def _map(dependence: Dependence) -> Table:
 
 
 def _others(result: Where) -> Table:
-    """All quantities in one line each."""
-    rows = [
-        (
-            d.label,
-            share(d.of_mean),
-            share(d.of_size),
-            f"{d.p:.3f}",
-            "yes" if d.significant else "no",
-            *(share(float(v)) for v in d.axes_mean),
-        )
-        for d in result.failure_map.dependences
-    ]
+    rows = []
+    for d in result.failure_map.dependences:
+        sure = "yes" if d.significant else "no"
+        rows.append((d.label, share(d.of_mean), share(d.of_size), f"{d.p:.3f}", sure, *map(share, d.axes_mean)))
     heads = ("quantity", "of mean", "of size", "p", "significant", *AXIS_HEADS)
     return plain("share of the error that depends on each quantity, in excess of chance", heads, rows)
 
 
-def _whiteness(white: Whiteness) -> Table:
-    """In words, per axis."""
-    rows = [
-        (a.axis, autocorrelation_in_words(a), crosscorrelation_in_words(white.strongest(a.axis)))
-        for a in white.autocorrelation
-    ]
-    return plain(
-        "whiteness of the residual", ("axis", "autocorrelation", "strongest correlation with an input"), rows, left=3
-    )
+def whiteness_in_words(white: Whiteness) -> list[tuple[str, str, str]]:
+    """Of each axis: its name, autocorrelation, and strongest correlation with an input."""
+    autos = white.autocorrelation
+    return [(a.axis, _autocorrelation(a), _crosscorrelation(white.strongest(a.axis))) for a in autos]
 
 
 def _relevance(relevant: Relevance) -> Table:
-    """Groups of inputs: what they explain on held-out time."""
     rows = [
-        (
-            str(g.step or ""),
-            g.label,
-            share(g.alone),
-            share(g.lost),
-            f"{g.significance:.1f}",
-            *(share(float(v)) for v in g.alone_axes),
-        )
+        (g.step or "", g.label, share(g.alone), share(g.lost), f"{g.significance:.1f}", *map(share, g.alone_axes))
         for g in relevant.groups
     ]
     heads = ("step", "inputs", "alone", "lost without", "t", *AXIS_HEADS)
@@ -208,41 +179,35 @@ def to_json(where: Where) -> dict[str, Any]:
     """The body of the `where` schema."""
     return {
         "axes": list(AXES),
-        "model": where.name,
-        "flights": list(where.flights),
-        "seconds": where.seconds,
-        "samples": where.samples,
-        "cutoff_hz": where.cutoff_hz,
-        "rms": where.rms,
-        "noise": where.noise,
-        "budget": budget_json(where.budget),
+        **entries(where, "model=name", "flights", "seconds", "samples", "cutoff_hz", "rms", "noise"),
+        "budget": _budget_json(where.budget),
         "failure_map": _failure_map_json(where.failure_map),
         "whiteness": _whiteness_json(where.whiteness),
         "relevance": relevance_json(where.relevance),
-        "worst": [stretch_json(s) for s in where.worst],
+        "worst": where.worst,
         "summary": list(summary(where)),
         "notes": sentences(where.notes),
     }
 
 
-def budget_json(budget: Budget) -> dict[str, Any]:
-    """Mean squares by part, and shares of the whole."""
-    mean_square = {name: getattr(budget, name) for name in ("nominal", *PARTS)}
-    return {"mean_square": mean_square, "whole_shares": budget.whole(), "process_source": str(budget.source)}
+def _budget_json(budget: Budget) -> dict[str, Any]:
+    return {
+        "mean_square": entries(budget, "nominal", *PARTS),
+        "whole_shares": budget.whole(),
+        "process_source": str(budget.source),
+    }
 
 
 def _failure_map_json(mapped: FailureMap) -> dict[str, Any]:
     return {
         "quantities": [
             {
-                "quantity": d.name,
-                **{k: getattr(d, k) for k in ("label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant")},
-                "axes": list(d.axes),
-                "bins": dict(d.binned.__dict__),
+                **entries(d, "quantity=name", "label", "unit", "of_mean", "of_size", "axes_mean", "p", "significant"),
+                **entries(d, "axes", "bins=binned"),
             }
             for d in mapped.dependences
         ],
-        "grid": None if mapped.grid is None else dict(mapped.grid.__dict__),
+        "grid": mapped.grid,
         "lacking": [{"quantity": name, "reason": why} for name, why in mapped.lacking.items()],
     }
 
@@ -251,7 +216,7 @@ def _whiteness_json(white: Whiteness) -> dict[str, Any]:
     strongest = [c for axis in AXES if (c := white.strongest(axis)) is not None]
     curves = ("lags", "value")
     return {
-        "autocorrelation": [{**a.__dict__, "white": a.white} for a in white.autocorrelation],
+        "autocorrelation": [{**vars(a), "white": a.white} for a in white.autocorrelation],
         "strongest": [{**c.__dict__, "outside": c.outside} for c in strongest],
         "peaks": [
             {**{k: v for k, v in c.__dict__.items() if k not in curves}, "outside": c.outside}
@@ -264,8 +229,7 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
     """Groups of inputs by name."""
     return {
         "groups": [{**g.__dict__, "chosen": g.chosen} for g in relevant.groups],
-        "explained": relevant.explained,
-        "explained_axes": relevant.explained_axes,
+        **entries(relevant, "explained", "explained_axes"),
         "lacking": [{"input": name, "reason": why} for name, why in relevant.lacking.items()],
     }
 

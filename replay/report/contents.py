@@ -14,17 +14,13 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight.errors import WrenchgapError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight import AXES, WrenchgapError
 from wrenchgap.flight.result import PRESENTATION, Result
+from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Lack, inapplicable
-from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms
-from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.design.designed import Design
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
 from wrenchgap.learn.diagnose.where import Where, examine
@@ -33,13 +29,11 @@ from wrenchgap.learn.identify.add import Addition, add
 from wrenchgap.learn.identify.explain import Explanation, explain
 from wrenchgap.learn.identify.learning import absorption, default_mean, learn_process
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import OtherFilter
 from wrenchgap.plant.history import order_of
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 AT_THE_FLOOR = 1.2
@@ -184,7 +178,6 @@ def report(
 
 
 def _part(progress: Progress, start: float, stop: float, prefix: str = "") -> Progress:
-    """Progress of a part of the work."""
     return lambda fraction, words: progress(start + (stop - start) * fraction, prefix + words)
 
 
@@ -220,14 +213,9 @@ def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: St
 
 def _next_flights(found: Explanation, fitted: Model, progress: Progress) -> Iterator[NextFlight]:
     """For each group the flight that separates its first few members."""
-    for number, group in enumerate(found.groups):
-        if number >= MOST_DESIGNED:
-            yield NextFlight(group, None)
-            continue
+    for group in found.groups[:MOST_DESIGNED]:
         try:
             yield NextFlight(group, design(group[:MOST_COMPARED], fitted, flights=found.flights, progress=progress))
         except WrenchgapError as error:
             yield NextFlight(group, None, str(error))
-
-
-__all__ = ["Absent", "NextFlight", "OnNominal", "OnOtherModel", "Report", "Rest", "report"]
+    yield from (NextFlight(group, None) for group in found.groups[MOST_DESIGNED:])

@@ -5,23 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import caveats, compensator
 from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual, read_recording
-from wrenchgap.replay.present.compensation import sentences
+from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
+from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.panels import compensated, reflown
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import Compensated, Compensation, Gating, Reflown, Report
 from wrenchgap.viewer.scene import Series
-
-Array = NDArray[np.float64]
 
 GROUP = "Compensation"
 """Where the page shows what a replay did."""
@@ -45,13 +44,9 @@ class SessionCompensation:
 
     def __init__(self, working: WorkingModel, name: str) -> None:
         self.working = working
-        self._setting = None if working.gp is None else _setting(working.gp, working.given, name)
-        self._replayed: dict[str, _Replayed] = {}
-
-    @property
-    def setting(self) -> Compensation | None:
+        self.setting = None if working.gp is None else _setting(working.gp, working.given, name)
         """The compensation as it is set, None without a GP."""
-        return self._setting
+        self._replayed: dict[str, _Replayed] = {}
 
     def set(self, gating: Gating) -> None:
         """Change it; what was replayed with other settings is forgotten. Raises UsageError for impossible values."""
@@ -59,32 +54,27 @@ class SessionCompensation:
             known = self._known()[1]
             if gating != known.gating:
                 _settings(gating, 0.01)  # or it raises
-                self._setting = replace(known, gating=gating)
+                self.setting = replace(known, gating=gating)
                 self._replayed.clear()
 
     def series(self, flight: str) -> tuple[Series, ...]:
         """What the last replay on a flight did, as plots; nothing where there was none, or it is switched off."""
         done = self._replayed.get(flight)
-        if done is None or self._setting is None or not self._setting.gating.on:
+        if done is None or self.setting is None or not self.setting.gating.on:
             return ()
 
-        def plot(title: str, unit: str, values: dict[str, Array]) -> Series:
-            return Series(title, unit, done.time, values, GROUP)
-
-        parts = [
-            ("correction, force", "N", done.correction[:, :3]),
-            ("correction, torque", "Nm", done.correction[:, 3:]),
-        ]
-        out = [
-            plot(title, unit, dict(zip("xyz", values.T, strict=True)))
-            for title, unit, values in parts
-            if np.any(values)
-        ]
-        threshold = np.full(len(done.time), self._setting.gating.sigma_threshold)
-        sigma = {"sigma": done.sigma} | ({"threshold": threshold} if self._setting.gating.gated else {})
-        out.append(plot("sigma of the correction", self._setting.unit, sigma))
-        out.append(plot("beta (1: correction withheld)", "", {"beta": done.beta}))
-        return tuple(out)
+        sigma = {"sigma": done.sigma}
+        if self.setting.gating.gated:
+            sigma["threshold"] = np.full(len(done.time), self.setting.gating.sigma_threshold)
+        force, torque = (dict(zip("xyz", part, strict=True)) for part in (done.correction.T[:3], done.correction.T[3:]))
+        plots = (
+            ("correction, force", "N", force),
+            ("correction, torque", "Nm", torque),
+            ("sigma of the correction", self.setting.unit, sigma),
+            ("beta (1: correction withheld)", "", {"beta": done.beta}),
+        )
+        shown = [one for one in plots if not one[0].startswith("correction") or np.any(list(one[2].values()))]
+        return tuple(Series(title, unit, done.time, values, GROUP) for title, unit, values in shown)
 
     def replay(self, flight: str, report: Report) -> Compensated:
         """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
@@ -100,7 +90,7 @@ class SessionCompensation:
 
         found = apart(work, report)
         with self.working.lock:
-            if setting is self._setting:  # not changed meanwhile
+            if setting is self.setting:  # not changed meanwhile
                 self._replayed[flight] = found
         return found.summary
 
@@ -121,19 +111,15 @@ class SessionCompensation:
         return apart(work, report)
 
     def _known(self) -> tuple[GaussianProcess, Compensation]:
-        if self.working.gp is None or self._setting is None:
+        if self.working.gp is None or self.setting is None:
             raise UsageError("there is no GP to compensate with; open the page with --gp GP (see `wrenchgap learn`)")
-        return self.working.gp, self._setting
+        return self.working.gp, self.setting
 
 
 def _settings(gating: Gating, dt: float) -> Settings:
-    return Settings(
-        dt=dt,
-        filter_uncertain=gating.gated,
-        sigma_threshold=gating.sigma_threshold,
-        kappa=gating.kappa,
-        decay_time=gating.decay_time,
-    )
+    threshold, slope, decay = gating.sigma_threshold, gating.kappa, gating.decay_time
+    gate = Settings(sigma_threshold=threshold, kappa=slope, decay_time=decay)
+    return replace(gate, dt=dt, filter_uncertain=gating.gated)
 
 
 def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
@@ -144,6 +130,5 @@ def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     kinds = {axis.split("_")[0] for axis in gp.outputs}
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
     gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
-    return Compensation(
-        name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, sentences(caveats(gp, model))
-    )
+    notes = of_process(caveats(gp, model))
+    return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes)

@@ -38,9 +38,8 @@ class SessionEffects:
 
     def __init__(self, working: WorkingModel, folder: Path) -> None:
         self.working, self.folder = working, folder
+        self.undo, self.redo = working.undo, working.redo
         self._steps: dict[str, Steps] = {}
-
-    # ------------------------------------------------------------ the current model
 
     def state(self, flight: str) -> ModelState:
         """The current model, seen from a flight."""
@@ -62,8 +61,6 @@ class SessionEffects:
             working.saved,
             "" if last.trial is None else verdict(last.trial),
         )
-
-    # ------------------------------------------------------------ changing it
 
     def add(self, names: tuple[str, ...], flight: str) -> None:
         """Put effects in, fitted on the flight together with those that are in."""
@@ -117,14 +114,6 @@ class SessionEffects:
             words = f"set {effect} by hand"
             working.change(Revision(model, words, working.revisions[-1].order), instead=working.undoable == words)
 
-    def undo(self) -> None:
-        """Take the last change back."""
-        self.working.undo()
-
-    def redo(self) -> None:
-        """Do again what was taken back."""
-        self.working.redo()
-
     def save(self, name: str, *, overwrite: bool = False) -> str:
         """Write the model with its history, one version for every change; what was written, in words."""
         working, path = self.working, self._place(name)
@@ -144,8 +133,7 @@ class SessionEffects:
                 )
             saved = model_file.save(versioned, path, force=overwrite)
             working.was_saved(saved)
-            count = len(saved.history)
-            return f"{path}: written" + (f", version {saved.history[-1].number}" if count else "")
+            return f"{path}: written" + (f", version {saved.history[-1].number}" if saved.history else "")
 
     def save_trajectory(self, found: NextFlight, name: str) -> str:
         """Write a designed flight as a trajectory file; never over another one."""
@@ -161,8 +149,6 @@ class SessionEffects:
             raise UsageError(f"{name or 'file'}: expected a name that ends in .toml; it is written to {self.folder}")
         return self.folder / name
 
-    # ------------------------------------------------------------ the error step by step
-
     def _staircases(self, flight: str) -> tuple[Staircase, ...]:
         """Down to the current model, on this flight and on those that it was not fitted to."""
         working = self.working
@@ -176,7 +162,6 @@ class SessionEffects:
         return (here,) if held_out is None else (here, held_out)
 
     def _raw(self, basis: Basis, flights: list[str]) -> Staircase:
-        """Errors of the models as they were after each step."""
         working = self.working
         residuals = (np.concatenate([working.left_of(model, f) for f in flights]) for model in self._models())
         return panels.staircase(staircase(basis, working.data(*flights), residuals, working.revisions[-1].order))
@@ -192,7 +177,6 @@ class SessionEffects:
         return out
 
     def _fitted_flights(self) -> set[str]:
-        """Names of open flights to which any effect of the model was fitted."""
         used = {sha for e in self.working.model.effects for _, sha in e.provenance.logs}
         return {name for name, one in self.working.opened.items() if one.flight.content_hash in used}
 
@@ -208,8 +192,6 @@ class SessionEffects:
         made = steps(data, working.model, working.revisions[-1].order, earlier=self._steps.get(flight))
         self._steps[flight] = made
         return panels.staircase(staircase(Basis.HELD_OUT, data, made.left, made.names))
-
-    # ------------------------------------------------------------ the search
 
     def explain(self, flight: str, report: Report) -> Ranking:
         """Search for what is missing in the current model; takes long, in a process of its own."""

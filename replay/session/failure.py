@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import whole
@@ -26,7 +26,6 @@ from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
 from wrenchgap.viewer.scene import Stretch
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 PERMUTATIONS = 110
@@ -71,7 +70,10 @@ class SessionFailures:
             None if mapped.grid is None else _grid(mapped.grid, values, sizes),
             self._quick_budget(flight, residual),
             _worst(data, residual),
-            (depends_on(mapped), *(f"left out on {flight}: {reason}" for reason in working.lacking(flight))),
+            (
+                depends_on(mapped),
+                *(f"left out on {flight}: {reason}" for reason in working.lacking(flight, working.model)),
+            ),
             tuple(f"{name}: {why}" for name, why in mapped.lacking.items()),
         )
 
@@ -108,20 +110,13 @@ class _Sizes:
 
 def _views(squares: Array, scale: Array) -> Array:
     """Squares (K, 6) as (K, V): all on one scale, force, torque, each axis."""
-    together = squares @ scale
-    norms = [together, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1)]
-    return np.column_stack((*norms, squares))
+    return np.column_stack((squares @ scale, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1), squares))
 
 
 def _quantity(found: Dependence, values: Values, sizes: _Sizes) -> Quantity:
     members = [(words, rows) for words, rows in _members(found.binned, values) if rows.any()]
-    return Quantity(
-        found.label,
-        found.unit,
-        panels.quantity(found),
-        found.significant,
-        tuple(sizes.cell(words, rows) for words, rows in members),
-    )
+    cells = tuple(sizes.cell(words, rows) for words, rows in members)
+    return Quantity(found.label, found.unit, panels.quantity(found), found.significant, cells)
 
 
 def _members(binned: Binned, values: Values) -> list[tuple[str, Rows]]:
@@ -149,32 +144,24 @@ def _within(values: Values, low: float, high: float, *, last: bool) -> Rows:
 
 def _bounds(values: Values, low: float, high: float) -> str:
     if values.circular:
-        return f"{_wrapped(0.5 * (low + high)):.0f} {values.unit}"
+        return f"{(0.5 * (low + high) + 180.0) % 360.0 - 180.0:.0f} {values.unit}"
     digits = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-6) * 2.0))))
     return f"{low:.{digits}f} to {high:.{digits}f} {values.unit}"
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + 180.0) % 360.0 - 180.0
 
 
 def _grid(found: ErrorGrid, values: dict[str, Values], sizes: _Sizes) -> Grid:
     x, y = values[found.x], values[found.y]
     inside = np.isfinite(x.values) & np.isfinite(y.values)
-    columns = _sides(x, found.x_edges)
-    lines = _sides(y, found.y_edges)
-    rows = tuple(
-        tuple(
-            sizes.cell(f"{x.label} {across}, {y.label} {up}", inside & a & b)
-            if np.isfinite(found.force[i, j])
-            else None
-            for i, (across, a) in enumerate(columns)
-        )
-        for j, (up, b) in enumerate(lines)
-    )
-    return Grid(
-        found.x_label, found.y_label, rows, tuple(words for words, _ in columns), tuple(words for words, _ in lines)
-    )
+    columns, lines = _sides(x, found.x_edges), _sides(y, found.y_edges)
+
+    def cell(i: int, j: int) -> Cell | None:
+        (across, a), (up, b) = columns[i], lines[j]
+        known = np.isfinite(found.force[i, j])
+        return sizes.cell(f"{x.label} {across}, {y.label} {up}", inside & a & b) if known else None
+
+    rows = tuple(tuple(cell(i, j) for i in range(len(columns))) for j in range(len(lines)))
+    x_words, y_words = (tuple(words for words, _ in sides) for sides in (columns, lines))
+    return Grid(found.x_label, found.y_label, rows, x_words, y_words)
 
 
 def _sides(values: Values, edges: Array) -> list[tuple[str, Rows]]:
@@ -198,6 +185,5 @@ def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, s
 
 
 def _worst(data: Dataset, residual: Array) -> tuple[Stretch, ...]:
-    """The worst seconds, and what the vehicle was doing there."""
     parts = np.split(residual, np.cumsum([len(r) for r in data.records])[:-1])
     return tuple(Stretch(s.start, s.stop, panels.doing(s)) for s in worst_stretches(data.records, parts, data.weights))

@@ -6,6 +6,7 @@ the analysis: where the model fails, effects, compensation.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,12 +19,10 @@ from wrenchgap.learn.data.opening import Loader, open_flights
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.session.compensation import SessionCompensation
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.failure import SessionFailures
-from wrenchgap.replay.session.report_page import report_page
 from wrenchgap.replay.session.scene import Prediction, predicted, recorded
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.scene import Scene, Stretch
@@ -31,6 +30,8 @@ from wrenchgap.viewer.session import Capabilities
 
 PREDICTED = "predicted"
 """The wrench of the current model, in a scene."""
+UNSAVED = "MODEL"
+"""What a model is called in the commands of a report while no file says the same."""
 
 
 class LogSession:
@@ -58,6 +59,7 @@ class LogSession:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
         opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts, load=load)
         self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, cutoff)
+        self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
         self._notes = (*self.working.notes, *notes)
@@ -74,16 +76,6 @@ class LogSession:
         """The current model."""
         return self.working.model
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle of the model."""
-        return self.model.vehicle
-
-    @property
-    def flights(self) -> tuple[str, ...]:
-        """Names of the flights."""
-        return tuple(self.working.opened)
-
     def scene(self, flight: str) -> Scene:
         """The flight of this name, with what the current model says of it, and the last replay on it."""
         with self.working.lock:
@@ -96,8 +88,21 @@ class LogSession:
         return channels(found.path, found)
 
     def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
-        """The HTML report on a flight and the current model."""
-        return report_page(self.working, flight, progress)
+        """The HTML report: the current model fitted on the flight, tested on all others. Takes minutes.
+
+        A GP belongs to the model that it was learnt on, and is left out once that has changed.
+        """
+        from wrenchgap.replay.present.report import Repetition, Request, page
+        from wrenchgap.replay.report.contents import report
+
+        working, model, one = self.working, self.model, self.working.flight(flight)
+        others = [opened for name, opened in working.opened.items() if name != flight]
+        name = str(model.path) if working.saved and model.path is not None else UNSAVED
+        words = ["wrenchgap", "report", str(one.flight.path), "-m", name]
+        words += ["--validate", *(str(o.flight.path) for o in others)] if others else []
+        gp = working.gp if model is working.given else None
+        made = report([one], model, validation=others, gp=gp, progress=progress)
+        return page(made, Repetition.of(made, Request(name, shlex.join([*words, "-o", "report.html"]))))
 
     def _made(self, name: str) -> Scene:
         one, predictor = self.working.flight(name), self.working.predictor

@@ -6,19 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import ReferenceSeries, Samples
+from wrenchgap.flight.flight import Array, ReferenceSeries
 from wrenchgap.learn.data.comparison import Evaluation
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.compensation.source import at_stamps
 from wrenchgap.viewer.scene import Scene, Series, Stretch
-
-Array = NDArray[np.float64]
 
 RATE = 50.0
 """Instants per second that the viewer gets [Hz], about: more than a screen shows, more than the filter lets through."""
@@ -40,7 +38,7 @@ class Prediction:
 
 def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
     """A flight without any model: poses, reference, actuators, commanded and measured wrenches, tracking errors."""
-    parts = [_thinned(s) for s in one.samples]
+    parts = [slice(0, None, max(1, round(1.0 / (RATE * s.dt)))) for s in one.samples]
     time = np.concatenate([s.time[part] for s, part in zip(one.samples, parts, strict=True)])
     reference = one.flight.reference
     position, quat = (None, None) if reference is None else _reference(reference, time)
@@ -66,7 +64,8 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
     )
     pose = one.samples[0].position_E is not None
     rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))
-    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records), _rates(time, rates)))
+    omega = Series("body rate", "rad/s", time, dict(zip(XYZ, rates.T, strict=True)))
+    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records), omega))
 
 
 def predicted(
@@ -92,10 +91,6 @@ def predicted(
     )
 
 
-def _thinned(samples: Samples) -> slice:
-    return slice(0, None, max(1, round(1.0 / (RATE * samples.dt))))
-
-
 def _joined(one: OpenFlight, parts: Sequence[slice], name: str, unknown: Sequence[float]) -> Array:
     """A quantity of all stretches; `unknown` where a stretch lacks it."""
     values = []
@@ -107,16 +102,7 @@ def _joined(one: OpenFlight, parts: Sequence[slice], name: str, unknown: Sequenc
 
 def _at(time: Array, records: Sequence[Record], values: Sequence[Array]) -> Array:
     """What is known at the compared samples of every record, linear between them, at `time`; nan outside."""
-    return _pieces(time, [r.time for r in records], values)
-
-
-def _pieces(time: Array, knots: Sequence[Array], values: Sequence[Array]) -> Array:
-    """Pieces, linear between their samples, at `time` (K,); nan outside all of them."""
-    out = np.full((len(time), values[0].shape[1]), np.nan)
-    for knot, value in zip(knots, values, strict=True):
-        inside = (time >= knot[0]) & (time <= knot[-1])
-        out[inside] = np.stack([np.interp(time[inside], knot, column) for column in value.T], axis=1)
-    return out
+    return at_stamps(time, [(r.time, v) for r, v in zip(records, values, strict=True)])
 
 
 def _desired(time: Array, records: Sequence[Record]) -> dict[str, Array]:
@@ -124,7 +110,7 @@ def _desired(time: Array, records: Sequence[Record]) -> dict[str, Array]:
     known = [(r.time, r.desired) for r in records if r.desired is not None]
     if not known or all(np.allclose(r.desired, r.commanded) for r in records if r.desired is not None):
         return {}
-    return {"desired": _pieces(time, [t for t, _ in known], [v for _, v in known])}
+    return {"desired": at_stamps(time, known)}
 
 
 def _tilt(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
@@ -132,16 +118,14 @@ def _tilt(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | N
     known = [(r.state.time, r.commands.tilt) for r in records if r.commands.tilt is not None]
     if vehicle.arms is None or not known:
         return None
-    return _pieces(time, [t for t, _ in known], [v for _, v in known])
+    return at_stamps(time, known)
 
 
 def _thrust(time: Array, records: Sequence[Record], vehicle: Vehicle) -> Array | None:
-    """Thrusts of all rotors as commanded, None where the model has none."""
     known = [r for r in records if r.commands.tilt is not None and r.commands.rotor_speed is not None]
     if vehicle.rotors is None or not known:
         return None
-    thrusts = [actuation(vehicle, r.commands).thrust for r in known]
-    return _pieces(time, [r.state.time for r in known], thrusts)
+    return at_stamps(time, [(r.state.time, actuation(vehicle, r.commands).thrust) for r in known])
 
 
 def _reference(reference: ReferenceSeries, time: Array) -> tuple[Array, Array]:
@@ -172,7 +156,6 @@ def _tracking(scene: Scene, pose: bool) -> tuple[Series, ...]:
 
 
 def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
-    """Tilt angles and rotor speeds, as commanded."""
     found = []
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T
@@ -180,14 +163,10 @@ def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
         found.append(Series("tilt", "deg", scene.time, arms, "Actuators"))
     known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
     if known:
-        speed = _pieces(scene.time, [t for t, _ in known], [v for _, v in known]).T
+        speed = at_stamps(scene.time, known).T
         rotors = {f"rotor {i}": values for i, values in enumerate(speed)}
         found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators"))
     return tuple(found)
-
-
-def _rates(time: Array, omega_B: Array) -> Series:
-    return Series("body rate", "rad/s", time, dict(zip(XYZ, omega_B.T, strict=True)))
 
 
 def _sigmas(time: Array, sigma: Mapping[str, Array]) -> tuple[Series, ...]:

@@ -62,16 +62,12 @@ class _Process:
     _lock = threading.Lock()
 
     def __init__(self, own: tuple[str, ...]) -> None:
-        context = get_context()
-        self.own = own
+        self.own, context = own, get_context()
         self._folder = tempfile.TemporaryDirectory(prefix="wrenchgap-", ignore_cleanup_errors=True)
         self._news = context.SimpleQueue()
+        given = (own, self._folder.name, self._news)
         self._pool = loky.ProcessPoolExecutor(
-            1,
-            timeout=IDLE_SECONDS,
-            context=context,
-            initializer=_begin,
-            initargs=(own, self._folder.name, self._news),
+            1, timeout=IDLE_SECONDS, context=context, initializer=_begin, initargs=given
         )
 
     @classmethod
@@ -124,6 +120,4 @@ def _do(work: Callable[[Report], T]) -> T:
         raise
     except Exception as error:
         found = portable(error)
-        if found is not error:
-            raise found from None
-        raise RuntimeError(f"{type(error).__name__}: {error}") from None
+        raise (RuntimeError(f"{type(error).__name__}: {error}") if found is error else found) from None

@@ -12,20 +12,18 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 DEPTH = 200
@@ -52,27 +50,18 @@ class WorkingModel:
     def __init__(self, opened: Mapping[str, OpenFlight], model: Model, gp: GaussianProcess | None, cutoff: float):
         self.opened, self.gp, self.cutoff_hz = dict(opened), gp, cutoff
         self.lock = threading.RLock()
-        self.changed: list[Callable[[], None]] = []
-        """Called after every change of the model."""
         self._done = [Revision(model, "", tuple(e.name for e in model.effects))]
         self._undone: list[Revision] = []
         self._saved = model
         found, self.notes = predictors(model, (), gp, cutoff)
-        self._given, self._given_predictor = model, found[-1]
+        self.given, self._given_predictor = model, found[-1]
         self._data: dict[tuple[str, ...], Dataset] = {}
         self._kept: dict[tuple[str, ...], object] = {}
-
-    # ------------------------------------------------------------ the model
 
     @property
     def model(self) -> Model:
         """The current model."""
         return self._done[-1].model
-
-    @property
-    def given(self) -> Model:
-        """The model as it was opened."""
-        return self._given
 
     @property
     def revisions(self) -> tuple[Revision, ...]:
@@ -103,7 +92,7 @@ class WorkingModel:
             if len(self._done) > DEPTH:
                 del self._done[1]
             self._undone.clear()
-            self._tell()
+            self._kept.clear()
 
     def undo(self) -> None:
         """Take the last change back. Raises UsageError where there is none."""
@@ -111,7 +100,7 @@ class WorkingModel:
             if len(self._done) < 2:
                 raise UsageError("there is nothing to undo: the model is as it was opened")
             self._undone.append(self._done.pop())
-            self._tell()
+            self._kept.clear()
 
     def redo(self) -> None:
         """Do again what was taken back last. Raises UsageError where there is nothing."""
@@ -119,21 +108,14 @@ class WorkingModel:
             if not self._undone:
                 raise UsageError("there is nothing to redo")
             self._done.append(self._undone.pop())
-            self._tell()
+            self._kept.clear()
 
     def was_saved(self, model: Model) -> None:
         """The current model is in a file now: `model`, with its path and history."""
         with self.lock:
             self._done[-1] = replace(self._done[-1], model=model)
             self._saved = model
-            self._tell()
-
-    def _tell(self) -> None:
-        self._kept.clear()
-        for listener in self.changed:
-            listener()
-
-    # ------------------------------------------------------------ the flights
+            self._kept.clear()
 
     def flight(self, name: str) -> OpenFlight:
         """The open flight of this name."""
@@ -143,7 +125,7 @@ class WorkingModel:
         """The records of flights, stacked; evaluators of it remember what models have in common."""
         with self.lock:
             if flights not in self._data:
-                self._data[flights] = dataset([r for f in flights for r in self.opened[f].records], self._given)
+                self._data[flights] = dataset([r for f in flights for r in self.opened[f].records], self.given)
             return self._data[flights]
 
     def kept(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
@@ -155,14 +137,12 @@ class WorkingModel:
 
     def usable(self, model: Model, flight: str) -> WrenchModel:
         """The model without effects that need what the flight's log lacks."""
-        records = self.opened[flight].records
-        kept = tuple(e for e in model.effects if inapplicable(e.name, model, records) is None)
-        return WrenchModel(model.vehicle, kept)
+        lacking = {one.effect for one in self.lacking(flight, model)}
+        return WrenchModel(model.vehicle, tuple(e for e in model.effects if e.name not in lacking))
 
-    def lacking(self, flight: str) -> tuple[Untried, ...]:
-        """Effects of the model that cannot be evaluated on a flight."""
-        records = self.opened[flight].records
-        reasons = (inapplicable(e.name, self.model, records) for e in self.model.effects)
+    def lacking(self, flight: str, model: Model) -> tuple[Untried, ...]:
+        """Effects of a model that cannot be evaluated on a flight."""
+        reasons = (inapplicable(e.name, model, self.opened[flight].records) for e in model.effects)
         return tuple(reason for reason in reasons if reason is not None)
 
     def left_of(self, model: Model, flight: str) -> Array:
@@ -188,16 +168,14 @@ class WorkingModel:
     @property
     def name(self) -> str:
         """The current model's name: that of the opened one, or what is in it now."""
-        names = [e.name for e in self.model.effects]
-        given = [e.name for e in self._given.effects]
-        if self.model is self._given or names == given:
-            return self._given.name if self.saved else f"{self._given.name} (changed)"
+        if [e.name for e in self.model.effects] == [e.name for e in self.given.effects]:
+            return self.given.name if self.saved else f"{self.given.name} (changed)"
         return " + ".join([self.model.vehicle.name, *self._done[-1].order])
 
     @property
     def predictor(self) -> Predictor:
         """What predicts: the current model. A GP sits on the model as it was opened, and counts only there."""
-        if self.model is self._given:
+        if self.model is self.given:
             return self._given_predictor
         return Predictor(self.name, self.model.wrench_model)
 

@@ -11,7 +11,7 @@ from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.panel import Panel
 from wrenchgap.viewer.scene import Scene
-from wrenchgap.viewer.sliders import tidy
+from wrenchgap.viewer.scene_drawing import tidy
 
 NO_PROCESS = (
     "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"
@@ -26,25 +26,20 @@ SECONDS = 20.0
 class CompensationPanel(Panel):
     """Switch and sliders of the compensation, its replay, and the counterfactual."""
 
+    asks = "compensations"
+
     def __init__(self, host: Host, compensations: Compensations) -> None:
         super().__init__(host)
         self.compensations = compensations
-        self.ready = False
+        setting = compensations.setting
+        self.ready = setting is not None
         with host.tab("Compensation"):
-            setting = self.compensations.setting
             if setting is None:
                 host.gui.add_markdown(NO_PROCESS)
                 return
             self._settings(setting)
             self._replay()
             self._refly()
-        self.ready = True
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel of a session that can do this."""
-        found = host.session.capabilities.compensations
-        return None if found is None else cls(host, found)
 
     def _settings(self, setting: Compensation) -> None:
         gui, gating = self.host.gui, setting.gating
@@ -56,31 +51,16 @@ class CompensationPanel(Panel):
             "withhold where uncertain", gating.gated, hint="beta = 1 / (1 + exp(-kappa (sigma - sigma_th)))"
         )
         step, first = tidy(setting.sigma_threshold_max / 300.0), tidy(setting.kappa_max / 300.0)
-        self.threshold = gui.add_slider(
-            f"sigma_th [{setting.unit}]",
-            step,
-            step * round(setting.sigma_threshold_max / step),
-            step,
-            gating.sigma_threshold,
-            hint="Standard deviation at which half of the correction is withheld.",
-        )
-        self.kappa = gui.add_slider(
-            f"kappa [1/{setting.unit}]",
-            first,
-            first * round(setting.kappa_max / first),
-            first,
-            gating.kappa,
-            hint="Gate slope: how sharply the correction fades around sigma_th.",
-        )
-        self.decay = gui.add_slider(
-            "tau_d [s]",
-            0.01,
-            setting.decay_time_max,
-            0.01,
-            gating.decay_time,
-            hint="Time constant with which a withheld correction fades; a = exp(-dt / tau_d) per step.",
-        )
-        for handle in (self.on, self.gated, self.threshold, self.kappa, self.decay):
+        hint = "Standard deviation at which half of the correction is withheld."
+        most, name = step * round(setting.sigma_threshold_max / step), f"sigma_th [{setting.unit}]"
+        self.threshold = gui.add_slider(name, step, most, step, gating.sigma_threshold, hint=hint)
+        hint = "Gate slope: how sharply the correction fades around sigma_th."
+        most, name = first * round(setting.kappa_max / first), f"kappa [1/{setting.unit}]"
+        self.kappa = gui.add_slider(name, first, most, first, gating.kappa, hint=hint)
+        hint = "Time constant with which a withheld correction fades; a = exp(-dt / tau_d) per step."
+        self.decay = gui.add_slider("tau_d [s]", 0.01, setting.decay_time_max, 0.01, gating.decay_time, hint=hint)
+        self._controls = (self.on, self.gated, self.threshold, self.kappa, self.decay)
+        for handle in self._controls:
             handle.on_update(self.host.guarded(self._moved))
         reset = gui.add_button("Defaults of the process", color="gray")
         reset.on_click(self.host.guarded(lambda _: self._reset()))
@@ -101,8 +81,6 @@ class CompensationPanel(Panel):
             self.again = JobControls(self.host, "Re-simulate", self.refly, hint)
             self.flown = gui.add_html("")
 
-    # ------------------------------------------------------------ what is shown
-
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
         if self.ready and scene.name != getattr(self, "flight", None):
@@ -113,12 +91,10 @@ class CompensationPanel(Panel):
             self.start.value = float(scene.time[0])
             self.seconds.value = min(SECONDS, float(scene.time[-1] - scene.time[0]))
 
-    # ------------------------------------------------------------ what is done
-
     @property
     def gating(self) -> Gating:
         """The settings as the controls have them."""
-        return Gating(self.on.value, self.gated.value, self.threshold.value, self.kappa.value, self.decay.value)
+        return Gating(*(handle.value for handle in self._controls))
 
     def _moved(self, event: Any) -> None:
         """A client changed a setting: what was replayed is replayed anew, the last change wins."""
@@ -134,13 +110,8 @@ class CompensationPanel(Panel):
             self.host.refresh()
 
     def _reset(self) -> None:
-        usual = self.usual
-        self.on.value, self.gated.value = usual.on, usual.gated
-        self.threshold.value, self.kappa.value, self.decay.value = (
-            usual.sigma_threshold,
-            usual.kappa,
-            usual.decay_time,
-        )
+        for handle, usual in zip(self._controls, vars(self.usual).values(), strict=True):
+            handle.value = usual
         self._changed()
 
     def replay(self) -> None:

@@ -31,6 +31,8 @@ PATH = (120, 60, 190)
 class EffectsPanel(Panel):
     """The model as it stands, the search for what it lacks, and the staircase of errors down to the noise."""
 
+    asks = "effects"
+
     def __init__(self, host: Host, effects: Effects) -> None:
         super().__init__(host)
         self.effects = effects
@@ -54,14 +56,10 @@ class EffectsPanel(Panel):
         host.command("Search for what is missing", self._explain)
 
     def _search(self) -> None:
-        gui, host = self.host.gui, self.host
+        host, gui = self.host, self.host.gui
         with gui.add_folder("What is missing?"):
-            self.work = JobControls(
-                host,
-                "Search",
-                self._explain,
-                "Tries every effect of the catalogue on held-out time of this flight; the page stays usable.",
-            )
+            hint = "Tries every effect of the catalogue on held-out time of this flight; the page stays usable."
+            self.work = JobControls(host, "Search", self._explain, hint)
             self.found = gui.add_html("")
             self.choice = gui.add_dropdown("by name", ("-",))
             self.put = gui.add_button("Add effect")
@@ -69,7 +67,7 @@ class EffectsPanel(Panel):
             self.lacking = gui.add_html("")
 
     def _installed(self) -> None:
-        gui, host = self.host.gui, self.host
+        host, gui = self.host, self.host.gui
         with gui.add_folder("In the model"):
             self.inside = gui.add_html("")
             self.sliders = EffectSliders(host, self._set, lambda name: self._change(partial(self.effects.remove, name)))
@@ -77,15 +75,11 @@ class EffectsPanel(Panel):
             self.refit.on_click(host.guarded(lambda _: self._change(partial(self.effects.refit, self.host.scene.name))))
 
     def _next(self) -> None:
-        gui, host = self.host.gui, self.host
+        host, gui = self.host, self.host.gui
         with gui.add_folder("What to fly next") as self.next_folder:
             self.pair = gui.add_text("effects", "", hint="Two or more effects to separate, with commas between.")
-            self.design = JobControls(
-                host,
-                "Find the flight that separates them",
-                lambda: self.tell_apart(tuple(n.strip() for n in self.pair.value.split(",") if n.strip())),
-                "Searches for the reference, flies it in simulation and draws it in the scene; takes half a minute.",
-            )
+            hint = "Searches for the reference, flies it in simulation and draws it in the scene; takes half a minute."
+            self.design = JobControls(host, "Find the flight that separates them", self._tell_named_apart, hint)
             self.plan = gui.add_html("")
             self.plan_path = gui.add_text("file", "separate.toml", visible=False)
             self.plan_save = gui.add_button("Save the trajectory", visible=False, color="gray")
@@ -94,22 +88,13 @@ class EffectsPanel(Panel):
             self.plan_clear.on_click(host.guarded(lambda _: self._draw_plan(None)))
 
     def _save(self) -> None:
-        gui, host = self.host.gui, self.host
+        host, gui = self.host, self.host.gui
         with gui.add_folder("Save the model"):
-            self.path = gui.add_text(
-                "file", "fitted.toml", hint="Written into the folder in which the page was started."
-            )
+            hint = "Written into the folder in which the page was started."
+            self.path = gui.add_text("file", "fitted.toml", hint=hint)
             self.overwrite = gui.add_checkbox("overwrite", False, hint="Replace the file if it is there.")
             self.save = gui.add_button("Save model")
             self.save.on_click(host.guarded(lambda _: self._saved()))
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel of a session that can do this."""
-        found = host.session.capabilities.effects
-        return None if found is None else cls(host, found)
-
-    # ------------------------------------------------------------ what is shown
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
@@ -145,8 +130,6 @@ class EffectsPanel(Panel):
             groups=[(group, self.links.to(partial(self.tell_apart, group))) for group in found.groups],
         )
 
-    # ------------------------------------------------------------ what is done
-
     def add(self, *names: str) -> None:
         """Put effects into the model, fitted on the flight shown."""
         if self.state is None or any(n not in self.state.available for n in names):
@@ -160,6 +143,9 @@ class EffectsPanel(Panel):
         flight = self.host.scene.name
         self.pair.value = ", ".join(names)
         self.design.start(lambda report: self.effects.next_flight(names, flight, report), self._draw_plan)
+
+    def _tell_named_apart(self) -> None:
+        self.tell_apart(tuple(n.strip() for n in self.pair.value.split(",") if n.strip()))
 
     def _change(self, do: Any) -> None:
         do()
@@ -182,15 +168,11 @@ class EffectsPanel(Panel):
         self.designed = plan
         self.host.curve(NEXT, None if plan is None else plan.position_E, PATH)
         if plan is not None:
-            start = float(self.host.scene.time[0])
-            motion = Motion(
-                plan.time + start, plan.position_E, plan.quat_ED, None, f"to separate {' from '.join(plan.names)}"
-            )
-            self.host.show_ghost(NEXT, motion)
+            time, words = plan.time + float(self.host.scene.time[0]), f"to separate {' from '.join(plan.names)}"
+            self.host.show_ghost(NEXT, Motion(time, plan.position_E, plan.quat_ED, None, words))
         self.plan.content = "" if plan is None else markup.render("next_flight", found=plan)
-        shown = plan is not None
-        self.plan_path.visible = self.plan_save.visible = shown and plan is not None and plan.separable
-        self.plan_clear.visible = shown
+        self.plan_path.visible = self.plan_save.visible = plan is not None and plan.separable
+        self.plan_clear.visible = plan is not None
 
     def _save_plan(self) -> None:
         if self.designed is not None:

@@ -42,6 +42,8 @@ class Scale:
 class FailurePanel(Panel):
     """The failure map of the flight shown; a click on a cell or a stretch moves the cursor there."""
 
+    asks = "failures"
+
     def __init__(self, host: Host, failures: Failures) -> None:
         super().__init__(host)
         self.failures = failures
@@ -57,19 +59,9 @@ class FailurePanel(Panel):
             self.shown.on_update(host.guarded(lambda _: self._draw()))
             self.map = gui.add_html("")
             self.parts = gui.add_html("")
-            self.work = JobControls(
-                host,
-                "What would a Gaussian process explain?",
-                self._ask,
-                "Fits a small one on other blocks of time than those on which it is judged; takes some seconds.",
-            )
+            hint = "Fits a small one on other blocks of time than those on which it is judged; takes some seconds."
+            self.work = JobControls(host, "What would a Gaussian process explain?", self._ask, hint)
             self.links = Links(host)
-
-    @classmethod
-    def of(cls, host: Host) -> Panel | None:
-        """The panel of a session that can do this."""
-        found = host.session.capabilities.failures
-        return None if found is None else cls(host, found)
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. A long flight is looked at beside the page, which stands at once."""
@@ -84,19 +76,15 @@ class FailurePanel(Panel):
         if self.failure is None or self.failure.flight != name:
             self.failure, self.parts.content = None, ""
             self.map.content = markup.render("sentences", lines=[f"looking at {name} ..."], look="wg-pale")
-        self._looking = self.host.background(
-            lambda report: self.failures.of(name), lambda share, words: None, self._show
-        )
+        self._looking = self.host.background(lambda _: self.failures.of(name), lambda *_: None, self._show)
 
     def _show(self, failure: Failure) -> None:
-        """Draw what was found."""
         self.failure, self.budget = failure, failure.budget
         for k in range(len(VIEWS)):
             self._most.setdefault((failure.flight, k), _largest(failure, k))
         self._draw()
 
     def _ask(self) -> None:
-        """Let a process say what it would explain."""
         name = self.host.scene.name
 
         def done(found: tuple[Budget, ...]) -> None:
@@ -157,7 +145,6 @@ class FailurePanel(Panel):
         return Scale(k, most, 1e3 if milli else 1.0, f"m{UNITS[k]}" if milli else UNITS[k], decimals)
 
     def _budget(self) -> str:
-        """What the nominal model's error is made of."""
         rows = []
         for row in self.budget:
             shares = {name: getattr(row, name) or 0.0 for name, _, _ in PARTS}
@@ -173,7 +160,6 @@ class FailurePanel(Panel):
 
 
 def _largest(failure: Failure, k: int) -> float:
-    """The largest rms of any cell in a view."""
     grid = () if failure.grid is None else failure.grid.rows
     cells = [c for q in failure.quantities for c in q.cells] + [c for row in grid for c in row if c is not None]
     return max((float(c.rms[k]) for c in cells), default=1.0)

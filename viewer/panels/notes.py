@@ -38,9 +38,8 @@ class NotesPanel(Panel):
         with self._tab:
             self._content = [gui.add_markdown("**Where the model is worst**")] if scene.worst else []
             for stretch in scene.worst:
-                button = gui.add_button(f"{stretch.start:.1f} s: {stretch.words}")
-                button.on_click(self.host.guarded(partial(self._go, stretch.start)))
-                self._content.append(button)
+                self._content.append(gui.add_button(f"{stretch.start:.1f} s: {stretch.words}"))
+                self._content[-1].on_click(self.host.guarded(partial(self._go, stretch.start)))
             if scene.notes:
                 self._content.append(gui.add_markdown("\n".join(("**Notes**\n", *(f"- {n}" for n in scene.notes)))))
             keys = "\n".join(("**Keys**\n", *(f"- `{key}` {what}" for key, what in KEYS)))

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import DIRECTIONS, Cameras
@@ -18,8 +17,6 @@ from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import NOTHING, Drawing
 from wrenchgap.viewer.time_alignment import delay_between
 from wrenchgap.viewer.view_state import ViewState
-
-Array = NDArray[np.float64]
 
 ALONG = (NOTHING, "frames")
 SWITCHES = ("force", "torque", "frames", "thrust", "uncertainty", "reference", "path", "shadows")
@@ -42,13 +39,11 @@ class ScenePanel(Panel):
                 self.force = self._box("forces", "force")
                 self.torque = self._box("torques", "torque")
                 self.frames = self._box("as frames", "frames", "components along the body's axes, not one arrow")
-                self.uncertainty = self._box(
-                    "3 sigma", "uncertainty", "ellipsoids at the tips of predictions whose uncertainty is known"
-                )
+                hint = "ellipsoids at the tips of predictions whose uncertainty is known"
+                self.uncertainty = self._box("3 sigma", "uncertainty", hint)
                 self.thrust = self._box("rotor thrusts", "thrust")
-                self.lengths = [
-                    self._length(k, f"{name} length") for k, name in enumerate(("force", "torque", "thrust"))
-                ]
+                kinds = ("force", "torque", "thrust")
+                self.lengths = [self._length(k, f"{name} length") for k, name in enumerate(kinds)]
             with gui.add_folder("flight"):
                 self.reference = self._box("reference", "reference")
                 self.path = self._box("path", "path")
@@ -65,8 +60,6 @@ class ScenePanel(Panel):
                 self.align = gui.add_button("Align in time", hint="by when the two turned and climbed alike")
                 self.align.on_click(host.guarded(lambda _: self._align()))
         self.boxes: dict[str, Any] = {}
-
-    # ------------------------------------------------------------ the view
 
     def opened(self, scene: Scene) -> None:
         """One switch per wrench; what is hidden stays hidden."""
@@ -98,7 +91,7 @@ class ScenePanel(Panel):
             slider.value = factor
         self.ghost.value, self.shift.value = view.ghost, view.ghost_shift
         motion = self.ghost_of(view.ghost)
-        self._drawing.motion = None if motion is None else _later(motion, view.ghost_shift)
+        self._drawing.motion = motion and replace(motion, time=motion.time + view.ghost_shift)
         if shown.follow != self._follows:
             self._follows = shown.follow
             position = self.host.scene.position_E[self.host.cursor.index]
@@ -114,8 +107,6 @@ class ScenePanel(Panel):
     def _hide(self, name: str, event: Any) -> None:
         hidden = self.host.view.shown.hidden
         self._switch(hidden=hidden - {name} if self.boxes[name].value else hidden | {name})
-
-    # ------------------------------------------------------------ second vehicles
 
     def ghost_names(self) -> tuple[str, ...]:
         """What can be shown as a second vehicle beside the flight: what panels made, and the other flights."""
@@ -136,8 +127,6 @@ class ScenePanel(Panel):
         self._ghosts.setdefault(self.host.scene.name, {})[name] = motion
         self.ghost.options = (NOTHING, *self.ghost_names())
         self.viewed(self.host.view)
-
-    # ------------------------------------------------------------ camera and legend
 
     def follow(self, on: bool) -> None:
         """Let the camera follow the body or stay."""
@@ -181,13 +170,12 @@ class ScenePanel(Panel):
         self.mode = gui.add_button_group("camera", (FOLLOWING, FIXED), hint="key F")
         self.mode.on_click(guarded(lambda _: self.follow(self.mode.value == FOLLOWING)))
         self.view = gui.add_button_group("look from", (*DIRECTIONS, "all"), hint="keys 1 to 5")
-        self.view.on_click(guarded(lambda event: self.look(self.view.value, _only(event.client))))
+        self.view.on_click(guarded(lambda event: self.look(self.view.value, event.client and [event.client])))
         command("Follow the vehicle, or stay", lambda: self.follow(not self._follows), "F")
         for key, direction in enumerate((*DIRECTIONS, "all"), start=1):
             command(f"Look from: {direction}", partial(self.look, direction), str(key))
 
     def _box(self, label: str, name: str, hint: str | None = None) -> Any:
-        """A switch for an entry of `Shown`."""
         box = self.host.gui.add_checkbox(label, bool(getattr(self.host.view.shown, name)), hint=hint)
         box.on_update(self.host.guarded(lambda _: self._switch(**{name: box.value})))
         return box
@@ -208,17 +196,7 @@ class ScenePanel(Panel):
         motion = self.ghost_of(self.host.view.ghost)
         if motion is None:
             self.host.notify("Choose a second vehicle first.", "warning")
-            return
-        delay = delay_between(motion, self.host.scene.motion)
-        if delay is None:
+        elif (delay := delay_between(motion, self.host.scene.motion)) is None:
             self.host.notify("The two flights never move alike, so they cannot be aligned.", "warning")
-            return
-        self._see(ghost_shift=round(delay, 3))
-
-
-def _only(client: Any) -> Any:
-    return None if client is None else [client]
-
-
-def _later(motion: Motion, seconds: float) -> Motion:
-    return motion if seconds == 0.0 else replace(motion, time=motion.time + seconds)
+        else:
+            self._see(ghost_shift=round(delay, 3))

@@ -1,1 +1,1 @@
-"""One module per command, each with `register(app)`. A module is found by being here; nothing else lists them."""
+"""One module per command, with a function of its name. A module is found by being here; nothing else lists them."""

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
 if TYPE_CHECKING:
     from wrenchgap.plant.model import Model
 
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("add", cls=o.many("--from", "--value"))(add)
+MANY = ("--from", "--value")
 
 
 def add(
@@ -32,14 +29,9 @@ def add(
         list[str] | None,
         typer.Option("--value", metavar="EFFECT=P:V,...", help="Set values by hand instead, e.g. servo_lag=tau:0.05."),
     ] = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: o.Cutoff = 8.0,
-    between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    reading: Reading,
+    run: Run,
 ) -> None:
     """Fit effects to logs and write the model that has them; the model file's comments stay.
 
@@ -48,70 +40,37 @@ def add(
 
     Example: `wrenchgap add com_offset servo_lag -m tilt_hexarotor --from train.mcap -o fitted.toml`
     """
-    from wrenchgap.flight.errors import UsageError
-    from wrenchgap.replay import api
-    from wrenchgap.replay.present.documents import claim
-
-    claim({"--output": output, "--json": json}, force=force, inputs=logs or ())
-    base, command = api.load_model(model), o.command_line(ctx)
+    run.claim({"--output": output}, *(logs or ()))
+    base, command = run.model(model), o.command_line(ctx)
     if value and (effects or logs):
-        raise UsageError("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
+        raise o.usage_error("add: --value sets values by hand; leave out EFFECT and --from, or fit in a second step")
     if value:
-        _set(base, value, output, command, json, force, quiet)
+        _set(run, base, value, output, command)
         return
     if not effects:
-        raise UsageError("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
+        raise o.usage_error("add: no effect named, e.g. com_offset; find one with wrenchgap explain")
     if not logs:
-        raise UsageError("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
-    _fit(base, effects, logs, Reading.of(topic, shift, cutoff, between), output, command, json, force, quiet)
-
-
-def _fit(
-    base: Model,
-    effects: list[str],
-    logs: list[Path],
-    reading: Reading,
-    output: Path,
-    command: str,
-    json: Path | None,
-    force: bool,
-    quiet: bool,
-) -> None:
-    from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present.documents import model_input
-
+        raise o.usage_error("add: nothing to fit to; give logs with --from LOG..., or values with --value EFFECT=P:V")
     o.parse_effects(",".join(effects))
-    with progress("fitting", quiet) as report:
-        report(0.0, "reading logs")
-        flights = reading.open(logs, base)
+    from wrenchgap.replay import api
+
+    with run.progress("fitting") as report:
+        flights, _ = run.open(reading, logs, base)
         added = api.add(base, effects, flights, progress=report)
-    source = model_input(base)  # before the output may replace it
-    saved = api.save_model(added, output, command=command, force=force)
-    printer = Printer(quiet)
-    show_result(printer, added)
+    saved = api.save_model(added, output, command=command, force=run.force)
+    run.result(added)
     number = saved.history[-1].number
-    body = {**added.to_json(), "model": str(output), "model_version": number}
-    write_result(json, "add", body, force=force, flights=flights, inputs=[source])
-    printer.wrote(**{f"model (version {number})": output, "result": json})
+    run.write("add", {**added.to_json(), "model": str(output), "model_version": number})
+    run.wrote(**{f"model (version {number})": output})
 
 
-def _set(
-    base: Model, values: list[str], output: Path, command: str, json: Path | None, force: bool, quiet: bool
-) -> None:
+def _set(run: Run, base: Model, values: list[str], output: Path, command: str) -> None:
     from wrenchgap.plant.effect_values import set_by_hand
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer
     from wrenchgap.replay.present.addition import effects_json, model_table
-    from wrenchgap.replay.present.documents import model_input
 
-    source = model_input(base)  # before the output may replace it
-    saved = api.save_model(set_by_hand(base, values), output, before=base, command=command, force=force)
-    printer = Printer(quiet)
-    printer.show(model_table(saved))
-    number = saved.history[-1].number
-    body = {
-        "effects": effects_json(saved.snapshot), "refitted": [], "model": str(output), "model_version": number
-    }  # fmt: skip
-    write_result(json, "add", body, force=force, inputs=[source])
-    printer.wrote(model=output, result=json)
+    saved = api.save_model(set_by_hand(base, values), output, before=base, command=command, force=run.force)
+    run.show(model_table(saved))
+    kept = {"model": str(output), "model_version": saved.history[-1].number}
+    run.write("add", {"effects": effects_json(saved.snapshot), "refitted": [], **kept})
+    run.wrote(model=output)

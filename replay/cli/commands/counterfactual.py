@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, inputs_of, load_gp, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
+MANY = ("--without", "--with", "--gains")
 Compensate = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
 ]
@@ -54,11 +55,6 @@ Duration = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("counterfactual", cls=o.many("--without", "--with", "--gains"))(counterfactual)
-
-
 def counterfactual(
     log: o.Log,
     model: o.ModelOption,
@@ -75,10 +71,8 @@ def counterfactual(
     topic: o.Topics = None,
     shift: o.Shift = None,
     between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    run: Run,
 ) -> None:
     """Re-simulate a recorded flight with something changed.
 
@@ -88,19 +82,14 @@ def counterfactual(
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
-    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present.counterfactual import write_log
-    from wrenchgap.replay.present.documents import claim
 
-    claim({"--output": output, "--json": json}, force=force, inputs=[log, *([] if gp is None else [gp])])
-    base, process = api.load_model(model), load_gp(gp)
-    other = None if believe is None else api.load_model(believe)
-    reading = Reading.of(topic, shift, between=between)
-    with progress("counterfactual", quiet) as report:
-        report(0.0, "reading the log")
-        (flight,) = reading.open([log], base)
+    run.claim({"--output": output}, log, gp)
+    base, other = run.model(model), None if believe is None else run.model(believe, "believed")
+    process = run.gp(gp)
+    with run.progress("counterfactual", "reading the log") as report:
+        ((flight,), _) = run.open(Reading(topic, shift, between=between), [log], base)
         result = api.counterfactual(
             flight,
             base,
@@ -116,11 +105,8 @@ def counterfactual(
             duration=duration,
             progress=report,
         )
-    models = [(base, "model"), *([] if other is None else [(other, "believed")])]
-    inputs = inputs_of([flight], models, [(gp, "gp")])
     if output is not None:
-        write_log(result, output, inputs, force=force)
-    write_result(json, "counterfactual", result.to_json(), force=force, inputs=inputs)
-    printer = Printer(quiet)
-    show_result(printer, result)
-    printer.wrote(log=output, result=json)
+        write_log(result, output, run.read, force=run.force)
+    run.write("counterfactual", result.to_json())
+    run.result(result)
+    run.wrote(log=output)

@@ -1,88 +1,164 @@
-"""`wrenchgap demo`: the whole loop, from two flight logs to a smaller error."""
+"""`wrenchgap demo`: the whole loop, from two flight logs to a smaller error.
+
+A vehicle with effects that its model file lacks: they are found, one is added, the rest learnt, and compensated. Every
+step is a command line, run as a user would type it, on the logs alone. The closing table is put together from the
+steps' JSON results and speaks of the test flight only, which no step fitted.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from json import loads
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from wrenchgap.replay.cli.options import Force, JsonFile
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Run
+
+HIDDEN = ("com_offset=x:0.005,y:-0.007,z:0.004", "arm_twist=twist:0.0015")
+"""What the vehicle has and its model file does not: a centre of mass 9 mm away from where it should be, and arms that
+twist by 0.09 deg per newton of thrust."""
+ADDED = "com_offset"
+"""The effect that is added by name; a Gaussian process learns the rest, as it would if the rest had no name."""
+RUNS = {
+    "recorded": "recorded",
+    "null_run": "re-simulated unchanged",
+    "counterfactual": "re-simulated with compensation",
+}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
+@dataclass(frozen=True)
+class Step:
+    """What it is for, and the arguments of `wrenchgap`. Files are in the demo's folder."""
 
-    @app.command("demo")
-    def demo(
-        ctx: typer.Context,
-        output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the files.")] = Path(
-            "demo-output"
+    title: str
+    arguments: tuple[str, ...]
+
+
+def _steps() -> list[Step]:
+    """The steps of the demo, file names relative to its folder."""
+
+    def step(title: str, line: str) -> Step:
+        return Step(title, tuple(line.format(model="tilt_hexarotor", hidden=hidden, added=ADDED).split()))
+
+    hidden = " ".join(f"--hide {effect}" for effect in HIDDEN)
+    return [
+        step(
+            "Fly a training flight: tilts about several axes, excitation on all of them",
+            "simulate -m {model} -t multi_axis --duration 40 --excitation 1 --seed 1 {hidden} -o train.mcap",
         ),
-        json: JsonFile = None,
-        force: Force = False,
-    ) -> None:
-        """Run the whole loop on two simulated flights: find hidden effects, add one, learn the residual, compensate.
+        step(
+            "Fly a test flight, to which nothing is fitted",
+            "simulate -m {model} -t multi_axis --duration 20 --seed 2 {hidden} -o test.mcap",
+        ),
+        step("What is in the log?", "inspect test.mcap -m {model}"),
+        step("How large is the model's error?", "compare test.mcap -m {model} --json before.json"),
+        step("Which effects are missing?", "explain train.mcap -m {model} --validate test.mcap --json explain.json"),
+        step("Add one of them", "add {added} -m {model} --from train.mcap -o fitted.toml"),
+        step(
+            "How large is the error with it?",
+            "compare test.mcap -m {model} --against fitted.toml --figure effect.png --json effect.json",
+        ),
+        step(
+            "Learn the residual as a Gaussian process",
+            "learn train.mcap -m fitted.toml --points 200 -o torque.gp --json learn.json",
+        ),
+        step(
+            "How large is the error with the process?",
+            "compare test.mcap -m fitted.toml --gp torque.gp --figure torque.png --json gp.json",
+        ),
+        step(
+            "Re-run the compensation on the test flight's recorded wrenches",
+            "replay test.mcap -m fitted.toml --gp torque.gp -o replayed.mcap --csv replayed.csv --json replay.json",
+        ),
+        step(
+            "Re-simulate the test flight with the compensation in the loop",
+            "counterfactual test.mcap -m fitted.toml --gp torque.gp -o reflown.mcap --json reflown.json",
+        ),
+    ]
 
-        The steps are command lines; each is printed, then run, on the logs alone.
 
-        Example: `wrenchgap demo -o demo-output`
-        """
-        run(ctx.find_root(), output, json, force)
+def _numbers(folder: Path) -> dict[str, Any]:
+    """The closing table's numbers from the steps' results: torque rms (3,) [Nm], attitude error (3,) [rad]."""
+
+    def read(file: str) -> Any:
+        return loads((folder / file).read_text(encoding="utf-8"))
+
+    def rms(file: str, index: int) -> list[float]:
+        return [float(v) for v in read(file)["models"][index]["rms"][3:]]
+
+    reflown = read("reflown.json")
+    return {
+        "hidden": list(HIDDEN),
+        "found": read("explain.json")["effects"],
+        "torque_rms": {
+            "nominal": rms("before.json", 0),
+            f"with {ADDED}": rms("effect.json", -1),
+            f"with {ADDED} and the GP": rms("gp.json", -1),
+            "sensor noise": [float(v) for v in read("before.json")["noise"][3:]],
+        },
+        "tracking": reflown["tracking"],
+        "null_run": reflown["null_run"],
+    }
 
 
-def run(root: Any, output: Path, json: Path | None, force: bool) -> None:
-    """Run the demo in the folder `output`, which must be new or empty unless `force`."""
+def demo(
+    ctx: typer.Context,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the files.")] = Path(
+        "demo-output"
+    ),
+    json: o.JsonFile = None,
+    force: o.Force = False,
+) -> None:
+    """Run the whole loop on two simulated flights: find hidden effects, add one, learn the residual, compensate.
+
+    The steps are command lines; each is printed, then run, on the logs alone.
+
+    Example: `wrenchgap demo -o demo-output`
+    """
     import contextlib
 
-    from wrenchgap.flight.errors import UsageError
-    from wrenchgap.replay.cli import demo
-    from wrenchgap.replay.cli.console import Printer
-    from wrenchgap.replay.present import tables
-    from wrenchgap.replay.present.documents import claim, document, write_json
-
     if output.exists() and not output.is_dir():
-        raise UsageError(f"{output}: is a file, expected a folder; choose another with -o")
+        raise o.usage_error(f"{output}: is a file, expected a folder; choose another with -o")
     if output.is_dir() and any(output.iterdir()) and not force:
-        raise UsageError(f"{output}: is not empty; choose another folder with -o, or say --force to write into it")
-    claim({"--json": json}, force=force)
-    target = json.resolve() if json is not None else None
+        raise o.usage_error(f"{output}: is not empty; choose another folder with -o, or say --force to write into it")
+    run, root = Run(json=json, force=force), ctx.find_root()
+    run.claim({})
     output.mkdir(parents=True, exist_ok=True)
-    printer = Printer()
-    written = ("-o", "--json", "--csv", "--figure")
-
-    def execute(step: demo.Step) -> None:
-        printer.line()
-        printer.line(step.title, style="bold")
-        printer.line(f"$ {step.line}", style="cyan")
-        extra = ["--force"] if force and any(word in step.arguments for word in written) else []
-        command = root.command.get_command(root, step.arguments[0])
-        with command.make_context(step.arguments[0], [*step.arguments[1:], *extra], parent=root) as context:
-            command.invoke(context)
 
     with contextlib.chdir(output):
-        found = demo.run(Path(), execute)
-    printer.line()
-    printer.line("Result on the test flight, to which nothing was fitted", style="bold")
-    printer.line(f"hidden: {', '.join(found['hidden'])}      found: {', '.join(found['found'])}")
-    errors = tables.table("torque error, rms [Nm]", "", "x", "y", "z", "x", "y", "z")
+        for step in _steps():
+            run.line()
+            run.line(step.title, style="bold")
+            run.line(f"$ {' '.join(('wrenchgap', *step.arguments))}", style="cyan")
+            writes = any(word in step.arguments for word in ("-o", "--json", "--csv", "--figure"))
+            extra = ["--force"] if force and writes else []
+            command = root.command.get_command(root, step.arguments[0])  # type: ignore[attr-defined]
+            with command.make_context(step.arguments[0], [*step.arguments[1:], *extra], parent=root) as context:
+                command.invoke(context)
+        found = _numbers(Path())
+    _result(run, found)
+    run.line(f"figures: {output / 'effect.png'}, {output / 'torque.png'}; logs and results: {output}")
+    run.write("demo", found)
+    run.wrote()
+
+
+def _result(run: Run, found: dict[str, Any]) -> None:
+    from wrenchgap.replay.present.tables import table
+
+    run.line()
+    run.line("Result on the test flight, to which nothing was fitted", style="bold")
+    run.line(f"hidden: {', '.join(found['hidden'])}      found: {', '.join(found['found'])}")
+    errors = table("torque error, rms [Nm]", "", "x", "y", "z", "x", "y", "z")
     first = found["torque_rms"]["nominal"]
     for name, values in found["torque_rms"].items():
         falls = [
             f"{100 * (v / n - 1):+.0f} %" if name.startswith("with") else "" for v, n in zip(values, first, strict=True)
         ]
         errors.add_row(name, *(f"{v:.4f}" for v in values), *falls)
-    tracking = tables.table("attitude error, mean |e_R| [rad]", "", "x", "y", "z")
-    for name in ("recorded", "null_run", "counterfactual"):
-        values = found["tracking"][name]["attitude_error"]["mean_abs"]
-        label = {
-            "recorded": "recorded",
-            "null_run": "re-simulated unchanged",
-            "counterfactual": "re-simulated with compensation",
-        }
-        tracking.add_row(label[name], *(f"{v:.4f}" for v in values))
-    printer.show(errors, tracking)
-    printer.line(f"figures: {output / 'effect.png'}, {output / 'torque.png'}; logs and results: {output}")
-    if target is not None:
-        write_json(target, document("demo", found, []), force=force)
-        printer.wrote(result=json)
+    tracking = table("attitude error, mean |e_R| [rad]", "", "x", "y", "z")
+    for key, name in RUNS.items():
+        tracking.add_row(name, *(f"{v:.4f}" for v in found["tracking"][key]["attitude_error"]["mean_abs"]))
+    run.show(errors, tracking)

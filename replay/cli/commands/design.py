@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
 if TYPE_CHECKING:
     from wrenchgap.learn.design.manoeuvres import Limits
     from wrenchgap.plant.vehicle import Vehicle
 
+MANY = ("--from", "--also")
 Trajectory = Annotated[
     Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
 ]
@@ -46,11 +47,6 @@ Sampled = Annotated[
 Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the sensor noise.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("design", cls=o.many("--from", "--also"))(design)
-
-
 def design(
     effects: o.Effects,
     model: o.ModelOption,
@@ -67,10 +63,8 @@ def design(
     seed: Seed = 0,
     topic: o.Topics = None,
     between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    run: Run,
 ) -> None:
     """Find the reference trajectory that separates effects, and check it on the simulated vehicle.
 
@@ -79,25 +73,20 @@ def design(
 
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """
-    # Long because typer reads the options from the signature, one a line.
-    from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present import design as present
-    from wrenchgap.replay.present.documents import claim
 
-    outputs = {"--output": output, "--csv": csv, "--figure": figure, "--json": json}
-    claim(outputs, force=force, inputs=[*(logs or ()), model])
+    outputs = {"--output": output, "--csv": csv, "--figure": figure}
+    run.claim(outputs, *(logs or ()), model)
     if output.suffix != ".toml":
-        raise UsageError(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = api.load_model(model), Reading.of(topic, None, between=between)
+        raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
+    base, reading = run.model(model), Reading(topic, between=between)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
-    with progress("designing", quiet) as report:
-        report(0.0, "reading logs")
+    with run.progress("designing") as report:
         found = api.design(
             o.parse_effects(",".join(effects)),
             base,
-            reading.open(logs or [], base),
+            run.open(reading, logs or [], base)[0],
             limits=_limits(base.vehicle, room, max_tilt, max_speed),
             duration=duration,
             also=along,
@@ -106,18 +95,15 @@ def design(
         )
     written = found.separable or anyway
     if written:
-        present.write(found, output, csv, figure, force=force)
-    printer = Printer(quiet)
-    show_result(printer, found)
-    body = {**found.to_json(), "trajectory": str(output) if written else None}
-    write_result(json, "design", body, force=force, flights=found.flights, models=[(base, "model")])
-    printer.wrote(**({"trajectory": output, "csv": csv, "figure": figure} if written else {}), result=json)
+        present.write(found, output, csv, figure, force=run.force)
+    run.result(found)
+    run.write("design", {**found.to_json(), "trajectory": str(output) if written else None})
+    run.wrote(**({"trajectory": output, "csv": csv, "figure": figure} if written else {}))
     if written:
-        printer.line(f"next: wrenchgap simulate -m {model} -t {output} -o flight.mcap, or fly it")
+        run.line(f"next: wrenchgap simulate -m {model} -t {output} -o flight.mcap, or fly it")
 
 
 def _limits(vehicle: Vehicle, room: str | None, tilt_deg: float | None, speed: float) -> Limits:
-    """The usual limits of a vehicle, changed as the options say."""
     from dataclasses import replace
 
     import numpy as np

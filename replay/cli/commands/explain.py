@@ -7,12 +7,9 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("explain", cls=o.many("--validate"))(explain)
+MANY = ("--validate",)
 
 
 def explain(
@@ -22,14 +19,9 @@ def explain(
     effects_only: Annotated[
         str | None, typer.Option("--effects-only", metavar="A,B", help="Try only these effects.")
     ] = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: o.Cutoff = 8.0,
-    between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    reading: Reading,
+    run: Run,
 ) -> None:
     """Rank the effects that could explain what the model misses, by the reduction of the error on held-out time.
 
@@ -40,26 +32,16 @@ def explain(
     """
     from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present.documents import claim
     from wrenchgap.replay.present.explanation import what_next
 
-    unseen = validate or []
-    claim({"--json": json}, force=force, inputs=[*logs, *unseen, model])
-    base, reading = api.load_model(model), Reading.of(topic, shift, cutoff, between)
-    names = o.parse_effects(effects_only)
-    with progress("explaining", quiet) as report:
-        report(0.0, "reading logs")
+    run.claim({}, *logs, *(validate or ()), model)
+    base, names = run.model(model), o.parse_effects(effects_only)
+    with run.progress("explaining") as report:
         get_ready(cores())  # workers start while logs are read
-        every = reading.open([*logs, *unseen], base)
-        flights, tests = every[: len(logs)], every[len(logs) :]
+        flights, tests = run.open(reading, logs, base, validate)
         found = api.explain(flights, base, names=names, validate=tests, progress=report)
-    printer = Printer(quiet)
-    show_result(printer, found)
-    printer.show(*what_next(found, str(model), [str(p) for p in logs]))
-    printer.notes([*base.notes, *(note for f in tests for note in f.notes)])
-    body = found.to_json()
-    write_result(
-        json, "explain", body, force=force, flights=flights, validation=tests, models=[(base, "model")]
-    )  # fmt: skip
-    printer.wrote(result=json)
+    run.result(found)
+    run.show(*what_next(found, model, [str(p) for p in logs]))
+    run.notes([*base.notes, *(note for f in tests for note in f.notes)])
+    run.write("explain", found.to_json())
+    run.wrote()

@@ -7,12 +7,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import write_result
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("history")(history)
+from wrenchgap.replay.cli.requests import Run
 
 
 def history(
@@ -22,10 +17,8 @@ def history(
             metavar="MODEL", help="Model file (.toml).", autocompletion=o.complete_models, show_default=False
         ),
     ],
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    run: Run,
 ) -> None:
     """Versions of a model: what each changed, from which flights, and what that did to the error.
 
@@ -34,14 +27,10 @@ def history(
 
     Example: `wrenchgap history fitted.toml`
     """
-    from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer
     from wrenchgap.replay.present import history as present
-    from wrenchgap.replay.present.documents import claim
 
-    claim({"--json": json}, force=force, inputs=[model])
-    read = api.load_model(model)
-    printer = Printer(quiet)
-    printer.show(*present.parts(read))
-    write_result(json, "history", present.to_json(read), force=force, models=[(read, "model")])
-    printer.wrote(result=json)
+    run.claim({}, model)
+    read = run.model(model)
+    run.show(*present.parts(read))
+    run.write("history", present.to_json(read))
+    run.wrote()

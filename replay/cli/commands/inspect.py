@@ -7,12 +7,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, show_result, write_result
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("inspect")(inspect)
+from wrenchgap.replay.cli.requests import Reading, Run
 
 
 def inspect(
@@ -30,10 +25,8 @@ def inspect(
     topic: o.Topics = None,
     shift: o.Shift = None,
     cutoff: o.Cutoff = 8.0,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    run: Run,
 ) -> None:
     """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
 
@@ -43,19 +36,15 @@ def inspect(
     Example: `wrenchgap inspect flight.mcap -m crazyflie --topic imu=/my/imu`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer
-    from wrenchgap.replay.present.documents import claim
 
-    claim({"--json": json}, force=force, inputs=logs)
-    reading = Reading.of(topic, shift, cutoff)
-    known = None if model is None else api.load_model(model)
-    printer = Printer(quiet)
+    run.claim({}, *logs)
+    how = Reading(topic, shift, cutoff)
+    known = None if model is None else run.model(model)
     bodies = []
     for path in logs:
-        seen = api.inspect(path, known, topics=reading.topics, shifts=reading.shifts, cutoff_hz=reading.cutoff_hz)
-        show_result(printer, seen)
+        seen = api.inspect(path, known, topics=how.topics, shifts=how.shifts, cutoff_hz=how.cutoff_hz)
+        run.result(seen)
         bodies.append(seen.to_json())
-    inputs = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
-    models = [] if known is None else [(known, "model")]
-    write_result(json, "inspect", {"logs": bodies}, force=force, inputs=inputs, models=models)
-    printer.wrote(result=json)
+    run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
+    run.write("inspect", {"logs": bodies})
+    run.wrote()

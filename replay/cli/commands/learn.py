@@ -4,43 +4,18 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
-
-class Subsample(StrEnum):
-    """k-medoids libraries."""
-
-    fasterpam = "fasterpam"
-    pyclustering = "pyclustering"
-
-
-class Mean(StrEnum):
-    """Mean functions of the process."""
-
-    physics = "physics"
-    zero = "zero"
-    linear = "linear"
-    constant = "constant"
-
-
-class Inference(StrEnum):
-    """Which samples count."""
-
-    exact = "exact"
-    sparse = "sparse"
-
-
-class Scale(StrEnum):
-    """Inputs for the distance between samples."""
-
-    standardised = "standardised"
-    raw = "raw"
-
+MANY = ("--validate",)
+Subsample = StrEnum("Subsample", ["fasterpam", "pyclustering"])
+Mean = StrEnum("Mean", ["physics", "zero", "linear", "constant"])
+Inference = StrEnum("Inference", ["exact", "sparse"])
+Scale = StrEnum("Scale", ["standardised", "raw"])
 
 Points = Annotated[int, typer.Option("--points", metavar="N", min=2, help="Training points kept.")]
 Outputs = Annotated[
@@ -75,11 +50,6 @@ NoGuard = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("learn", cls=o.many("--validate"))(learn)
-
-
 def learn(
     logs: o.Logs,
     model: o.ModelOption,
@@ -95,14 +65,9 @@ def learn(
     restarts: Restarts = 1,
     seed: Seed = 0,
     no_guard: NoGuard = False,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: o.Cutoff = 8.0,
-    between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    reading: Reading,
+    run: Run,
 ) -> None:
     """Learn the wrench residual of the model, as a function of the commanded wrench.
 
@@ -111,24 +76,19 @@ def learn(
 
     Example: `wrenchgap learn train.mcap -m fitted.toml --validate test.mcap -o rest.gp`
     """
-    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.learn.identify.learning import default_mean, physics_of
     from wrenchgap.learn.process.gp import FitSettings
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present.documents import claim
 
-    unseen = validate or []
-    claim({"--output": output, "--json": json}, force=force, inputs=[*logs, *unseen, model])
-    wanted, reading, base = o.parse_outputs(outputs), Reading.of(topic, shift, cutoff, between), api.load_model(model)
+    run.claim({"--output": output}, *logs, *(validate or ()), model)
+    wanted, base = o.parse_outputs(outputs), run.model(model)
     names = () if inputs == "auto" else o.parse_names(inputs)
     kind = default_mean(base) if mean is None else mean.value
-    settings = FitSettings(points, subsample.value, scale.value, kind, names, inference.value, True, restarts, seed)
+    how: dict[str, Any] = {"method": subsample.value, "scale": scale.value, "mean": kind, "inference": inference.value}
+    settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, **how)
     physics_of(base, settings)  # or it raises, before any log is read
-    with progress("learning", quiet) as report:
-        report(0.0, "reading logs")
-        every = reading.open([*logs, *unseen], base)
-        flights, tests = every[: len(logs)], every[len(logs) :]
+    with run.progress("learning") as report:
+        flights, tests = run.open(reading, logs, base, validate)
         learnt = api.learn_gp(
             flights,
             base,
@@ -139,10 +99,8 @@ def learn(
             guard=not no_guard,
             progress=report,
         )
-    api.save_gp(learnt, output, force=force)
-    printer = Printer(quiet)
-    show_result(printer, learnt)
-    printer.notes(base.notes)
-    body = {**learnt.to_json(), "gp": str(output)}
-    write_result(json, "learn", body, force=force, flights=flights, validation=tests, models=[(base, "model")])
-    printer.wrote(GP=output, result=json)
+    api.save_gp(learnt, output, force=run.force)
+    run.result(learnt)
+    run.notes(base.notes)
+    run.write("learn", {**learnt.to_json(), "gp": str(output)})
+    run.wrote(GP=output)

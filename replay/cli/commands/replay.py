@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, load_gp, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
 Process = Annotated[Path, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.", show_default=False)]
 Source = Annotated[
@@ -31,11 +31,6 @@ CutoffOfGp = Annotated[
 Parquet = Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help="Every step as Parquet.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("replay")(replay)
-
-
 def replay(
     log: o.Log,
     model: o.ModelOption,
@@ -54,10 +49,8 @@ def replay(
     shift: o.Shift = None,
     cutoff: CutoffOfGp = None,
     between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    run: Run,
 ) -> None:
     """Re-run optimiser and uncertainty filter on the logged wrenches, at the log's own stamps.
 
@@ -69,27 +62,21 @@ def replay(
     from wrenchgap.compensate import Settings
     from wrenchgap.learn.data.measurement import CUTOFF_HZ
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.compensation.source import checked
-    from wrenchgap.replay.present.documents import claim
     from wrenchgap.replay.present.replay import write_files
 
-    outputs = {"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure, "--json": json}
-    claim(outputs, force=force, inputs=[log, model, gp])
+    run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
     settings = Settings(
         filter_uncertain=not no_filter, sigma_threshold=sigma_threshold, kappa=kappa, decay_time=decay_time
     )
-    base, process, wanted = api.load_model(model), load_gp(gp), checked(source)
+    base, process, wanted = run.model(model), run.gp(gp), checked(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
-    reading = Reading.of(topic, shift, cutoff or process.provenance.cutoff_hz or CUTOFF_HZ, between)
-    with progress("replaying", quiet) as report:
-        report(0.0, "reading the log")
-        (opened,) = reading.open([log], base, rate_hz=math.inf, incomplete=True)
+    reading = Reading(topic, shift, cutoff or process.provenance.cutoff_hz or CUTOFF_HZ, between)
+    with run.progress("replaying", "reading the log") as report:
+        ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
-    write_files(result, output, csv, parquet, figure, force=force)
-    models, files = [(base, "model")], [(gp, "gp")]
-    write_result(json, "replay", result.to_json(), force=force, flights=[opened], models=models, files=files)
-    printer = Printer(quiet)
-    show_result(printer, result)
-    printer.wrote(log=output, table=csv, parquet=parquet, figure=figure, result=json)
+    write_files(result, output, csv, parquet, figure, force=run.force)
+    run.write("replay", result.to_json())
+    run.result(result)
+    run.wrote(log=output, table=csv, parquet=parquet, figure=figure)

@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, load_gp, show_result, write_result
+from wrenchgap.replay.cli.requests import Reading, Run
 
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("report", cls=o.many("--validate"))(report)
+MANY = ("--validate",)
 
 
 def report(
@@ -25,14 +22,9 @@ def report(
     ],
     validate: o.Validate = None,
     gp: o.GpOption = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: o.Cutoff = 8.0,
-    between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    reading: Reading,
+    run: Run,
 ) -> None:
     """Write one page that says which effect is missing, with what confidence, and how far the error is reduced.
 
@@ -41,32 +33,23 @@ def report(
 
     Example: `wrenchgap report train.mcap -m tilt_hexarotor --validate test.mcap -o report.html`
     """
-    from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present.documents import claim
     from wrenchgap.replay.present.report import Repetition, Request, save, to_json
 
-    unseen = validate or []
-    read: list[Path | str] = [*logs, *unseen, model, *([gp] if gp else [])]
-    claim({"--output": output, "--json": json}, force=force, inputs=read)
+    run.claim({"--output": output}, *logs, *(validate or ()), model, gp)
     if output.suffix.lower() not in (".html", ".htm"):
-        raise UsageError(f"--output {output}: the report is a web page; expected a name that ends in .html")
-    base, process, reading = api.load_model(model), load_gp(gp), Reading.of(topic, shift, cutoff, between)
-    said = {"between": between, "topics": ", ".join(topic or []), "shift": ", ".join(shift or [])}
+        raise o.usage_error(f"--output {output}: the report is a web page; expected a name that ends in .html")
+    base, process = run.model(model), run.gp(gp)
+    topics, shifts = (", ".join(texts or []) for texts in (reading.topic, reading.shift))
+    said = {"between": reading.between, "topics": topics, "shift": shifts}
     options = {key: value for key, value in said.items() if value}
-    with progress("reporting", quiet) as told:
-        told(0.0, "reading logs")
-        every = reading.open([*logs, *unseen], base)
-        flights, tests = every[: len(logs)], every[len(logs) :]
+    with run.progress("reporting") as told:
+        flights, tests = run.open(reading, logs, base, validate)
         found = api.report(flights, base, validate=tests, gp=process, progress=told)
         told(1.0, "writing the page")
         request = Request(model, o.command_line(ctx), o.common_options(ctx), options, gp)
         repetition = Repetition.of(found, request)
-        save(found, output, force=force, repetition=repetition)
-    printer = Printer(quiet)
-    show_result(printer, found)
-    body = {**to_json(found, repetition), "page": str(output)}
-    model_read, gp_read = [(base, "model")], [(gp, "gp")]
-    write_result(json, "report", body, force=force, flights=flights, validation=tests, models=model_read, files=gp_read)
-    printer.wrote(report=output, result=json)
+        save(found, output, force=run.force, repetition=repetition)
+    run.result(found)
+    run.write("report", {**to_json(found, repetition), "page": str(output)})
+    run.wrote(report=output)

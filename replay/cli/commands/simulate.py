@@ -8,18 +8,19 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import write_result
+from wrenchgap.replay.cli.requests import Run
+
+MANY = ("--hide",)
 
 
 def _list(asked: bool) -> None:
     if not asked:
         return
     from wrenchgap.plant.trajectory import TRAJECTORIES
-    from wrenchgap.replay.cli.console import Printer
     from wrenchgap.replay.present.tables import plain
 
     rows = [(name, f"{seconds:g} s", words) for name, (_, seconds, words) in TRAJECTORIES.items()]
-    Printer().show(plain("trajectories", ("name", "length", "description"), rows, left=3))
+    Run().show(plain("trajectories", ("name", "length", "description"), rows, left=3))
     raise typer.Exit()
 
 
@@ -50,11 +51,6 @@ Truth = Annotated[
 List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the trajectories and exit.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("simulate", cls=o.many("--hide"))(simulate)
-
-
 def simulate(
     model: o.ModelOption,
     trajectory: TrajectoryName,
@@ -66,10 +62,8 @@ def simulate(
     hide: Hide = None,
     truth: Truth = None,
     list_: List = False,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    run: Run,
 ) -> None:
     """Fly a simulated vehicle along a trajectory and write its log.
 
@@ -78,30 +72,23 @@ def simulate(
 
     Example: `wrenchgap simulate -m voliro_x -t multi_axis --excitation 1 --hide com_offset=x:-0.004,y:0.007 -o a.mcap`
     """
-    from wrenchgap.flight.errors import UsageError
     from wrenchgap.flight.write import write
     from wrenchgap.plant import model_file
     from wrenchgap.plant.flight_plan import Plan, fly, prepare, provenance, summary
-    from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.present import simulation
-    from wrenchgap.replay.present.documents import claim
 
-    claim({"--output": output, "--truth": truth, "--json": json}, force=force, inputs=[trajectory])
+    run.claim({"--output": output, "--truth": truth}, trajectory)
     if output.suffix != ".mcap":
-        raise UsageError(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
-    believed = api.load_model(model)
-    plan = Plan(believed, trajectory, duration, excitation, seed, integral, tuple(hide or ()))
+        raise o.usage_error(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
+    plan = Plan(run.model(model), trajectory, duration, excitation, seed, integral, tuple(hide or ()))
     ready = prepare(plan)
-    with progress("flying", quiet) as report:
+    with run.progress("flying", "flying") as report:
         flown = fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
-    write(flown, output, metadata=provenance(plan), force=force)
+    write(flown, output, metadata=provenance(plan), force=run.force)
     if truth is not None:
-        model_file.save(ready.truth, truth, force=force)
+        model_file.save(ready.truth, truth, force=run.force)
     went = summary(flown)
-    printer = Printer(quiet)
-    printer.line(simulation.line(output, plan, went))
-    printer.notes(flown.notes, "warning")
-    body = simulation.to_json(output, plan, flown, went)
-    write_result(json, "simulate", body, force=force, models=[(believed, "model")])
-    printer.wrote(log=output, true_model=truth, result=json)
+    run.line(simulation.line(output, plan, went))
+    run.notes(flown.notes, "warning")
+    run.write("simulate", simulation.to_json(output, plan, flown, went))
+    run.wrote(log=output, true_model=truth)

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, load_gp
+from wrenchgap.replay.cli.requests import Reading, Run
 
+MANY = ("--against",)
 SavedView = Annotated[
     Path | None,
     typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
@@ -17,11 +18,6 @@ SavedView = Annotated[
 Host = Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")]
 Browser = Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("view", cls=o.many("--against"))(view)
 
 
 def view(
@@ -51,27 +47,24 @@ def view(
     import webbrowser
 
     from wrenchgap.flight import cache
-    from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
     from wrenchgap.replay.session.log_session import LogSession
     from wrenchgap.viewer.page import Page, exposed
     from wrenchgap.viewer.view_state import read
 
-    printer, opening = Printer(quiet), None if saved is None else read(saved)
+    run, opening = Run(quiet=quiet), None if saved is None else read(saved)
     base, others, reading = (
-        api.load_model(model),
-        list(map(api.load_model, against or ())),
-        Reading.of(topic, shift, between=between),
+        run.model(model),
+        list(map(run.model, against or ())),
+        Reading(topic, shift, between=between),
     )
-    process = load_gp(gp)
-    with progress("opening", quiet) as report:
-        report(0.0, "reading logs")
+    process = run.gp(gp)
+    with run.progress("opening") as report:
         session = LogSession(
             logs,
             base,
             process,
             topics=reading.topics,
-            between=reading.between,
+            between=reading.part,
             shifts=reading.shifts,
             load=cache.load,
             against=others,
@@ -82,8 +75,8 @@ def view(
     if opening is not None:
         page.restore(opening)
     if exposed(host):
-        printer.notes([f"the page listens on {host}: everybody who reaches this machine can use it."], "warning")
-    printer.line(f"{', '.join(session.flights)}: {page.url}   (Ctrl-C to stop)")
+        run.notes([f"the page listens on {host}: everybody who reaches this machine can use it."], "warning")
+    run.line(f"{', '.join(session.flights)}: {page.url}   (Ctrl-C to stop)")
     if browser:
         webbrowser.open(page.url)
     try:

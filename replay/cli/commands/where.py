@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import typer
-
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, load_gp, show_result, write_result
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("where")(where)
+from wrenchgap.replay.cli.requests import Reading, Run
 
 
 def where(
@@ -18,14 +11,9 @@ def where(
     model: o.ModelOption,
     gp: o.GpOption = None,
     figure: o.Figure = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: o.Cutoff = 8.0,
-    between: o.Between = None,
-    own: o.OwnEffects = None,
-    json: o.JsonFile = None,
-    force: o.Force = False,
-    quiet: o.Quiet = False,
+    *,
+    reading: Reading,
+    run: Run,
 ) -> None:
     """Show where MODEL fails: on which tilt, thrust, speed, height ... its error depends, and what it is made of.
 
@@ -36,23 +24,14 @@ def where(
     Example: `wrenchgap where flight.mcap -m tilt_hexarotor --figure where.png`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.cli.console import Printer, progress
-    from wrenchgap.replay.present.documents import claim
 
-    claim({"--json": json, "--figure": figure}, force=force, inputs=[*logs, model, *([gp] if gp else ())])
-    base, process = api.load_model(model), load_gp(gp)
-    reading = Reading.of(topic, shift, cutoff, between)
-    with progress("where", quiet) as report:
-        report(0.0, "reading logs")
-        flights = reading.open(logs, base)
+    run.claim({"--json": run.json, "--figure": figure}, *logs, model, gp)
+    base, process = run.model(model), run.gp(gp)
+    with run.progress("where") as report:
+        flights, _ = run.open(reading, logs, base)
         result = api.where(flights, base, gp=process, progress=report)
-    printer = Printer(quiet)
-    show_result(printer, result)
-    printer.notes(base.notes)
-    if figure is not None:
-        from wrenchgap.replay.present.figures import save
-
-        save(result, figure, force=force)
-    body = result.to_json()
-    write_result(json, "where", body, force=force, flights=flights, models=[(base, "model")], files=[(gp, "gp")])
-    printer.wrote(figure=figure, result=json)
+    run.result(result)
+    run.notes(base.notes)
+    run.draw(result, figure)
+    run.write("where", result.to_json())
+    run.wrote(figure=figure)

@@ -6,8 +6,23 @@ into axes of the user or into a new figure of pyplot (so that a notebook shows i
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+
+def picture(result: Any) -> Any:
+    """What a result looks like: a `style.Picture`."""
+    from wrenchgap.replay.present import MODULES
+
+    return import_module(f"{__name__}.{MODULES[type(result).__name__]}").picture(result)
+
+
+def plot(result: Any, axes: Any = None) -> Any:
+    """A result drawn into axes (new ones of pyplot where none are given), which are returned."""
+    from wrenchgap.replay.present.figures import style
+
+    return style.plot(picture(result), axes)
 
 
 def save(result: Any, path: Path, *, force: bool = False) -> None:
@@ -16,19 +31,9 @@ def save(result: Any, path: Path, *, force: bool = False) -> None:
     Raises UsageError for a file that exists (unless `force`) or that cannot be written.
     """
     from wrenchgap.replay.present.documents import atomic, claim
-
-    claim({"--figure": path}, force=force)
-    figure = made(result)
-    with atomic(path) as partial:
-        figure.savefig(partial, dpi=110, format="png")
-
-
-def made(result: Any) -> Any:
-    """A result's picture as a figure that belongs to nobody (no pyplot)."""
-    from importlib import import_module
-
-    from wrenchgap.replay.present import MODULES
     from wrenchgap.replay.present.figures import style
 
-    module = import_module(f"{__name__}.{MODULES[type(result).__name__]}")
-    return style.figure_of(module.picture(result))
+    claim({"--figure": path}, force=force)
+    figure = style.figure_of(picture(result))
+    with atomic(path) as partial:
+        figure.savefig(partial, dpi=110, format="png")

@@ -8,13 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.add import Addition
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import change
-
-Array = NDArray[np.float64]
 
 
 def picture(added: Addition) -> style.Picture:
@@ -28,25 +26,16 @@ def picture(added: Addition) -> style.Picture:
     )
 
 
-def plot(added: Addition, axes: Any = None) -> Any:
-    """Draw into axes (1, 2) or (2,); see the module."""
-    return style.plot(picture(added), axes)
-
-
 def _draw(added: Addition, panels: Any) -> None:
-    rows = [("before", "0.6", added.rms_before), ("after", style.MODELS[0], added.rms_after)]
-    noise = None
+    before, after, noise = added.rms_before, added.rms_after, None
     if added.trial is not None:
-        rows = [("before", "0.6", added.trial.before), ("after", style.MODELS[0], added.trial.after)]
-        noise = added.trial.noise
-    bars_by_axis(panels, rows, noise)
-    before, after = rows[0][2], rows[1][2]
+        before, after, noise = added.trial.before, added.trial.after, added.trial.noise
+    bars_by_axis(panels, [("before", "0.6", before), ("after", style.MODELS[0], after)], noise)
     for k in range(6):
         words = change(float(after[k] / max(before[k], 1e-30)) - 1.0)
+        look = {"ha": "center", "fontsize": style.SMALL, "color": style.MODELS[0]}
         place = (k % 3 + 0.2, float(after[k]))
-        panels[k // 3].annotate(
-            words, place, (0, 2), textcoords="offset points", ha="center", fontsize=style.SMALL, color=style.MODELS[0]
-        )
+        panels[k // 3].annotate(words, place, (0, 2), textcoords="offset points", **look)
 
 
 def bars_by_axis(panels: Any, rows: list[tuple[str, str, Array]], noise: Array | None) -> None:

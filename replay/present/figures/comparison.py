@@ -9,13 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.figures import style
-
-Array = NDArray[np.float64]
 
 NOISE_SIGMAS = 2.0
 """Half-width of the noise band, in standard deviations."""
@@ -51,11 +49,6 @@ def _split(figure: Any, rows: int) -> Any:
     return axes
 
 
-def plot(result: Comparison, axes: Any = None) -> Any:
-    """Draw into axes (6, 2), (7, 2) for several flights; see the module."""
-    return style.plot(picture(result), axes)
-
-
 def _title(result: Comparison) -> str:
     flights = result.flights[0] if len(result.flights) == 1 else f"{len(result.flights)} flights"
     cutoff = result.records[0].cutoff_hz
@@ -74,8 +67,7 @@ def _draw(result: Comparison, axes: Any) -> None:
             panel.margins(x=0.005)
     for column, panel in enumerate(axes[5]):
         several = len(result.flights) > 1
-        words = "time, flight after flight" if several else "time"
-        style.labelled(panel, words, "s", "x")
+        style.labelled(panel, "time, flight after flight" if several else "time", "s", "x")
         if shaded:
             panel.set_xlabel(f"{panel.get_xlabel()}; shaded: from the smallest to the largest value")
         style.legend(axes[0, column], axes[1, column], above=several)
@@ -89,13 +81,11 @@ def _starts(result: Comparison) -> list[float]:
     """What to add to the time of each record so that flights follow one another."""
     seconds = {name: _span(result, name) for name in result.flights}
     pause = PAUSE * sum(stop - start for start, stop in seconds.values())
-    shift, out, end = {}, [], 0.0
+    shift, end = {}, 0.0
     for index, (name, (start, stop)) in enumerate(seconds.items()):
         shift[name] = 0.0 if index == 0 else end + pause - start
         end = stop + shift[name]
-    for record in result.records:
-        out.append(shift[record.flight])
-    return out
+    return [shift[record.flight] for record in result.records]
 
 
 def _span(result: Comparison, flight: str) -> tuple[float, float]:
@@ -116,10 +106,8 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) ->
     last, shaded = result.evaluations[-1], False
     for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
         time, share = record.time + start, _share(result, record.time)
-        drawn = [
-            (record.commanded, style.COMMANDED, "commanded", 1.2),
-            (record.measured, style.MEASURED, "measured", 1.7),
-        ]
+        drawn = [(record.commanded, style.COMMANDED, "commanded", 1.2)]
+        drawn.append((record.measured, style.MEASURED, "measured", 1.7))
         for place, e in enumerate(result.evaluations):
             if e.name not in hidden:
                 drawn.append((e.predictions[index], _colour(place), e.name, 0.9))
@@ -128,9 +116,8 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) ->
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
             centre, half = last.predictions[index][:, axis], PREDICTION_SIGMAS * last.sigma[index][:, axis]
             words = None if index else f"± {PREDICTION_SIGMAS:g} sigma of {last.name}"
-            panel.fill_between(
-                time, centre - half, centre + half, color=drawn[-1][1], alpha=0.15, lw=0, label=words, zorder=1
-            )
+            look = {"color": drawn[-1][1], "alpha": 0.15, "lw": 0, "zorder": 1}
+            panel.fill_between(time, centre - half, centre + half, **look, label=words)
     return shaded
 
 

@@ -28,11 +28,6 @@ def picture(result: Counterfactual) -> style.Picture:
     )
 
 
-def plot(result: Counterfactual, axes: Any = None) -> Any:
-    """Draw into axes (4, 1); see the module."""
-    return style.plot(picture(result), axes)
-
-
 def _runs(result: Counterfactual) -> dict[str, TrackingErrors]:
     """Errors of the runs that differ, by name; the last is drawn on top."""
     runs = {"recorded": result.inference.recording.tracking_errors, "null run": result.null.tracking_errors}
@@ -55,9 +50,5 @@ def _draw(result: Counterfactual, axes: Any) -> None:
         style.labelled(panel, f"attitude error\nabout {axis}", "deg")
     panels[3].set_ylim(0.0, None)
     style.labelled(panels[3], "distance from\nthe reference", "m")
-    for panel in panels:
-        panel.margins(x=0.01)
-    style.labelled(panels[3], "time in flight", "s", "x")
     style.legend(panels[0])
-    style.grid(panels)
-    panels[0].get_figure(root=False).align_ylabels(list(panels))
+    style.over_time(axes, "time in flight")

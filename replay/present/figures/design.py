@@ -35,11 +35,6 @@ def picture(design: Design) -> style.Picture:
     )
 
 
-def plot(design: Design, axes: Any = None) -> Any:
-    """Draw into axes (5 + D, 1); see the module."""
-    return style.plot(picture(design), axes)
-
-
 def _shown(design: Design) -> list[Direction]:
     return sorted(design.expected.directions, key=lambda d: d.merit)[:MOST]
 
@@ -49,12 +44,8 @@ def _draw(design: Design, axes: Any) -> None:
     _reference(panels[:5], design)
     for panel, direction in zip(panels[5:], _shown(design), strict=True):
         _direction(panel, design, direction)
-    for panel in panels:
-        panel.margins(x=0.01)
-    style.labelled(panels[-1], "time", "s", "x")
-    style.grid(panels)
+    style.over_time(axes)
     _manoeuvres(panels, design)
-    panels[0].get_figure(root=False).align_ylabels(list(panels))
 
 
 def _reference(panels: Any, design: Design) -> None:
@@ -79,9 +70,8 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
     time = np.linspace(cut, design.trajectory.duration - cut, len(added))
     panel.plot(time, added, color=style.MEASURED, lw=1.1, label=f"{d.truth} adds")
     panel.plot(time, imitated, color=style.MODELS[1], lw=1.1, label=f"best imitation by {d.imitator}")
-    panel.fill_between(
-        time, added, imitated, color=style.MODELS[1], alpha=0.2, lw=0, label="difference that separates them"
-    )
+    look = {"color": style.MODELS[1], "alpha": 0.2, "lw": 0}
+    panel.fill_between(time, added, imitated, **look, label="difference that separates them")
     style.band(panel, [cut, design.trajectory.duration - cut], float(d.noise[d.telling]), "± 1 sigma of the noise")
     style.labelled(panel, *style.QUANTITIES[d.telling])
     found = f"separation {d.separation:.1f} expected, {design.simulated(d.truth, d.imitator):.1f} simulated"
@@ -90,12 +80,10 @@ def _direction(panel: Any, design: Design, d: Direction) -> None:
 
 
 def _manoeuvres(panels: Any, design: Design) -> None:
-    """Where one ends and the next begins, with their names on top."""
     starts = np.linspace(REST, design.trajectory.duration - REST, len(design.segments) + 1)
     for start, segment in zip(starts, design.segments, strict=False):
-        panels[0].annotate(
-            str(segment), (start, 1.02), xycoords=("data", "axes fraction"), fontsize=style.SMALL, va="bottom"
-        )
+        place = {"xycoords": ("data", "axes fraction"), "va": "bottom"}
+        panels[0].annotate(str(segment), (start, 1.02), **place, fontsize=style.SMALL)
     for panel in panels:
         for start in starts:
             panel.axvline(start, color="0.6", lw=0.7, ls="--", zorder=0)

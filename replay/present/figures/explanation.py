@@ -28,11 +28,6 @@ def picture(found: Explanation) -> style.Picture:
     )
 
 
-def plot(found: Explanation, axes: Any = None) -> Any:
-    """Draw into one axes; see the module."""
-    return style.plot(picture(found), axes)
-
-
 def _shown(found: Explanation) -> list[Candidate]:
     return [c for k, c in enumerate(found.ranking) if k < MOST or c.name in found.effects]
 
@@ -55,9 +50,8 @@ def _draw(found: Explanation, panel: Any) -> None:
     for row, c in enumerate(shown):
         sure = [f"confidence {100 * found.confidence(m):.0f} %" for m in found.members if m.name == c.name]
         words = ", ".join([share(c.score), *sure])
-        panel.annotate(
-            words, (100.0 * max(c.score, 0.0), row), (4, 0), textcoords="offset points", va="center", fontsize=8
-        )
+        place = (100.0 * max(c.score, 0.0), row)
+        panel.annotate(words, place, (4, 0), textcoords="offset points", va="center", fontsize=8)
     panel.set_yticks(range(len(shown)), [c.name for c in shown], fontsize=style.SMALL)
     panel.set_ylim(-0.6, len(shown) - 0.4)
     panel.set_xlim(0.0, 125.0)

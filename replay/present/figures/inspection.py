@@ -29,11 +29,6 @@ def picture(seen: LogReport) -> style.Picture:
     )
 
 
-def plot(seen: LogReport, axes: Any = None) -> Any:
-    """Draw into axes (R, 1); see the module."""
-    return style.plot(picture(seen), axes)
-
-
 def _series(seen: LogReport) -> dict[str, Series]:
     return {} if seen.inspection.flight is None else dict(seen.inspection.flight.series())
 
@@ -46,13 +41,11 @@ def _draw(seen: LogReport, panels: Any) -> None:
         _rate(panel, series, seen.inspection.duration)
         panel.set_title(f"{role}: {series.topic}", fontsize=style.SMALL, loc="left")
         panel.set_xlim(0.0, max(seen.inspection.duration, 1e-3))
-    for panel in (panels[-1],):
-        style.labelled(panel, "time since the first message", "s", "x")
+    style.labelled(panels[-1], "time since the first message", "s", "x")
     style.grid(panels)
 
 
 def _rate(panel: Any, series: Series, duration: float) -> None:
-    """Messages per second in windows, gaps shaded."""
     count = max(1, min(WINDOWS, int(duration / SHORTEST)))
     found, edges = np.histogram(series.time, bins=np.linspace(0.0, max(duration, 1e-3), count + 1))
     rate = found / np.diff(edges)

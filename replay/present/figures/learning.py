@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.learn.identify.learning import Learnt
+from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures.addition import bars_by_axis
@@ -30,11 +29,6 @@ def picture(learnt: Learnt) -> style.Picture:
         title=f"Gaussian process of {len(learnt.gp.inputs)} points for {', '.join(learnt.gp.outputs)}, "
         f"on top of {learnt.gp.provenance.physics}",
     )
-
-
-def plot(learnt: Learnt, axes: Any = None) -> Any:
-    """Draw into axes (R, 3); see the module."""
-    return style.plot(picture(learnt), axes)
 
 
 def _tested(learnt: Learnt) -> dict[str, Comparison]:

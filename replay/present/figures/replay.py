@@ -9,14 +9,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.replay.compensation.replay import Replay
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.replay import sigma_unit
-
-Array = NDArray[np.float64]
 
 REPLAYED, AS_FLOWN, WITH, SIGMA = "tab:orange", "tab:blue", "tab:green", "tab:red"
 
@@ -33,11 +31,6 @@ def picture(replay: Replay) -> style.Picture:
     )
 
 
-def plot(replay: Replay, axes: Any = None) -> Any:
-    """Draw into axes (L + 1, 2); see the module."""
-    return style.plot(picture(replay), axes)
-
-
 def _draw(replay: Replay, axes: Any) -> None:
     bands = _std(replay)
     for row, k in enumerate(output_indices(replay.outputs)):
@@ -45,18 +38,12 @@ def _draw(replay: Replay, axes: Any) -> None:
         _correction(axes[row, 1], replay, int(k), None if bands is None else bands[:, row])
     _sigma(axes[-1, 0], replay)
     _beta(axes[-1, 1], replay)
-    for panel in axes.ravel():
-        panel.margins(x=0.01)
     for panel in (*axes[0], axes[-1, 0]):
         style.legend(panel)
-    for panel in axes[-1]:
-        style.labelled(panel, "time", "s", "x")
-    style.grid(axes)
-    axes[0, 0].get_figure(root=False).align_ylabels(list(axes.ravel()))
+    style.over_time(axes)
 
 
 def _wrenches(panel: Any, replay: Replay, k: int) -> None:
-    """Raw commands, as sent, beside filtered measurement and predictions."""
     drawn = (
         (replay.wrench, style.COMMANDED, replay.source),
         (replay.steps.commanded, REPLAYED, "with correction"),

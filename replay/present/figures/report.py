@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.identify.search import Candidate
@@ -18,8 +17,6 @@ from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, unit_of
 from wrenchgap.replay.present.staircase import label, remains
 from wrenchgap.replay.report.contents import Report
-
-Array = NDArray[np.float64]
 
 COLOURS = {Basis.HELD_OUT: "#4c72b0", Basis.UNSEEN: "#dd8452"}
 TITLES = {Basis.HELD_OUT: "held-out time", Basis.UNSEEN: "unseen flights"}
@@ -42,13 +39,7 @@ def picture(report: Report) -> style.Picture:
     return style.Picture((7,), (12.0, 4.8), draw, split=split)
 
 
-def plot(report: Report, axes: Any = None) -> Any:
-    """Draw the error step by step into axes (7,); see the module."""
-    return style.plot(picture(report), axes)
-
-
 def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
-    """Bars, as shares of the nominal error; the noise dashed."""
     names = [*map(label, cases[0].falling), "sensor noise"]
     place = np.arange(len(names))
     width = 0.8 / len(cases)
@@ -67,7 +58,6 @@ def _in_all(panel: Any, cases: Sequence[Staircase]) -> None:
 
 
 def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
-    """Rms on a logarithmic scale; dashed: the noise."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     unit = unit_of(axis)

@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.replay.present.numbers import number
-
-Array = NDArray[np.float64]
 
 COMMANDED, MEASURED, NOISE, WARNING = "0.6", "black", "#55a868", "tab:red"
 MODELS = ("tab:blue", "tab:orange", "tab:purple", "tab:brown", "tab:olive", "tab:cyan")
@@ -139,6 +137,16 @@ def grid(panels: Any) -> None:
             panel.spines[side].set_visible(False)
 
 
+def over_time(panels: Any, name: str = "time") -> None:
+    """What panels (R, C) over one time have in common: margins, the axis of time below, labels in line."""
+    for panel in np.ravel(panels):
+        panel.margins(x=0.01)
+    for panel in panels[-1]:
+        labelled(panel, name, "s", "x")
+    grid(panels)
+    panels[0, 0].get_figure(root=False).align_ylabels(list(np.ravel(panels)))
+
+
 def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
     """Above a panel, `above` lines of text higher than its edge, where it covers no curve; each name once.
 
@@ -154,19 +162,9 @@ def legend(panel: Any, *others: Any, above: float = 0.0) -> None:
     room = panel.get_position().width * figure.get_size_inches()[0] * 72.0
     widths = np.array([(0.55 * len(name) + 3.4) * SMALL for name in once])
     fitting = [n for n in range(1, len(once) + 1) if sum(max(widths[k::n]) for k in range(n)) <= 1.25 * room]
-    panel.legend(
-        once.values(),
-        once.keys(),
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.2 + 1.3 * above,
-        borderpad=0.1,
-        ncols=max(fitting, default=1),
-        fontsize=SMALL,
-        frameon=False,
-        handlelength=1.6,
-        columnspacing=1.2,
-    )
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2 + 1.3 * above, "borderpad": 0.1}
+    look = {"fontsize": SMALL, "frameon": False, "handlelength": 1.6, "columnspacing": 1.2}
+    panel.legend(once.values(), once.keys(), ncols=max(fitting, default=1), **place, **look)
 
 
 def curve(

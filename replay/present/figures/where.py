@@ -10,15 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.learn.diagnose.budget import PARTS, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, share, unit_of
-
-Array = NDArray[np.float64]
 
 MOST = 8
 """Quantities drawn at most."""
@@ -55,11 +52,6 @@ def picture(where: Where) -> style.Picture:
     return style.Picture((15 + count,), (15.0, 9.0 + 2.9 * rows), draw, title=title, split=split)
 
 
-def plot(where: Where, axes: Any = None) -> Any:
-    """Draw the page into axes (15 + Q,); see the module."""
-    return style.plot(picture(where), axes)
-
-
 def budget_figure(where: Where) -> Any:
     """Stacked bars: what the nominal error is made of, per axis and for the whole."""
     return style.figure_of(style.Picture((), (8.0, 3.6), lambda panel: _draw_budget(panel, where)))
@@ -94,8 +86,7 @@ def _shown(where: Where) -> tuple[Dependence, ...]:
 
 
 def _draw_budget(panel: Any, where: Where) -> None:
-    shares, whole = where.budget.shares(), where.budget.whole()
-    place = np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
+    shares, whole, place = where.budget.shares(), where.budget.whole(), np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
     above, below = np.zeros(len(place)), np.zeros(len(place))
     for part in PARTS:
         if part == "physics" and not where.budget.physics.any():
@@ -165,7 +156,6 @@ def _sides(panel: Any) -> None:
 
 
 def _title(dependence: Dependence) -> str:
-    """How much of the error depends on the quantity, and whether that is significant."""
     if not dependence.significant:
         return "no significant dependence"
     return f"explains {share(dependence.of_mean)} of the mean error, {share(dependence.of_size)} of its size"
@@ -179,9 +169,8 @@ def _draw_grid(panels: Any, where: Where) -> None:
         return
     x_name, x_unit = grid.x_label.removesuffix("]").split(" [")
     y_name, y_unit = grid.y_label.removesuffix("]").split(" [")
-    for panel, values, word, unit in zip(
-        panels, (grid.force, grid.torque), ("force", "torque"), ("N", "Nm"), strict=True
-    ):
+    drawn_in = ((panels[0], grid.force, "force", "N"), (panels[1], grid.torque, "torque", "Nm"))
+    for panel, values, word, unit in drawn_in:
         drawn = panel.pcolormesh(grid.y_edges, grid.x_edges, values, cmap="viridis", vmin=0.0)
         bar = panel.get_figure(root=False).colorbar(drawn, ax=panel)
         style.labelled(bar.ax, f"{word} residual, rms", unit, size=style.SMALL)

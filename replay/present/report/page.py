@@ -28,30 +28,22 @@ def save(report: Report, path: Path, *, force: bool = False, repetition: Repetit
 
 def page(report: Report, repetition: Repetition) -> str:
     """The whole page."""
-    found = report.explanation
-    tested = found.validation
+    found, tested = report.explanation, report.explanation.validation
     flights = ", ".join(f.records[0].flight for f in report.flights)
-    return (
-        _environment()
-        .get_template("page.html.jinja")
-        .render(
-            title=f"{report.model.name}: {flights}",
-            date=repetition.date,
-            vehicle=report.model.vehicle.name,
-            verdict=str(found.verdict),
-            summary=explanation.summary(found),
-            errors=" ".join(map(staircase.sentence, report.staircases)),
-            warnings=[] if tested is None else explanation.validation_warnings(tested),
-            sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
-        )
-    )
-
-
-def _environment() -> Environment:
-    return Environment(
+    templates = Environment(
         loader=PackageLoader("wrenchgap.replay.present.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+    )
+    return templates.get_template("page.html.jinja").render(
+        title=f"{report.model.name}: {flights}",
+        date=repetition.date,
+        vehicle=report.model.vehicle.name,
+        verdict=str(found.verdict),
+        summary=explanation.summary(found),
+        errors=" ".join(map(staircase.sentence, report.staircases)),
+        warnings=[] if tested is None else explanation.validation_warnings(tested),
+        sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
     )

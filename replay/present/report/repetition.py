@@ -37,21 +37,15 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Input:
-    """A file that went in."""
-
-    role: str
-    file: str
-    sha256: str
-
-
-@dataclass(frozen=True)
 class Repetition:
-    """Everything that is needed to repeat a report; `fitted_model` is the text of its model file, with history."""
+    """Everything that is needed to repeat a report.
+
+    `inputs` are role, path and SHA-256 of each file, `fitted_model` is the text of the model file, with history.
+    """
 
     date: str
     commands: tuple[str, ...]
-    inputs: tuple[Input, ...]
+    inputs: tuple[tuple[str, str, str], ...]
     options: tuple[tuple[str, str], ...]
     versions: tuple[tuple[str, str], ...]
     fitted_model: str
@@ -86,12 +80,12 @@ def _commands(report: Report, request: Request) -> tuple[str, ...]:
     return (*given, *(f"{line}{request.common}" for line in listed))
 
 
-def _inputs(report: Report, gp_file: Path | None) -> tuple[Input, ...]:
-    listed = [Input("log", str(f.flight.path), f.flight.content_hash) for f in report.flights]
-    listed += [Input("unseen log", str(f.flight.path), f.flight.content_hash) for f in report.unseen]
+def _inputs(report: Report, gp_file: Path | None) -> tuple[tuple[str, str, str], ...]:
+    flights = [("log", report.flights), ("unseen log", report.unseen)]
+    listed = [(role, str(f.flight.path), f.flight.content_hash) for role, group in flights for f in group]
     files = (("model", report.model.path), ("GP", gp_file))
-    listed += [Input(role, str(path), sha256(path)) for role, path in files if path is not None]
-    listed += [Input(f"effect {name}", source.file, source.sha256) for name, source in sources().items()]
+    listed += [(role, str(path), sha256(path)) for role, path in files if path is not None]
+    listed += [(f"effect {name}", source.file, source.sha256) for name, source in sources().items()]
     return tuple(listed)
 
 
@@ -109,9 +103,5 @@ def _fitted_model(report: Report, command: str) -> str:
     """The text of the model file that `wrenchgap add` would write; the given one's where nothing was named."""
     if not report.explanation.effects:
         return dumps(report.model)
-    added = report.addition
-    return dumps(
-        next_version(
-            report.model, added.model, command=command, path=Path(FITTED), flights=added.logs, trial=added.trial
-        )
-    )
+    model, added, path = report.model, report.addition, Path(FITTED)
+    return dumps(next_version(model, added.model, command=command, path=path, flights=added.logs, trial=added.trial))

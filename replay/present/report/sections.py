@@ -6,11 +6,10 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
-from wrenchgap.learn.diagnose.where import Where
-from wrenchgap.learn.identify.explain import Explanation, Verdict
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.identify.search import LIKE, Candidate, Member, Step
+from wrenchgap.learn.identify.search import LIKE, Candidate, Step
 from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
@@ -41,7 +40,6 @@ MOST_CANDIDATES, MOST_LATER = 12, 6
 """Candidates that are listed of the first step of the search, and of later ones."""
 MOST_RIVALS = 4
 MOST_INPUTS = 8
-SHOWN_BY = ("effect", "what shows it")
 
 Content = Mapping[str, Any]
 
@@ -108,30 +106,24 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     return {
         "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
         "first": _candidates("First step, each effect alone", shown),
-        "later": [(_step_title(s), _candidates("", s.candidates[:MOST_LATER])) for s in found.steps if s.on],
+        "later": [_later(step) for step in found.steps if step.on],
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
         "dropped": ", ".join(found.dropped),
     }
 
 
-def _step_title(step: Step) -> str:
+def _later(step: Step) -> tuple[str, Table]:
     then = f"{step.chosen} is next" if step.chosen else "no further effect stands out"
-    return f"On top of {', '.join(step.on)}: {then}"
+    return f"On top of {', '.join(step.on)}: {then}", _candidates("", step.candidates[:MOST_LATER])
 
 
 def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
-    rows = [
-        [
-            c.name,
-            parameters_in_words(c.values) + (" (implausible: at its limit)" if c.implausible else ""),
-            share(c.score),
-            *(change(-float(v)) for v in c.reduction),
-            f"{c.evidence:.2f}",
-            f"{c.significance:.1f}",
-        ]
-        for c in candidates
-    ]
+    rows = []
+    for c in candidates:
+        words = parameters_in_words(c.values) + (" (implausible: at its limit)" if c.implausible else "")
+        falls = [change(-float(v)) for v in c.reduction]
+        rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
     legend = (
         "Score: share of the given model's error energy that is gone. F, M: change of RMS on held-out time. Evidence: "
         f"sum of the logarithms of RMS ratios. t: paired over blocks of time; significant above {SIGNIFICANT:g}."
@@ -141,12 +133,11 @@ def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
 
 
 def _members(found: Explanation) -> Table | None:
-    if not found.members:
-        return None
-    rows = [
-        [m.name, f"{100 * found.confidence(m):.0f} %", share(m.share), f"{m.significance:.1f}", _rivals(m)]
-        for m in found.members
-    ]
+    rows = []
+    for m in found.members:
+        sure, listed = f"{100 * found.confidence(m):.0f} %", m.rivals[:MOST_RIVALS]
+        rivals = ", ".join(f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in listed)
+        rows.append([m.name, sure, share(m.share), f"{m.significance:.1f}", rivals or "none near"])
     caption = (
         "Each named effect was taken out again, and others were tried in its place; two effects with a separation "
         f"below {INDISTINCT:g} and a cosine above {LIKE:g} are indistinguishable on these flights. Confidence: the "
@@ -155,12 +146,7 @@ def _members(found: Explanation) -> Table | None:
         "against the set without it."
     )
     heads = ("effect", "confidence", "share", "t", "tried in its place (separation)")
-    return Table(heads, rows, texts=(4,), caption=caption)
-
-
-def _rivals(member: Member) -> str:
-    listed = [f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in member.rivals[:MOST_RIVALS]]
-    return ", ".join(listed) or "none near"
+    return Table(heads, rows, texts=(4,), caption=caption) if rows else None
 
 
 def of_parameters(report: Report, _: Repetition) -> Content:
@@ -171,9 +157,8 @@ def of_parameters(report: Report, _: Repetition) -> Content:
     for (name, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):
         low, high = (number(float(value + side * INTERVAL * std)) for side in (-1.0, 1.0))
         limits = f"{number(p.low)} to {number(p.high)}" + (" !" if f"{name}.{p.name}" in fitted.at_bound else "")
-        first = name if name != last else ""
+        first, last = name if name != last else "", name
         rows.append([first, p.name, unit(p.unit), number(float(value), 4), f"{low} to {high}", limits])
-        last = name
     caption = (
         "All effects of the model, fitted together to all given logs. The intervals follow from the scatter between "
         "blocks of time, as neighbouring samples are not independent; a standard deviation is never below "
@@ -208,9 +193,7 @@ def _maps(found: Where) -> dict[str, Any]:
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
         "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
-        "grid": Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale.")
-        if grid
-        else None,
+        "grid": grid and Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale."),
         "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
 
@@ -223,22 +206,16 @@ def of_residual(report: Report, _: Repetition) -> Content:
         for part, values in found.budget.shares().items()
     ]
     alt = "Of the nominal error energy: " + ", ".join(f"{r[0]} {r[1]}" for r in rows)
-    white = [
-        [
-            a.axis.replace("_", " "),
-            where.autocorrelation_in_words(a),
-            where.crosscorrelation_in_words(found.whiteness.strongest(a.axis)),
-        ]
-        for a in found.whiteness.autocorrelation
-    ]
+    white = [[axis.replace("_", " "), *words] for axis, *words in where.whiteness_in_words(found.whiteness)]
     inputs = [
         [g.label, "yes" if g.chosen else "no", share(g.alone), share(g.lost), f"{g.significance:.1f}"]
         for g in found.relevance.groups[:MOST_INPUTS]
     ]
+    heads = ("input", "chosen", "alone", "lost without them", "t")
+    caption = "Shares of the residual's variance on held-out time that the inputs predict."
+    energy = "What the nominal error energy is made of, by axis."
     return {
-        "budget": Image.of(
-            where_figures.budget_figure(found), alt, "What the nominal error energy is made of, by axis."
-        ),
+        "budget": Image.of(where_figures.budget_figure(found), alt, energy),
         "shares": Table(("part", "all axes", *AXIS_HEADS), rows),
         "white": Table(("axis", "autocorrelation", "strongest correlation with an input"), white, left=3),
         "correlations": Image.of(
@@ -246,12 +223,7 @@ def of_residual(report: Report, _: Repetition) -> Content:
             "Autocorrelation of the residual, and its strongest correlation with an input.",
             "Grey: what filtered sensor noise would show, and its band.",
         ),
-        "inputs": Table(
-            ("input", "chosen", "alone", "lost without them", "t"),
-            inputs,
-            left=2,
-            caption="Shares of the residual's variance on held-out time that the inputs predict.",
-        ),
+        "inputs": Table(heads, inputs, left=2, caption=caption),
     }
 
 
@@ -267,11 +239,10 @@ def of_next(report: Report, _: Repetition) -> Content:
 
 
 def _shown_by(names: Sequence[str]) -> Table:
-    return Table(SHOWN_BY, [[name, find(name).excited_by] for name in names], left=2)
+    return Table(("effect", "what shows it"), [[name, find(name).excited_by] for name in names], left=2)
 
 
 def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
-    """The designed flight, its expected gain, and a file to save."""
     title, shown_by = f"To separate {' from '.join(flight.names)}", _shown_by(flight.names)
     found = flight.design
     if found is None:
@@ -302,10 +273,9 @@ def of_repetition(report: Report, repetition: Repetition) -> Content:
         for v, changed in history.steps(model)
     ]
     heads = ("version", "date", "what changed", "fitted to")
-    inputs = [[i.role, i.file, i.sha256] for i in repetition.inputs]
     return {
         "commands": "\n".join(repetition.commands),
-        "inputs": Table(("input", "file", "SHA-256"), inputs, left=3, code=(2,)),
+        "inputs": Table(("input", "file", "SHA-256"), repetition.inputs, left=3, code=(2,)),
         "options": Table(("option", "value"), repetition.options, left=2),
         "versions": Table(("package", "version"), repetition.versions, left=2),
         "history": Table(heads, versions, left=4, caption=f"Versions of {model.name}.") if versions else None,

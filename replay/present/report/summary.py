@@ -11,6 +11,7 @@ from wrenchgap.plant import trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import entries
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.words import rest, where_on, why_not
 from wrenchgap.replay.present.tables import Line, Part
@@ -35,11 +36,7 @@ def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, A
         "explain": explanation.to_json(report.explanation),
         "staircases": [staircase.to_json(case) for case in report.staircases],
         "absorbs": None if absorbed is None else learning.absorption_json(absorbed),
-        "where": {
-            "on": where_on(report),
-            "before": where.to_json(report.before),
-            "after": where.to_json(report.after),
-        },
+        "where": {"on": where_on(report), **{k: where.to_json(getattr(report, k)) for k in ("before", "after")}},
         "next_flights": [_next_flight_json(flight) for flight in report.next_flights],
         "fitted_model": repetition.fitted_model,
         "commands": list(repetition.commands),
@@ -54,27 +51,21 @@ def _next_flight_json(flight: NextFlight) -> dict[str, Any]:
     design = flight.design
     if design is None:
         return {"effects": list(flight.names), "trajectory": None, "why_not": why_not(flight)}
+    names = ("separable", "separation_before=before.separation", "separation_expected=expected.separation")
     return {
         "effects": list(flight.names),
         "trajectory": trajectory_file.dumps(design.file),
         "segments": [str(s) for s in design.segments],
-        "separable": design.separable,
-        "separation_before": design.before.separation,
-        "separation_expected": design.expected.separation,
+        **entries(design, *names),
         "advice": list(advice(design)),
     }
 
 
 def to_frame(report: Report) -> pd.DataFrame:
     """One row for each step of each staircase: time, step, error in all and by axis."""
-    rows = [
-        {
-            "on": str(case.basis),
-            "step": staircase.label(stair),
-            "in_all": stair.in_all,
-            **{f"rms.{axis}": float(v) for axis, v in zip(AXES, stair.rms, strict=True)},
-        }
-        for case in report.staircases
-        for stair in (*case.stairs, case.noise)
-    ]
+    rows = []
+    for case in report.staircases:
+        for stair in (*case.stairs, case.noise):
+            axes = {f"rms.{axis}": float(v) for axis, v in zip(AXES, stair.rms, strict=True)}
+            rows.append({"on": str(case.basis), "step": staircase.label(stair), "in_all": stair.in_all, **axes})
     return pd.DataFrame(rows)

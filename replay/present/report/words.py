@@ -6,25 +6,14 @@ import numpy as np
 
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.design.designed import Design
-from wrenchgap.replay.present.notes import sentence
 from wrenchgap.replay.present.numbers import separation
-from wrenchgap.replay.report.contents import Absent, NextFlight, OnNominal, OnOtherModel, Report, Rest
+from wrenchgap.replay.report.contents import Absent, NextFlight, Report, Rest
 
 ABSENT = {
     Absent.NOISE: "The residual of the last step is sensor noise: a Gaussian process has nothing to learn.",
     Absent.SHORT: "There is too little data to hold anything out for a Gaussian process.",
     Absent.USELESS: "A Gaussian process of the commanded wrench does not reduce the error on held-out time.",
 }
-
-
-@sentence.register
-def _(note: OnOtherModel) -> str:
-    return f"the GP was learnt on another model than the given one ({note.physics}); the sum of the two is shown."
-
-
-@sentence.register
-def _(note: OnNominal) -> str:
-    return "the GP was learnt on the nominal vehicle; on top of the given effects it counts them twice."
 
 
 def rest(found: Rest) -> str:
