@@ -53,3 +53,37 @@ def made_up():
         return Member("this", share, significance, evidence, tuple(sorted(rivals, key=lambda r: r.separation)))
 
     return SimpleNamespace(candidate=candidate, rival=rival, member=member)
+
+
+@pytest.fixture(scope="session")
+def plain(fly):
+    """Nothing hidden, 25 s."""
+    return fly("none", None, "train", seed=23, seconds=25)[0]
+
+
+@pytest.fixture(scope="session")
+def tumbling(fly):
+    """Nothing hidden, 40 s, tilts to 70 deg."""
+    return fly("none", None, "train", seconds=40, seed=5)[0]
+
+
+@pytest.fixture(scope="session")
+def turning(fly):
+    """Nothing hidden, through all headings."""
+    return fly("none", None, "turn", seconds=30, seed=31)[0]
+
+
+def hidden(fly, effect, keys, **flight):
+    """Dataset of a flight with `effect`, and the true values of its parameters."""
+    data, truth = fly(effect, None, "train", **flight)
+    return SimpleNamespace(data=data, values=np.array([truth.parameters[effect][key] for key in keys]))
+
+
+@pytest.fixture(scope="session")
+def offset(fly):
+    return hidden(fly, "com_offset", "xyz", seed=21, seconds=25)
+
+
+@pytest.fixture(scope="session")
+def payload(fly):
+    return hidden(fly, "payload", ("mass", "x", "y", "z"), seed=3, seconds=20)

@@ -11,15 +11,14 @@ from wrenchgap.learn.process.gp import BLOCK, GaussianProcess, Provenance
 TORQUES = ("torque_x", "torque_y", "torque_z")
 
 
-def hand_made(count: int = 40, seed: int = 0, linear: bool = True) -> GaussianProcess:
-    rng = np.random.default_rng(seed)
-    coefficients = rng.normal(size=(3, 7)) if linear else np.zeros((3, 7))
+def hand_made(count: int = 40, linear: bool = True) -> GaussianProcess:
+    rng = np.random.default_rng(0)
     return GaussianProcess(
         outputs=TORQUES,
         input_mean=np.array([1.0, -2.0, 39.0, 0.1, 0.0, -0.1]),
         input_scale=np.array([8.0, 7.0, 5.0, 0.3, 0.4, 0.2]),
         output_scale=np.array([0.2, 0.3, 0.5]),
-        mean_coefficients=coefficients,
+        mean_coefficients=rng.normal(size=(3, 7)) * linear,
         inputs=rng.normal(size=(count, 6)),
         residuals=rng.normal(size=(count, 3)),
         lengthscales=rng.uniform(0.8, 4, size=(3, 6)),
@@ -30,8 +29,8 @@ def hand_made(count: int = 40, seed: int = 0, linear: bool = True) -> GaussianPr
     )
 
 
-def commands(gp: GaussianProcess, count: int, spread: float = 1.2, seed: int = 1) -> np.ndarray:
-    return gp.input_mean + spread * gp.input_scale * np.random.default_rng(seed).normal(size=(count, 6))
+def commands(gp: GaussianProcess, count: int) -> np.ndarray:
+    return gp.input_mean + 1.2 * gp.input_scale * np.random.default_rng(1).normal(size=(count, 6))
 
 
 @pytest.mark.parametrize("linear", [False, True])
@@ -69,9 +68,7 @@ def test_one_training_point_by_hand():
 def test_jacobian_is_the_derivative_of_the_mean():
     gp = hand_made()
     xi = commands(gp, 6)
-    for axis in range(6):
-        step = np.zeros(6)
-        step[axis] = 1e-5 * gp.input_scale[axis]
+    for axis, step in enumerate(1e-5 * np.diag(gp.input_scale)):
         slope = (gp.mean(xi + step) - gp.mean(xi - step)) / (2 * step[axis])
         assert gp.jacobian(xi)[:, :, axis] == pytest.approx(slope, rel=1e-6, abs=1e-8)
 
@@ -119,19 +116,15 @@ def test_many_queries_are_single_queries():
     assert jacobian == pytest.approx(gp.jacobian(xi[:5]), abs=1e-12)
 
 
-def test_cannot_be_changed():
-    gp = hand_made()
-    with pytest.raises(ValueError, match="read-only"):
-        gp.inputs[0, 0] = 1.0
-    with pytest.raises(FrozenInstanceError):
-        gp.outputs = ("torque_z",)
-
-
-def test_does_not_keep_its_callers_array():
+def test_cannot_be_changed_not_even_by_its_callers_array():
     mine = np.ones(3)
     gp = replace(hand_made(), mismatch_max=mine)
     mine[0] = 5.0
     assert gp.mismatch_max[0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        gp.inputs[0, 0] = 1.0
+    with pytest.raises(FrozenInstanceError):
+        gp.outputs = ("torque_z",)
 
 
 def test_belongs_to_one_vehicle():
@@ -142,18 +135,14 @@ def test_belongs_to_one_vehicle():
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "error", "message"),
     [
-        ({"residuals": np.zeros((40, 2))}, r"residuals has shape \(40, 2\), expected \(40, 3\)"),
-        ({"lengthscales": np.full((3, 6), -1.0)}, "lengthscales must be positive"),
-        ({"noise_variance": np.array([0.1, np.nan, 0.1])}, "noise_variance holds values that are not finite"),
+        ({"residuals": np.zeros((40, 2))}, FitError, r"residuals has shape \(40, 2\), expected \(40, 3\)"),
+        ({"lengthscales": np.full((3, 6), -1.0)}, FitError, "lengthscales must be positive"),
+        ({"noise_variance": np.array([0.1, np.nan, 0.1])}, FitError, "noise_variance holds values that are not finite"),
+        ({"outputs": ("torque_x", "torque_y", "torque_q")}, ModelError, "unknown output 'torque_q'"),
     ],
 )
-def test_bad_parts_are_refused(change, message):
-    with pytest.raises(FitError, match=message):
+def test_bad_parts_are_refused(change, error, message):
+    with pytest.raises(error, match=message):
         replace(hand_made(), **change)
-
-
-def test_unknown_output_is_refused():
-    with pytest.raises(ModelError, match="unknown output 'torque_q'"):
-        replace(hand_made(), outputs=("torque_x", "torque_y", "torque_q"))
