@@ -42,7 +42,8 @@ def test_a_correction_that_no_effect_makes_is_nobodys(plain, hexarotor):
     """A torque along the commanded force's difference of x and y: no effect of the catalogue does that alone."""
     gain = np.zeros((1, 6))
     gain[0, 3] = -0.5
-    assert absorbed(plain, hexarotor, LinearMismatch(("torque_y",), np.zeros(1), gain, np.ones(1)), SOME).effects == ()
+    made = LinearMismatch(("torque_y",), np.zeros(1), gain, np.ones(1))
+    assert absorbed(plain, hexarotor, made, names=SOME).effects == ()
 
 
 @pytest.mark.parametrize(("sign", "share"), [(1.0, 1.0), (-1.0, -3.0)])

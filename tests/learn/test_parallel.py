@@ -56,12 +56,16 @@ def test_a_worker_that_dies_is_told_and_the_next_call_has_others():
     assert list(each(str.upper, ["a", "b"], 2)) == ["A", "B"]
 
 
+class Large(SimpleNamespace):
+    """Can be weakly referenced."""
+
+
 def part_of(large):
     return lambda name: (os.getpid(), id(large), large.values[int(name)])
 
 
 def test_what_is_shared_is_written_once_and_goes_with_its_owner():
-    large = SimpleNamespace(values=np.arange(1e5))
+    large = Large(values=np.arange(1e5))
     items = [str(k) for k in range(10)]
     found = [answer for _ in range(3) for answer in each(part_of(large), items, 2, shared=[large])]
     assert [value for *_, value in found] == 3 * [float(k) for k in range(10)]

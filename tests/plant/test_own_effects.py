@@ -77,6 +77,8 @@ class Mine({place}):
         return (Parameter("k", "1", -1.0, 1.0, 0.1),)
 """
 WRENCH = HEAD.format(place="WrenchEffect") + "    def apply(self, actuation, wrench_B, theta, context):\n        "
+BODY = HEAD.format(place="BodyEffect") + "    def apply(self, body, theta):\n        "
+COMMAND = HEAD.format(place="CommandEffect") + "    def apply(self, commands, theta, context, dt, memory):\n        "
 
 
 @pytest.mark.parametrize(
@@ -103,17 +105,8 @@ WRENCH = HEAD.format(place="WrenchEffect") + "    def apply(self, actuation, wre
         (WRENCH + "return theta[1] * wrench_B", 11, "IndexError"),
         (WRENCH + "wrench_B *= 2; return 0 * wrench_B", 10, "changes its arguments"),
         (WRENCH + "return theta[0] * np.cumsum(wrench_B, axis=0)", 10, "one sample at a time"),
-        (
-            HEAD.format(place="BodyEffect") + "    def apply(self, body, theta):\n        return body.mass",
-            10,
-            "returned float, expected Body",
-        ),
-        (
-            HEAD.format(place="CommandEffect")
-            + "    def apply(self, commands, theta, context, dt, memory):\n        return commands",
-            10,
-            r"expected \(Commands, memory\)",
-        ),
+        (BODY + "return body.mass", 10, "returned float, expected Body"),
+        (COMMAND + "return commands", 10, r"expected \(Commands, memory\)"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(written, text, line, message):

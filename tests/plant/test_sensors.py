@@ -15,17 +15,15 @@ from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import named
 
 
-def test_an_accelerometer_off_the_axis_feels_the_centripetal_acceleration():
+@pytest.mark.parametrize(
+    ("omega_z", "omega_dot_z", "felt"),
+    [(4.0, 0.0, [-1.6, 0.0, 9.81]), (0.0, 5.0, [0.0, 0.5, 9.81])],
+    ids=["centripetal acceleration", "angular acceleration"],
+)
+def test_an_accelerometer_off_the_axis_feels_the_rotation(omega_z, omega_dot_z, felt):
     """Spinning at w about z, an IMU at radius r along x reads -w^2 r along x (towards the axis), and +g up."""
-    motion = Motion(np.array([[0.0, 0.0, 4.0]]), np.zeros((1, 3)), np.array([[0.0, 0.0, 9.81]]))
-    _, accel = read_imu(motion, np.array([0.1, 0.0, 0.0]), np.zeros((1, 6)))
-    np.testing.assert_allclose(accel, [[-1.6, 0.0, 9.81]])
-
-
-def test_an_accelerometer_off_the_axis_feels_the_angular_acceleration():
-    motion = Motion(np.zeros((1, 3)), np.array([[0.0, 0.0, 5.0]]), np.zeros((1, 3)))
-    _, accel = read_imu(motion, np.array([0.1, 0.0, 0.0]), np.zeros((1, 6)))
-    np.testing.assert_allclose(accel, [[0.0, 0.5, 0.0]])
+    motion = Motion(*(np.array([[0.0, 0.0, z]]) for z in (omega_z, omega_dot_z, 9.81)))
+    np.testing.assert_allclose(read_imu(motion, np.array([0.1, 0.0, 0.0]), np.zeros((1, 6)))[1], [felt])
 
 
 @pytest.mark.parametrize("rate", [100.0, 400.0])

@@ -24,6 +24,8 @@ class Bench:
     length = float(vehicle.arms.position_B[0, 0])
     c_f, kappa = float(vehicle.rotors.c_f[0]), float(vehicle.rotors.kappa[0])
     hover = float(np.sqrt(weight / (12 * c_f)))
+    turned = exp(np.array([0.5, -0.8, 1.1]))
+    """An attitude like any other."""
 
     def state(self, count=1, *, position=(0, 0, 0), velocity=(0, 0, 0), omega=(0, 0, 0), quat=(1, 0, 0, 0), volts=22.0):
         def tile(v):
@@ -31,6 +33,10 @@ class Bench:
 
         time = np.arange(count) * self.dt
         return State(time, tile(position), tile(quat), tile(velocity), tile(omega), np.full(count, float(volts)))
+
+    def leaning(self, velocity_B=(0, 0, 0)):
+        """In the attitude `turned`."""
+        return self.state(quat=self.turned, velocity=rotate(self.turned, np.array(velocity_B, dtype=float)))
 
     def commands(self, tilt=0.0, speed=None, *, vehicle=None):
         """One sample; hovering by default."""

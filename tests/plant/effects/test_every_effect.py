@@ -5,7 +5,7 @@ import pytest
 
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.state import Motion
 from wrenchgap.plant.wrench_model import WrenchModel
 
 MOVING = {"velocity": (1, -2, 0.5), "omega": (0.3, -0.2, 0.5)}
@@ -38,14 +38,12 @@ def test_step_by_step_is_all_at_once(bench, name):
     """Simulation (N = 1, memory carried) and identification (N samples) are one function."""
     u, x = bench.wandering(80), bench.state(80, **MOVING)
     m = bench.model(name, typical(bench, name))
-    together, _ = m.actuate(u, x, bench.dt)
     memory, rows = None, []
     for k in range(80):
-        one = Commands(u.wrench_B[k : k + 1], u.tilt[k : k + 1], u.rotor_speed[k : k + 1])
-        here = State(*(v[k : k + 1] for v in (x.time, x.position_E, x.quat_EB, x.velocity_E, x.omega_B, x.voltage)))
-        wrench, memory = m.actuate(one, here, bench.dt, memory)
+        one = slice(k, k + 1)
+        wrench, memory = m.actuate(u.take(one), x.take(one), bench.dt, memory)
         rows.append(wrench[0])
-    np.testing.assert_allclose(np.array(rows), together, atol=1e-9)
+    np.testing.assert_allclose(np.array(rows), m.actuate(u, x, bench.dt)[0], atol=1e-9)
 
 
 @every
