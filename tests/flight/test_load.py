@@ -69,22 +69,17 @@ def test_bare_poses(kind, names, logs, one):
 
 def test_trajectory_reference(logs, loaded):
     motion, recording, store = logs.Motion(TIME), logs.Recording(), logs.typestore(2)
-    parts = {
-        "transforms": ("geometry_msgs/msg/Transform", motion.pose("")),
-        "velocities": ("geometry_msgs/msg/Twist", motion.twist("", "E")),
-        "accelerations": ("geometry_msgs/msg/Twist", logs.xyz(".linear", motion.acceleration_E)),
-    }
-    spelled = {"position": "translation", "orientation": "rotation"}
+    placed = logs.xyz("translation", motion.position_E) | logs.xyz("rotation", motion.quat_EB, "wxyz")
+    moving = logs.xyz("linear", motion.velocity_E) | logs.xyz("angular", motion.omega_B)
+    speeding = logs.xyz("linear", motion.acceleration_E)
+    parts = {"transforms": ("Transform", placed), "velocities": ("Twist", moving), "accelerations": ("Twist", speeding)}
+    kind = "trajectory_msgs/msg/MultiDOFJointTrajectory"
     for i, t in enumerate(TIME):
-        fields = {}
-        for part, (kind, columns) in parts.items():
-            words = ((name[1:].split("."), values[i]) for name, values in columns.items())
-            row = {f"{spelled.get(first, first)}.{axis}": value for (first, axis), value in words}
-            fields[part] = [logs.message(store, kind, row)]
-        point = logs.message(store, "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", fields)
+        rows = {part: (name, {k: v[i] for k, v in columns.items()}) for part, (name, columns) in parts.items()}
+        fields = {part: [logs.message(store, f"geometry_msgs/msg/{name}", row)] for part, (name, row) in rows.items()}
         stamp = logs.START_NS + round(t * 1e9)
-        kind = "trajectory_msgs/msg/MultiDOFJointTrajectory"
-        recording.add("/command/trajectory", kind, stamp, {"points": [point]}, stamp)
+        points = [logs.message(store, f"{kind}Point", fields)]
+        recording.add("/command/trajectory", kind, stamp, {"points": points}, stamp)
     reference = loaded(recording).reference
     np.testing.assert_array_equal(reference.position_E, motion.position_E)
     np.testing.assert_array_equal(reference.velocity_E, motion.velocity_E)
