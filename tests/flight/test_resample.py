@@ -6,17 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wrenchgap.flight import (
-    ActuatorSeries,
-    BatterySeries,
-    Flight,
-    ImuSeries,
-    OdometrySeries,
-    WrenchSeries,
-    resample,
-    uniform,
-)
+from wrenchgap.flight import resample, uniform
 from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries, OdometrySeries, WrenchSeries
 from wrenchgap.flight.resample import held_mean
 from wrenchgap.flight.stamps import gaps_of
 from wrenchgap.plant.rigid_body import RigidBody

@@ -10,18 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from wrenchgap import flight
-from wrenchgap.flight import (
-    ActuatorSeries,
-    BatterySeries,
-    Flight,
-    ImuSeries,
-    Named,
-    OdometrySeries,
-    ReferenceSeries,
-    WrenchSeries,
-    so3,
-    write,
-)
+from wrenchgap.flight import Named, so3, write
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.write import provenance
 
@@ -37,18 +26,18 @@ def made(logs):
     def noise(columns, n=400):
         return RNG.standard_normal((n, columns))
 
-    return Flight(
+    return flight.Flight(
         name="made",
         path=Path("made.mcap"),
         content_hash="",
         start_ns=logs.START_NS + 123_456_789,
-        commanded=WrenchSeries("/x", fast, noise(6)),
-        desired=WrenchSeries("/y", fast, noise(6)),
-        actuators=ActuatorSeries("/a", fast, noise(6), noise(12)),
-        imu=ImuSeries("/i", fast, noise(3), noise(3)),
-        odometry=OdometrySeries("/o", *moving),
-        reference=ReferenceSeries("/r", *moving, motion.acceleration_E, noise(3, 200)),
-        battery=BatterySeries("/b", slow[::10], np.linspace(16, 15, 20).astype(np.float32).astype(float)),
+        commanded=flight.WrenchSeries("/x", fast, noise(6)),
+        desired=flight.WrenchSeries("/y", fast, noise(6)),
+        actuators=flight.ActuatorSeries("/a", fast, noise(6), noise(12)),
+        imu=flight.ImuSeries("/i", fast, noise(3), noise(3)),
+        odometry=flight.OdometrySeries("/o", *moving),
+        reference=flight.ReferenceSeries("/r", *moving, motion.acceleration_E, noise(3, 200)),
+        battery=flight.BatterySeries("/b", slow[::10], np.linspace(16, 15, 20).astype(np.float32).astype(float)),
     )
 
 

@@ -96,6 +96,13 @@ def test_a_pendulum_is_found_at_its_frequency_and_in_the_world(tumbling, length)
     assert found.share > 0.6
 
 
+def test_the_rest_of_the_residual_does_not_hide_a_pendulum(tumbling):
+    """Twice the sensor noise, and slow forces that have nothing to do with it."""
+    wind = tumbling.ringing(2, 0.2, 2, 10.0)
+    found = tumbling.search(tumbling.pendulum(0.7) + wind + tumbling.noise(3, 2.0))
+    assert found.frequency_hz == pytest.approx(np.sqrt(G / 0.7) / (2 * np.pi), rel=0.05)
+
+
 @pytest.mark.parametrize("hz", [0.7, 1.5])
 def test_a_mass_on_springs_is_found_at_its_frequency_and_in_the_hull_or_said_to_be_unclear(shaken, hz):
     found = shaken.search(shaken.sprung(hz, 0.02) + shaken.noise(1))
@@ -103,13 +110,6 @@ def test_a_mass_on_springs_is_found_at_its_frequency_and_in_the_hull_or_said_to_
     assert found.frequency_hz == pytest.approx(hz, rel=0.05)
     assert found.damping == pytest.approx(0.02, abs=0.02)
     assert found.share > 0.6
-
-
-def test_the_rest_of_the_residual_does_not_hide_a_pendulum(tumbling):
-    """Twice the sensor noise, and slow forces that have nothing to do with it."""
-    wind = tumbling.ringing(2, 0.2, 2, 10.0)
-    found = tumbling.search(tumbling.pendulum(0.7) + wind + tumbling.noise(3, 2.0))
-    assert found.frequency_hz == pytest.approx(np.sqrt(G / 0.7) / (2 * np.pi), rel=0.05)
 
 
 def test_without_a_pose_only_the_hull_can_be_asked(tumbling):

@@ -44,17 +44,14 @@ def test_recovers_the_function_on_unseen_commands_and_the_noise(fitted):
     assert fitted.mismatch_max == pytest.approx(np.abs(samples(2000, 0)[1]).max(axis=0))
 
 
-def test_sigma_is_honest_on_unseen_measurements(fitted):
+def test_sigma_is_honest_on_unseen_measurements_and_rises_outside(fitted):
     wrench, measured = samples(2000, 3)
     score = (measured - fitted.mean(wrench)) / fitted.std(wrench)
     assert np.sqrt((score**2).mean(axis=0)) == pytest.approx(np.ones(3), abs=0.2)
-
-
-def test_sigma_of_training_bounds_the_data_and_rises_outside(fitted):
-    inside = fitted.std(commands(1000, 8))
+    inside, outside = fitted.std(commands(1000, 8)), fitted.std(np.array([[80.0, 80.0, 39.0, 3.0, 3.0, 2.0]]))
     assert np.mean(inside < fitted.sigma_training, axis=0) == pytest.approx(np.full(3, 0.99), abs=0.02)
-    outside = fitted.std(np.array([[80.0, 80.0, 39.0, 3.0, 3.0, 2.0]]))[0]
     assert (outside > 2 * fitted.sigma_training).all()
+    assert fitted.mean(np.full((1, 6), 1e5))[0] == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 def test_lengthscales_tell_what_matters(fitted):
@@ -100,10 +97,6 @@ def test_mean_function_takes_what_is_linear(kind):
     far = np.array([[0.0, 0.0, 1e4, 0.0, 0.0, 0.0]])
     expected = 0.005 * 1e4 if kind == "linear" else measured[:, 0].mean()
     assert gp.mean(far)[0, 0] == pytest.approx(expected, rel=0.1)
-
-
-def test_zero_mean_returns_to_zero_off_the_data(fitted):
-    assert fitted.mean(np.full((1, 6), 1e5))[0] == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 def test_line_is_recovered_exactly_and_without_slope_it_is_the_mean():

@@ -49,17 +49,12 @@ def vehicle(normals, tilts):
 WRENCH_ONLY = Vehicle("test", BODY, None, None, np.zeros(3))
 
 
-def test_a_small_rotation_of_the_body_is_the_error_itself():
-    theta = np.array([1e-4, -2e-4, 3e-4])
-    quat_ED = so3.exp(np.array([0.5, 1.0, -0.3]))
-    R_EB = so3.matrix(so3.multiply(quat_ED, so3.exp(theta)))
-    np.testing.assert_allclose(attitude_error(R_EB, so3.matrix(quat_ED)), theta, atol=1e-10)
-
-
-def test_the_error_is_the_sine_of_the_angle_about_its_axis():
-    angle, axis = np.radians(40.0), np.array([0.0, 0.6, 0.8])
-    error = attitude_error(so3.matrix(so3.exp(angle * axis)), np.eye(3))
-    np.testing.assert_allclose(error, np.sin(angle) * axis, atol=1e-14)
+@pytest.mark.parametrize("angle", [1e-4, np.radians(40.0)])
+def test_the_error_is_the_sine_of_the_angle_about_its_axis(angle):
+    """A small rotation of the body is the error itself."""
+    axis, quat_ED = np.array([0.0, 0.6, 0.8]), so3.exp(np.array([0.5, 1.0, -0.3]))
+    R_EB = so3.matrix(so3.multiply(quat_ED, so3.exp(angle * axis)))
+    np.testing.assert_allclose(attitude_error(R_EB, so3.matrix(quat_ED)), np.sin(angle) * axis, atol=1e-14)
 
 
 def test_the_rate_error_is_the_rate_of_the_attitude_error():

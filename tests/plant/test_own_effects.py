@@ -22,18 +22,16 @@ def nothing_stays():
 
 @pytest.fixture
 def written(tmp_path):
-    def write(text, name="mine.py"):
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        return path
+    def write(text):
+        (tmp_path / "mine.py").write_text(text, encoding="utf-8")
+        return tmp_path / "mine.py"
 
     return write
 
 
 def test_the_example_of_the_page_is_an_effect(written):
     before = set(effects.catalogue())
-    path = written(EXAMPLE)
-    own_effects.use([path])
+    own_effects.use([written(EXAMPLE)])
     assert set(effects.catalogue()) - before == {"field_torque"}
     assert effects.sources()["field_torque"].file == "mine.py"
     own_effects.use([])
@@ -41,16 +39,13 @@ def test_the_example_of_the_page_is_an_effect(written):
 
 
 def test_model_file_says_what_to_pass(written, tmp_path):
-    path = written(EXAMPLE)
-    own_effects.use([path])
-    model = model_file.load("tilt_hexarotor")
-    saved = tmp_path / "m.toml"
+    own_effects.use([written(EXAMPLE)])
+    model, saved = model_file.load("tilt_hexarotor"), tmp_path / "m.toml"
     model_file.save(model.with_effects([make_effect(model.vehicle, "field_torque", {"x": 0.1, "y": 0, "z": 0})]), saved)
     again = model_file.load(saved)
     assert again.effects[0].theta.tolist() == [0.1, 0.0, 0.0]
     assert again.notes == ()
-    path.write_text(EXAMPLE + "\n# changed\n")
-    own_effects.use([path])
+    own_effects.use([written(EXAMPLE + "\n# changed\n")])
     assert "not as it was" in model_file.load(saved).notes[0]
     effects.forget()
     with pytest.raises(ModelError, match=r"pass that file with --effects mine\.py") as caught:

@@ -47,15 +47,20 @@ def test_step_by_step_is_all_at_once(bench, name):
 
 
 @every
-def test_is_described(bench, name):
-    effect = find(name)
-    for p in effect.parameters(bench.vehicle):
-        assert p.low <= 0.0 <= p.high or p.low <= p.start <= p.high
-        assert p.low < p.high
-        assert p.scale > 0
-        assert p.unit
-    assert effect.excited_by
-    assert "Source:" in (type(effect).__doc__ or "")
+def test_names_its_source_and_units(bench, name):
+    """What else an effect says of itself is checked in tests/plant/test_own_effects.py."""
+    assert "Source:" in (type(find(name)).__doc__ or "")
+    assert all(p.unit for p in find(name).parameters(bench.vehicle))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(
+    ("name", "theta"),
+    [("axial_inflow", [2e-4]), ("rotor_drag", [2e-4]), ("rotational_drag", [0.02, 0.03, 0.04, 0.03])],
+)
+def test_drag_damps_any_motion(bench, seed, name, theta):
+    x, u = bench.moving(seed)
+    assert bench.power(bench.added(name, theta, u, x), x) < 0
 
 
 def test_order_of_adding_does_not_matter(bench):

@@ -1,16 +1,9 @@
 """In-plane drag of the rotors."""
 
 import numpy as np
-import pytest
 
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.effects.effect import Context
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_damps_any_motion(bench, seed):
-    x, u = bench.moving(seed)
-    assert bench.power(bench.added("rotor_drag", [2e-4], u, x), x) < 0
 
 
 def test_against_level_flight_has_no_torque_about_the_middle(bench):
