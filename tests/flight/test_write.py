@@ -76,24 +76,19 @@ def test_what_is_not_known_stays_unknown(part, changes, made, tmp_path):
 
 def test_rosbags_reads_it(made, tmp_path):
     path = write(made, tmp_path / "log.mcap", extra=(Named("/replay/sigma", made.imu.time, made.imu.omega_B),))
+    seen = {}
     with AnyReader([path]) as reader:
         assert reader.message_count == 4 * 400 + 3 * 200 + 20 + 400
-        counts = dict.fromkeys((c.topic for c in reader.connections), 0)
         for connection, _stamp, raw in reader.messages():
-            index = counts[connection.topic]
-            counts[connection.topic] += 1
-            message = reader.deserialize(raw, connection.msgtype)
-            if connection.topic == "/command/actuators":
-                np.testing.assert_array_equal(message.position, made.actuators.tilt[index])
-                np.testing.assert_array_equal(message.velocity, made.actuators.rotor_speed[index])
-            if connection.topic == "/odometry":
-                twist = message.twist.twist.linear
-                expected = so3.rotate_inverse(made.odometry.quat_EB[index], made.odometry.velocity_E[index])
-                np.testing.assert_allclose([twist.x, twist.y, twist.z], expected, atol=1e-14)
-                assert message.header.frame_id == "world"
-                assert message.child_frame_id == "base_link"
-            if connection.topic == "/replay/sigma":
-                assert message.vector.y == made.imu.omega_B[index, 1]
+            seen.setdefault(connection.topic, []).append(reader.deserialize(raw, connection.msgtype))
+    commands, odometry = seen["/command/actuators"], seen["/odometry"]
+    np.testing.assert_array_equal([m.position for m in commands], made.actuators.tilt)
+    np.testing.assert_array_equal([m.velocity for m in commands], made.actuators.rotor_speed)
+    linear = np.array([[getattr(m.twist.twist.linear, axis) for axis in "xyz"] for m in odometry])
+    expected = so3.rotate_inverse(made.odometry.quat_EB, made.odometry.velocity_E)
+    np.testing.assert_allclose(linear, expected, atol=1e-14)
+    assert {(m.header.frame_id, m.child_frame_id) for m in odometry} == {("world", "base_link")}
+    assert [m.vector.y for m in seen["/replay/sigma"]] == made.imu.omega_B[:, 1].tolist()
 
 
 def test_mcap_ros2_reads_it(made, tmp_path):

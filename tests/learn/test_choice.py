@@ -15,7 +15,7 @@ ASKED = FitSettings(points=40, restarts=0)
 def smooth(seed: int, columns: int) -> np.ndarray:
     """Slow signals (COUNT, columns) of about unit size, as flights have: two sines each."""
     rng = np.random.default_rng(seed)
-    rate, phase = rng.uniform(0.5, 3.0, (2, columns)), rng.uniform(0, 2 * np.pi, (2, columns))
+    phase, rate = rng.uniform(0, 2 * np.pi, (2, columns)), rng.uniform(0.5, 3.0, (2, columns))
     return np.sin(rate * 0.075 * np.arange(COUNT)[:, None, None] + phase).sum(axis=1)
 
 

@@ -39,22 +39,21 @@ def test_torque_of_a_swinging_body():
     np.testing.assert_allclose(record.measured[:, [0, 1, 2, 4, 5]], 0, atol=1e-9)
 
 
-def test_gyroscopic_torque_of_a_steady_spin():
-    """Steady omega: M = omega x J omega."""
-    w = np.array([0.5, 1.0, -0.7])
-    torque = prepare(samples(omega=w), vehicle()).measured[:, 3:]
-    np.testing.assert_allclose(torque, np.broadcast_to(np.cross(w, BODY.inertia @ w), torque.shape), atol=1e-9)
+SPIN = np.array([0.5, 1.0, -0.7])
 
 
-def test_force_is_mass_times_specific_force_without_gravity():
-    np.testing.assert_allclose(prepare(samples(force=WEIGHT), vehicle()).measured[:, 2], 2.0 * 9.81)
-
-
-def test_lever_arm_of_the_imu_is_taken_out():
-    """An IMU at +x on a body that spins about z feels -w^2 r; the force about the centre must be zero."""
-    w, r = 3.0, 0.1
-    record = prepare(samples(omega=(0, 0, w), force=(-(w**2) * r, 0, 0)), vehicle((r, 0, 0)))
-    np.testing.assert_allclose(record.measured[:, :3], 0, atol=1e-9)
+@pytest.mark.parametrize(
+    ("omega", "force", "imu", "wrench"),
+    [
+        (SPIN, ZERO, ZERO, [*ZERO, *np.cross(SPIN, BODY.inertia @ SPIN)]),
+        (ZERO, WEIGHT, ZERO, [0.0, 0.0, 2.0 * 9.81, *ZERO]),
+        ((0.0, 0.0, 3.0), (-(3.0**2) * 0.1, 0.0, 0.0), (0.1, 0.0, 0.0), 2 * ZERO),
+    ],
+    ids=["M = omega x J omega", "F = m f, without gravity", "an IMU at +x feels -w^2 r of a spin about z"],
+)
+def test_wrench_of_a_steady_motion(omega, force, imu, wrench):
+    measured = prepare(samples(omega, force), vehicle(imu)).measured
+    np.testing.assert_allclose(measured, np.broadcast_to(wrench, measured.shape), atol=1e-9)
 
 
 def test_same_filter_on_both_sides_leaves_no_lag():

@@ -81,16 +81,13 @@ def test_holds_the_angle_of_an_arm_without_thrust(hexarotor):
     assert saturation.held == 1
 
 
-def test_limits_speed_and_rate(hexarotor):
+def test_limits_speed_and_rate_and_a_fixed_rotor_does_not_pull(hexarotor, quadrotor):
     W = np.array([[0, 0, 39.0, 0, 0, 0], [0, 0, 500.0, 0, 0, 0], [30.0, 0, 0.0, 0, 0, 0]])
     commands, saturation = Allocation(hexarotor).allocate(W, dt=0.001)
     assert commands.rotor_speed.max() == 1250.0
     assert saturation.rotor_speed == 1
     assert np.abs(np.diff(commands.tilt, axis=0)).max() <= 50.0 * 0.001 + 1e-12
     assert saturation.tilt_rate >= 1
-
-
-def test_negative_thrust_of_a_fixed_rotor_saturates_at_zero(quadrotor):
     commands, saturation = Allocation(quadrotor).allocate(np.array([[0, 0, -5.0, 0, 0, 0]]))
     assert (commands.rotor_speed == 0).all()
     assert saturation.rotor_speed == 1

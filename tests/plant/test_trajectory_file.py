@@ -69,8 +69,5 @@ def test_a_bad_file_is_told_in_one_line_with_its_name(tmp_path, old, new, words)
         load(path)
     assert str(error.value).startswith("bad.toml: ")
     assert "\n" not in str(error.value)
-
-
-def test_a_file_that_is_not_there_is_told(tmp_path):
     with pytest.raises(UsageError, match="cannot be read as a trajectory file: No such file"):
         load(tmp_path / "gone.toml")
