@@ -19,14 +19,10 @@ from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.gravity import GRAVITY
 
+HEADER = "std_msgs/Header header"
 CUSTOM = {
-    "actuator_msgs/msg/Actuators": (
-        "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized"
-    ),
-    "mav_msgs/msg/Actuators": (
-        "std_msgs/Header header\nfloat64[] angles\nfloat64[] angular_velocities\nfloat64[] normalized"
-    ),
-    "mav_msgs/msg/MotorSpeed": "std_msgs/Header header\nfloat64[] motor_speed",
+    "actuator_msgs/msg/Actuators": f"{HEADER}\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized",
+    "mav_msgs/msg/MotorSpeed": f"{HEADER}\nfloat64[] motor_speed",
     "lab_msgs/msg/Mixed": "string name\nuint8 flag\nfloat64 a\nint16[3] b\nstring[] words\nfloat32[] c\nuint64 d",
 }
 START_NS = 1_700_000_000_000_000_000

@@ -119,10 +119,9 @@ def test_a_gap_is_not_bridged():
 
 
 def test_one_violent_block_does_not_decide():
-    first, second = pair(4, 0.0073)
-    crash = 200.0 * np.exp(-(((first.time - 28.0) / 0.05) ** 2))[:, None]
-    other = 200.0 * np.exp(-(((second.time - 28.1) / 0.05) ** 2))[:, None]
-    found = offset(replace(first, values=first.values + crash), replace(second, values=second.values + other))
+    signals = zip(pair(4, 0.0073), (28.0, 28.1), strict=True)
+    crashes = ((s, 200.0 * np.exp(-(((s.time - at) / 0.05) ** 2))[:, None]) for s, at in signals)
+    found = offset(*(replace(s, values=s.values + crash) for s, crash in crashes))
     assert abs(found.seconds - 0.0073) < found.interval
 
 
@@ -185,17 +184,12 @@ def test_without_imu_pose_and_twist_are_still_compared():
 
 def test_tracking_and_controller_offsets():
     made = flown()
-    behind = made.odometry
+    behind, time = made.odometry, np.arange(0.0, 24.0, 0.005)
     reference = ReferenceSeries("/reference", behind.time - 0.08, behind.position_E, behind.quat_EB)
-    rng = np.random.default_rng(0)
-    time = np.arange(0.0, 24.0, 0.005)
-    wrench = np.cumsum(rng.normal(size=(len(time), 6)), axis=0)
+    wrench = np.cumsum(np.random.default_rng(0).normal(size=(len(time), 6)), axis=0)
     desired, commanded = WrenchSeries("/d", time, wrench), WrenchSeries("/c", time + 0.002, wrench)
     found = replace(made, reference=reference, desired=desired, commanded=commanded)
-    position, attitude = topic_offsets.tracking_offsets(found)
-    assert position.seconds == pytest.approx(0.08, abs=3e-4)
-    assert attitude.seconds == pytest.approx(0.08, abs=3e-4)
+    assert [o.seconds for o in topic_offsets.tracking_offsets(found)] == pytest.approx([0.08, 0.08], abs=3e-4)
     assert topic_offsets.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
-    copied = replace(found, commanded=replace(commanded, time=time))
-    assert topic_offsets.controller_offset(copied).same
+    assert topic_offsets.controller_offset(replace(found, commanded=replace(commanded, time=time))).same
     assert topic_offsets.controller_offset(made) is None

@@ -239,23 +239,23 @@ def test_turned_rotor_pairs_push_sideways() -> None:
 
 
 def test_wake_takes_nothing_upstream_and_most_in_the_middle() -> None:
-    wake = hidden.Wake(0.2)
-    even = np.full(12, 3.0)
-    level = wake.thrust(placed(wake), even)
-    assert np.all(level > 0.99 * even)
+    wake, even = hidden.Wake(0.2), np.full(12, 3.0)
+
+    def kept(*tilt: float) -> Array:
+        """Share of thrust of each rotor."""
+        return wake.thrust(placed(wake, tilt=np.array(tilt)), even) / even
+
+    assert np.all(kept(0, 0, 0, 0, 0, 0) > 0.99)
     # Arms 1 and 5 turned sideways blow along -y and +y of the hull; arms between are hit, arms behind are not.
-    blown = wake.thrust(placed(wake, tilt=np.array((0, 0, 0, 0, 0, -1.5))), even).reshape(6, 2).sum(1) / 6
-    assert blown.min() > 0.75
-    assert blown.min() < 0.99
-    tilts = np.linspace(0, 1.5, 16)
-    loss = [1 - wake.thrust(placed(wake, tilt=t * np.array((0, 1, 1, 0, -1, -1))), even).mean() / 3 for t in tilts]
+    assert 0.75 < kept(0, 0, 0, 0, 0, -1.5).reshape(6, 2).mean(1).min() < 0.99
+    loss = [1 - kept(0, t, t, 0, -t, -t).mean() for t in np.linspace(0, 1.5, 16)]
     assert loss[-1] > 3 * loss[4]  # sets in at high tilt
 
 
 def test_tether_pulls_with_its_force_towards_its_anchor() -> None:
     rope = hidden.Tether(pull=1.5, anchor=(0.0, -12.0, 1.6), at=(0.0, 0.0, 0.0))
-    acceleration = started(placed(rope), np.zeros(6), np.full(12, HOVER))
-    np.testing.assert_allclose(acceleration[:3] * MASS, (0.0, -1.5, 0.0), atol=1e-3)
+    force = MASS * started(placed(rope), np.zeros(6), np.full(12, HOVER))[:3]
+    np.testing.assert_allclose(force, (0.0, -1.5, 0.0), atol=1e-3)
 
 
 def test_slung_load_hangs_and_is_carried() -> None:
@@ -297,6 +297,13 @@ def test_nothing_hidden_leaves_only_the_servo_lag_and_a_crisp_vehicle_hardly_tha
     assert np.all(rms(mismatch("none", "hover", 2.0)) < 1e-6)
 
 
+def test_two_effects_add() -> None:
+    names = (["com_offset", "thin_air"], "com_offset", "thin_air")
+    both, one, other = (mismatch(name, "hover", 1.0)[20:60].mean(0) for name in names)
+    np.testing.assert_allclose(both[2], other[2] + one[2], rtol=0.05)
+    np.testing.assert_allclose(both[3:5], one[3:5], rtol=0.15, atol=5e-3)
+
+
 @pytest.mark.parametrize("trajectory", ["train", "pitch", "figure8", "steps", "fast", "low", "turn"])
 def test_every_trajectory_is_flown_within_the_limits(trajectory: str) -> None:
     flight, truth = fly("none", trajectory=trajectory, noise=0.0)
@@ -318,13 +325,6 @@ def test_every_effect_flies_and_leaves_a_trace(name: str) -> None:
     split = 0.3 if cls.needs_split else 0.0
     changed = mismatch(name, cls.shows_on, 6.0, split) - ideal(cls.shows_on, 6.0, split)
     assert np.any(rms(changed) > np.repeat([0.04, 0.004], 3))
-
-
-def test_two_effects_add() -> None:
-    both = mismatch(["com_offset", "thin_air"], "hover", 1.0)[20:60].mean(0)
-    one, other = (mismatch(n, "hover", 1.0)[20:60].mean(0) for n in ("com_offset", "thin_air"))
-    np.testing.assert_allclose(both[2], other[2] + one[2], rtol=0.05)
-    np.testing.assert_allclose(both[3:5], one[3:5], rtol=0.15, atol=5e-3)
 
 
 def test_centre_of_mass_can_be_read_off_a_noisy_flight() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Samples
 from wrenchgap.learn.data.inputs import pooled_inputs, process_inputs
 from wrenchgap.learn.data.measurement import prepare
@@ -103,5 +103,3 @@ def test_settings_and_columns_must_agree(flown):
     gp = flown[2]
     with pytest.raises(FitError, match="9 inputs, expected 12"):
         replace(gp, settings=replace(gp.settings, inputs=("past",)))
-    with pytest.raises(UsageError, match="unknown group 'wind'"):
-        FitSettings(inputs=("wind",))

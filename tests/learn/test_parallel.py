@@ -1,6 +1,7 @@
 """Work by several processes gives what work by one gives."""
 
 import os
+import re
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -77,35 +78,25 @@ def test_what_is_shared_is_written_once_and_goes_with_its_owner():
     assert not file.exists()
 
 
-OWN = """import numpy as np
-from wrenchgap.plant.effects import Parameter, WrenchEffect
-class Mine(WrenchEffect):
-    name = "mine"
-    excited_by = "anything"
-    def parameters(self, vehicle):
-        return (Parameter("size", "N", -10.0, 10.0, 1.0),)
-    def apply(self, actuation, wrench_B, theta, context):
-        return theta[0] * np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(wrench_B), 1))
-    def break_(self):
-        raise KeyError("inside")
-"""
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects" / "your-own.md"
+EXAMPLE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1]
 
 
 def test_own_effects_are_those_of_the_workers_too(tmp_path):
-    (tmp_path / "mine.py").write_text(OWN)
-    parent = os.getpid()
+    (tmp_path / "mine.py").write_text(EXAMPLE)
+    parent, names = os.getpid(), ["field_torque"] * 12
 
     def broken(name):
         if os.getpid() != parent:
-            find(name).break_()
+            find(name).apply(None, None, None, None)
 
     try:
         own_effects.use([tmp_path / "mine.py"])
-        found = list(each(lambda name: (find(name).name, find(name)), ["mine"] * 12, 2))
-        assert {name for name, _ in found} == {"mine"}
-        assert all(type(effect) is type(find("mine")) for _, effect in found)
-        with pytest.raises(ModelError, match=r"mine\.py:\d+: KeyError"):
-            list(each(broken, ["mine"] * 12, 2))
+        found = list(each(lambda name: (find(name).name, find(name)), names, 2))
+        assert {name for name, _ in found} == {"field_torque"}
+        assert all(type(effect) is type(find("field_torque")) for _, effect in found)
+        with pytest.raises(ModelError, match=r"mine\.py:\d+: \w+Error"):
+            list(each(broken, names, 2))
     finally:
         own_effects.use([])
 

@@ -66,24 +66,19 @@ def test_comes_back_bit_for_bit(kind, request, tmp_path):
         assert arrays["lengthscales"] == pytest.approx(made.lengthscales)
 
 
-def test_overwrites_only_when_told(gp, tmp_path):
+def test_overwrites_only_when_told_and_a_failed_write_leaves_the_old_file(gp, tmp_path, monkeypatch):
     path = tmp_path / "a.gp"
     path.write_text("precious")
     with pytest.raises(UsageError, match="exists already"):
         save(gp, path)
+    with monkeypatch.context() as full:
+        full.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
+        with pytest.raises(UsageError, match="No space left"):
+            save(gp, path, force=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.gp"]
     assert path.read_text() == "precious"
     save(gp, path, force=True)
     assert load(path).outputs == gp.outputs
-
-
-def test_failed_write_leaves_the_old_file_and_no_litter(gp, tmp_path, monkeypatch):
-    path = tmp_path / "a.gp"
-    path.write_text("precious")
-    monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
-    with pytest.raises(UsageError, match="No space left"):
-        save(gp, path, force=True)
-    assert [file.name for file in tmp_path.iterdir()] == ["a.gp"]
-    assert path.read_text() == "precious"
     with pytest.raises(UsageError, match="cannot be written: No such file or directory"):
         save(gp, tmp_path / "nowhere" / "a.gp")
 

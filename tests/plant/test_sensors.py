@@ -27,12 +27,14 @@ def test_an_accelerometer_off_the_axis_feels_the_rotation(omega_z, omega_dot_z, 
 
 
 @pytest.mark.parametrize("rate", [100.0, 400.0])
-def test_white_noise_has_its_density_whatever_the_rate(rate):
-    noise = SensorNoise(imu_rate_hz=rate, gyro_bias=(0.01, 0.0, 0.0))
-    errors = imu_errors(noise, 40000, np.random.default_rng(0))
+def test_white_noise_has_its_density_whatever_the_rate_and_silent_sensors_none(rate):
+    noise, rng = SensorNoise(imu_rate_hz=rate, gyro_bias=(0.01, 0.0, 0.0)), np.random.default_rng(0)
+    errors = imu_errors(noise, 40000, rng)
     density = np.sqrt(2.0 * np.var(errors, axis=0) / rate)  # one-sided, spread over rate / 2
     np.testing.assert_allclose(density, [2.4e-4] * 3 + [2.3e-3] * 3, rtol=0.03)
     assert errors[:, 0].mean() == pytest.approx(0.01, abs=1e-4)
+    assert noise.silent.imu_rate_hz == rate
+    assert not imu_errors(noise.silent, 10, rng).any()
 
 
 def test_pose_noise_has_its_size_and_keeps_rotations_rotations():
@@ -46,12 +48,6 @@ def test_pose_noise_has_its_size_and_keeps_rotations_rotations():
     tilt = so3.log(so3.multiply(so3.conjugate(quat), read.quat_EB))
     np.testing.assert_allclose(tilt.std(axis=0), noise.attitude_std, rtol=0.05)
     np.testing.assert_allclose(np.linalg.norm(read.quat_EB, axis=1), 1.0, atol=1e-12)
-
-
-def test_silent_sensors_tell_the_truth():
-    noise = SensorNoise(gyro_bias=(0.1, 0.1, 0.1), imu_rate_hz=333.0).silent
-    assert noise.imu_rate_hz == 333.0
-    assert not imu_errors(noise, 10, np.random.default_rng(0)).any()
 
 
 @pytest.mark.parametrize(

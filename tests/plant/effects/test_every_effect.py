@@ -20,17 +20,13 @@ def typical(bench, name):
 
 
 @every
-def test_zero_is_no_effect(bench, name):
-    u, x = bench.wandering(60), bench.state(60, **MOVING)
-    zero = bench.model(name, np.zeros(len(find(name).parameters(bench.vehicle))))
-    np.testing.assert_allclose(zero.predict(u, x, bench.dt), bench.model().predict(u, x, bench.dt), atol=1e-9)
-
-
-@every
-def test_typical_values_do_something(bench, name):
-    u, x = bench.wandering(60), bench.state(60, **MOVING)
-    changed = bench.model(name, typical(bench, name)).predict(u, x, bench.dt) - bench.model().predict(u, x, bench.dt)
-    assert np.abs(changed).max() > (0.0 if name == "rotor_interference" else 1e-3)
+def test_zero_is_no_effect_and_typical_values_are_one(bench, name):
+    u, x, values = bench.wandering(60), bench.state(60, **MOVING), typical(bench, name)
+    nominal, zero, changed = (
+        m.predict(u, x, bench.dt) for m in (bench.model(), bench.model(name, 0 * values), bench.model(name, values))
+    )
+    np.testing.assert_allclose(zero, nominal, atol=1e-9)
+    assert np.abs(changed - nominal).max() > (0.0 if name == "rotor_interference" else 1e-3)
 
 
 @every
