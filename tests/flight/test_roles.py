@@ -87,22 +87,16 @@ def test_one_wrench_is_the_command_whatever_its_name():
 
 
 def test_odometry_actuators_and_reference_of_several_topics():
-    found = tables(
-        truth__pose=POSE,
-        truth__twist=TWIST,
-        tilt_hexa__desired_pose=POSE,
-        tilt_hexa__desired_velocity=TWIST,
-        tilt_hexa__plot__tilt_angle=ARRAY,
-        tilt_hexa__plot__motor_speed=ARRAY,
-    )
-    assert played(propose(found)) == {
-        "pose": "/truth/pose",
-        "twist": "/truth/twist",
-        "reference_pose": "/tilt_hexa/desired_pose",
-        "reference_twist": "/tilt_hexa/desired_velocity",
-        "tilt": "/tilt_hexa/plot/tilt_angle",
-        "rotor_speed": "/tilt_hexa/plot/motor_speed",
+    parts = {
+        "pose": ("truth__pose", POSE),
+        "twist": ("truth__twist", TWIST),
+        "reference_pose": ("tilt_hexa__desired_pose", POSE),
+        "reference_twist": ("tilt_hexa__desired_velocity", TWIST),
+        "tilt": ("tilt_hexa__plot__tilt_angle", ARRAY),
+        "rotor_speed": ("tilt_hexa__plot__motor_speed", ARRAY),
     }
+    expected = {part: "/" + word.replace("__", "/") for part, (word, _) in parts.items()}
+    assert played(propose(tables(**dict(parts.values())))) == expected
 
 
 def test_custom_type_with_rotor_speeds_and_a_trajectory():

@@ -121,25 +121,6 @@ def without(which):
     return lambda name, content: None if name == which else content
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (with_metadata(format_version=99), "format version 99, this program reads 1"),
-        (with_metadata(format="something"), "not a stored GP"),
-        (with_metadata(settings={"colour": 1}), "missing or unknown parts"),
-        (with_metadata(outputs=["torque_x", "torque_y", "thrust"]), "unknown output 'thrust'"),
-        (without("gp.json"), "a zip without gp.json"),
-        (without("inputs.npy"), "missing or unknown parts"),
-        (with_array("inputs", np.full((15, 6), np.nan)), "inputs holds values that are not finite"),
-        (with_array("inputs", np.zeros(6)), "missing or unknown parts"),
-        (with_array("noise_variance", np.array([-1.0, 1.0, 1.0])), "noise_variance must be positive"),
-    ],
-)
-def test_damage_is_named(path, change, message):
-    rewritten(path, change)
-    refused(path, message)
-
-
 def test_missing_file_says_how_to_make_one_and_a_folder_is_none(tmp_path):
     refused(tmp_path / "none.gp", "no such file; make one with `wrenchgap learn")
     refused(tmp_path, "cannot be read")
@@ -178,16 +159,25 @@ def test_file_of_format_1_still_predicts_the_same(gp, path):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("kind", "change", "message"),
     [
-        (with_array("weights", np.zeros((2, 19))), r"weights has shape \(2, 19\), expected \(2, 20\)"),
-        (with_array("sigma_scale", np.zeros(2)), "sigma_scale must be positive"),
-        (without("whitener.npy"), r"whitener has shape \(0, 0, 0\)"),
-        (with_metadata(settings={**SPARSE.__dict__, "inputs": ["weather"]}), "weather"),
-        (with_array("inputs", np.zeros((20, 9))), r"input_mean has shape \(12,\), expected \(9,\)"),
+        ("gp", with_metadata(format_version=99), "format version 99, this program reads 1"),
+        ("gp", with_metadata(format="something"), "not a stored GP"),
+        ("gp", with_metadata(settings={"colour": 1}), "missing or unknown parts"),
+        ("gp", with_metadata(outputs=["torque_x", "torque_y", "thrust"]), "unknown output 'thrust'"),
+        ("gp", without("gp.json"), "a zip without gp.json"),
+        ("gp", without("inputs.npy"), "missing or unknown parts"),
+        ("gp", with_array("inputs", np.full((15, 6), np.nan)), "inputs holds values that are not finite"),
+        ("gp", with_array("inputs", np.zeros(6)), "missing or unknown parts"),
+        ("gp", with_array("noise_variance", np.array([-1.0, 1.0, 1.0])), "noise_variance must be positive"),
+        ("sparse", with_array("weights", np.zeros((2, 19))), r"weights has shape \(2, 19\), expected \(2, 20\)"),
+        ("sparse", with_array("sigma_scale", np.zeros(2)), "sigma_scale must be positive"),
+        ("sparse", without("whitener.npy"), r"whitener has shape \(0, 0, 0\)"),
+        ("sparse", with_metadata(settings={**SPARSE.__dict__, "inputs": ["weather"]}), "weather"),
+        ("sparse", with_array("inputs", np.zeros((20, 9))), r"input_mean has shape \(12,\), expected \(9,\)"),
     ],
 )
-def test_damaged_sparse_process_is_named(sparse, tmp_path, change, message):
-    save(sparse, tmp_path / "a.gp")
+def test_damage_is_named(kind, change, message, request, tmp_path):
+    save(request.getfixturevalue(kind), tmp_path / "a.gp")
     rewritten(tmp_path / "a.gp", change)
     refused(tmp_path / "a.gp", message)
