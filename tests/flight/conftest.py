@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Writer as Bag1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.gravity import GRAVITY
 
+HEADER = "std_msgs/Header header"
 CUSTOM = {
-    "actuator_msgs/msg/Actuators": (
-        "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized"
-    ),
-    "mav_msgs/msg/Actuators": (
-        "std_msgs/Header header\nfloat64[] angles\nfloat64[] angular_velocities\nfloat64[] normalized"
-    ),
-    "mav_msgs/msg/MotorSpeed": "std_msgs/Header header\nfloat64[] motor_speed",
+    "actuator_msgs/msg/Actuators": f"{HEADER}\nfloat64[] position\nfloat64[] velocity\nfloat64[] normalized",
+    "mav_msgs/msg/MotorSpeed": f"{HEADER}\nfloat64[] motor_speed",
     "lab_msgs/msg/Mixed": "string name\nuint8 flag\nfloat64 a\nint16[3] b\nstring[] words\nfloat32[] c\nuint64 d",
 }
 START_NS = 1_700_000_000_000_000_000
@@ -79,10 +77,10 @@ class Recording:
             self.add(topic, kind, log_ns, {name: values[i] for name, values in columns.items()}, stamp)
         return self
 
-    def without(self, topic):
-        other = Recording()
-        other.entries = [entry for entry in self.entries if entry[0] != topic]
-        return other
+    def plain(self, topic, time, log_s=None, stamp_s=True):
+        """What a vehicle in `Motion` sends on one of the topics of PLAIN."""
+        kind, columns = PLAIN[topic]
+        return self.series(topic, kind, time if log_s is None else log_s, columns(time), stamp_s=stamp_s)
 
     def save(self, path, form="mcap-zstd"):
         entries = sorted(self.entries, key=lambda entry: entry[2])
@@ -92,17 +90,11 @@ class Recording:
     def _save_mcap(self, path, variant, entries, ros=2):
         store = typestore(ros)
         compression = {"lz4": CompressionType.LZ4, "none": CompressionType.NONE}.get(variant, CompressionType.ZSTD)
-        options = {"chunk_size": 16384}
-        if variant == "unchunked":
-            options = {"use_chunking": False}
+        options = {"use_chunking": False} if variant == "unchunked" else {"chunk_size": 16384}
         if variant == "unindexed":
-            options |= {"index_types": 0, "use_statistics": False, "use_summary_offsets": False}
-            options |= {"repeat_channels": False, "repeat_schemas": False}
+            switches = ("use_statistics", "use_summary_offsets", "repeat_channels", "repeat_schemas")
+            options |= dict.fromkeys(switches, False) | {"index_types": IndexType.NONE}
         with path.open("wb") as stream:
-            if "index_types" in options:
-                from mcap.writer import IndexType
-
-                options["index_types"] = IndexType.NONE
             writer = Writer(stream, compression=compression, **options)
             writer.start(profile=f"ros{ros}")
             channels = {}
@@ -122,33 +114,27 @@ class Recording:
         return self._save_mcap(path, variant, entries, ros=1)
 
     def _save_bag(self, path, variant, entries):
-        store = typestore(1)
-        bag = Bag1Writer(path)
+        bag, store = Bag1Writer(path), typestore(1)
         if variant:
             bag.set_compression(Bag1Writer.CompressionFormat[variant.upper()])
-        with bag:
-            connections = {}
-            for topic, name, log_ns, fields in entries:
-                if topic not in connections:
-                    connections[topic] = bag.add_connection(topic, name, typestore=store)
-                bag.write(connections[topic], log_ns, store.serialize_ros1(message(store, name, fields), name))
-        return path
+        return self._write(bag, store, store.serialize_ros1, entries)
 
     def _save_folder(self, path, variant, entries):
-        store = typestore(2)
         plugin = StoragePlugin.MCAP if variant.startswith("mcap") else StoragePlugin.SQLITE3
-        bag = Bag2Writer(path, version=9, storage_plugin=plugin)
-        if variant.endswith("file"):
-            bag.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
-        if variant.endswith("message"):
-            bag.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+        bag, store = Bag2Writer(path, version=9, storage_plugin=plugin), typestore(2)
+        for mode in (CompressionMode.FILE, CompressionMode.MESSAGE):
+            if variant.endswith(mode.name.lower()):
+                bag.set_compression(mode, CompressionFormat.ZSTD)
+        return self._write(bag, store, store.serialize_cdr, entries)
+
+    def _write(self, bag, store, serialise, entries):
         with bag:
             connections = {}
             for topic, name, log_ns, fields in entries:
                 if topic not in connections:
                     connections[topic] = bag.add_connection(topic, name, typestore=store)
-                bag.write(connections[topic], log_ns, store.serialize_cdr(message(store, name, fields), name))
-        return path
+                bag.write(connections[topic], log_ns, serialise(message(store, name, fields), name))
+        return bag.path
 
 
 class Motion:
@@ -169,8 +155,7 @@ class Motion:
         self.specific_force_B = so3.rotate_inverse(self.quat_EB, self.acceleration_E + np.array([0.0, 0.0, GRAVITY]))
 
     def pose(self, prefix="pose"):
-        fields = {f"{prefix}.position.{axis}": self.position_E[:, i] for i, axis in enumerate("xyz")}
-        return fields | {f"{prefix}.orientation.{axis}": self.quat_EB[:, i] for i, axis in enumerate("wxyz")}
+        return xyz(f"{prefix}.position", self.position_E) | xyz(f"{prefix}.orientation", self.quat_EB, "wxyz")
 
     def twist(self, prefix="twist", frame="B"):
         linear = so3.rotate_inverse(self.quat_EB, self.velocity_E) if frame == "B" else self.velocity_E
@@ -183,8 +168,8 @@ class Motion:
         return xyz("angular_velocity", self.omega_B) | xyz("linear_acceleration", self.specific_force_B)
 
 
-def xyz(prefix, values):
-    return {f"{prefix}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
+def xyz(prefix, values, axes="xyz"):
+    return {f"{prefix}.{axis}": values[:, i] for i, axis in enumerate(axes)}
 
 
 def wrench(time, prefix="wrench"):
@@ -192,14 +177,17 @@ def wrench(time, prefix="wrench"):
     return xyz(f"{prefix}.force", values[:, :3]) | xyz(f"{prefix}.torque", values[:, 3:])
 
 
+PLAIN = {
+    "/command/wrench": ("geometry_msgs/msg/WrenchStamped", wrench),
+    "/imu": ("sensor_msgs/msg/Imu", lambda time: Motion(time).imu()),
+    "/odometry": ("nav_msgs/msg/Odometry", lambda time: Motion(time).odometry()),
+}
+
+
 def plain_flight(seconds=4.0):
     """Commands and IMU at 100 Hz, odometry at 50 Hz, stamps equal to log times."""
     fast, slow = np.arange(0, seconds, 0.01), np.arange(0, seconds, 0.02)
-    recording = Recording()
-    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", fast, wrench(fast), stamp_s=True)
-    recording.series("/imu", "sensor_msgs/msg/Imu", fast, Motion(fast).imu(), stamp_s=True)
-    recording.series("/odometry", "nav_msgs/msg/Odometry", slow, Motion(slow).odometry(), stamp_s=True)
-    return recording
+    return Recording().plain("/command/wrench", fast).plain("/imu", fast).plain("/odometry", slow)
 
 
 def json_log(path):
@@ -215,18 +203,16 @@ def json_log(path):
     return path
 
 
-class Logs:
-    """What the tests of this folder share."""
-
-    Recording, Motion, START_NS = Recording, Motion, START_NS
-    plain_flight, json_log = staticmethod(plain_flight), staticmethod(json_log)
-    typestore, message = staticmethod(typestore), staticmethod(message)
-    xyz, wrench = staticmethod(xyz), staticmethod(wrench)
-
-
 @pytest.fixture(scope="session")
 def logs():
-    return Logs
+    """This module."""
+    return sys.modules[__name__]
+
+
+@pytest.fixture
+def loaded(tmp_path):
+    """The flight of a recording, saved and read."""
+    return lambda recording: flight.load(recording.save(tmp_path / "log.mcap"))
 
 
 @pytest.fixture(scope="session")

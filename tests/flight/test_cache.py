@@ -13,12 +13,16 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 
 
+def written(path, seconds):
+    plan = Plan(model_file.load("tilt_hexarotor"), "figure8", seconds, 0.0, 1, None, ())
+    flight.write(fly(plan, name="short"), path, force=True)
+
+
 @pytest.fixture
 def log(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = tmp_path / "short.mcap"
-    plan = Plan(model_file.load("tilt_hexarotor"), "figure8", 3.0, 0.0, 1, None, ())
-    flight.write(fly(plan, name="short"), path)
+    written(path, 3.0)
     return path
 
 
@@ -58,9 +62,7 @@ def test_another_mapping_another_content_or_a_damaged_file_is_read_anew(log, rea
         file.write_bytes(file.read_bytes()[:1000])
     cache.load(log)
     assert len(reads) == 3
-    plan = Plan(model_file.load("tilt_hexarotor"), "figure8", 4.0, 0.0, 1, None, ())
-    log.unlink()
-    flight.write(fly(plan, name="short"), log)
+    written(log, 4.0)
     assert cache.load(log).imu.time[-1] > 3.5
     assert len(reads) == 4
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from wrenchgap import flight
 from wrenchgap.flight.clocks import clock_map, relation
 
 RNG = np.random.default_rng(5)
@@ -42,82 +41,61 @@ def test_map_and_inverse_undo_each_other():
     assert np.max(np.abs(again - ns(log, 10**18))) <= 5
 
 
-@pytest.fixture
-def half_speed(logs):
+def bare(recording, logs, time, log_s):
+    """With a command without stamps."""
+    columns = {name.removeprefix("wrench."): values for name, values in logs.wrench(time).items()}
+    return recording.series("/sim/command/wrench", "geometry_msgs/msg/Wrench", log_s, columns)
+
+
+def test_a_flight_is_told_in_the_clock_of_its_motion(logs, loaded):
     """A simulator at half real time: odometry in its time, the command without stamps."""
     sim = np.arange(0.01, 10, 0.01)
-    recording = logs.Recording()
-    motion = logs.Motion(sim)
-    recording.series("/sim/odometry", "nav_msgs/msg/Odometry", 2.0 * sim, motion.odometry(), stamp_s=sim)
-    recording.series("/sim/command/wrench", "geometry_msgs/msg/Wrench", 2.0 * sim, bare(logs, sim))
-    return recording, motion
-
-
-def bare(logs, time):
-    return {name.removeprefix("wrench."): values for name, values in logs.wrench(time).items()}
-
-
-def test_a_flight_is_told_in_the_clock_of_its_motion(half_speed, tmp_path):
-    recording, motion = half_speed
-    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    found = loaded(bare(logs.Recording().plain("/odometry", sim, 2.0 * sim, sim), logs, sim, 2.0 * sim))
     assert found.odometry.time[-1] - found.odometry.time[0] == pytest.approx(9.98)
     expected = np.sin(0.5 * (found.commanded.time + found.start_ns * 1e-9))
     np.testing.assert_allclose(found.commanded.wrench_B[:, 0], expected, atol=2e-3)
     slope = np.gradient(found.odometry.position_E, found.odometry.time, axis=0)[5:-5]
-    np.testing.assert_allclose(slope, motion.velocity_E[5:-5], atol=1e-3)
+    np.testing.assert_allclose(slope, logs.Motion(sim).velocity_E[5:-5], atol=1e-3)
     (note,) = [note for note in found.notes if note.startswith("Two clocks")]
     assert "at 0.5 times its rate" in note
     assert "/sim/command/wrench" in note
 
 
-def test_bends_are_reported(logs, tmp_path):
+def test_bends_are_reported(logs, loaded):
     sim = np.arange(0.01, 20, 0.01)
     log = 2.0 * sim + 0.1 * np.sin(sim)
-    recording = logs.Recording()
-    recording.series("/odometry", "nav_msgs/msg/Odometry", log, logs.Motion(sim).odometry(), stamp_s=sim)
-    recording.series("/command/wrench", "geometry_msgs/msg/Wrench", log, bare(logs, sim))
-    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    found = loaded(bare(logs.Recording().plain("/odometry", sim, log, sim), logs, sim, log))
     assert any("not in a linear relation (residual" in note for note in found.notes)
     expected = np.sin(0.5 * (found.commanded.time + found.start_ns * 1e-9))
     np.testing.assert_allclose(found.commanded.wrench_B[:, 0], expected, atol=5e-3)
 
 
-def test_an_offset_of_one_sensor_is_mapped_away(logs, tmp_path):
+def test_an_offset_of_one_sensor_is_mapped_away(logs, loaded):
     time = np.arange(0, 5, 0.01)
-    recording = logs.Recording()
-    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", time, logs.wrench(time), stamp_s=True)
-    recording.series("/imu", "sensor_msgs/msg/Imu", time, logs.Motion(time).imu(), stamp_s=time + 77.0)  # since boot
-    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    since_boot = time + 77.0
+    found = loaded(logs.Recording().plain("/command/wrench", time).plain("/imu", time, stamp_s=since_boot))
     assert found.start_ns == pytest.approx(logs.START_NS, abs=1000)
     np.testing.assert_allclose(found.imu.time, time, atol=1e-6)
     assert any("Two clocks: /imu" in note for note in found.notes)
 
 
-def test_one_foreign_clock_for_all_needs_no_map(logs, tmp_path):
+def test_one_foreign_clock_for_all_needs_no_map(logs, loaded):
     time = np.arange(0.01, 5, 0.01)
-    recording = logs.Recording()
-    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", 3 * time, logs.wrench(time), stamp_s=time)
-    recording.series("/imu", "sensor_msgs/msg/Imu", 3 * time, logs.Motion(time).imu(), stamp_s=time)
-    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    found = loaded(logs.Recording().plain("/command/wrench", time, 3 * time, time).plain("/imu", time, 3 * time, time))
     np.testing.assert_allclose(found.commanded.time, found.imu.time, atol=1e-9)
     np.testing.assert_allclose(found.imu.time, time - time[0], atol=1e-9)
 
 
-def test_transport_delay_is_no_second_clock(logs, tmp_path):
+def test_transport_delay_is_no_second_clock(logs, loaded):
     time = np.arange(0, 5, 0.01)
-    late = time + 0.03 + RNG.exponential(0.005, len(time))
-    recording = logs.Recording()
-    recording.series(
-        "/imu", "sensor_msgs/msg/Imu", np.sort(late), logs.Motion(time).imu(), stamp_s=logs.START_NS * 1e-9 + time
-    )
-    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    late = np.sort(time + 0.03 + RNG.exponential(0.005, len(time)))
+    found = loaded(logs.Recording().plain("/imu", time, late, logs.START_NS * 1e-9 + time))
     np.testing.assert_allclose(found.imu.time, time, atol=1e-6)
     assert not any("clock" in note for note in found.notes)
 
 
-def test_empty_headers_fall_back_to_log_time(logs, tmp_path):
+def test_empty_headers_fall_back_to_log_time(logs, loaded):
     time = np.arange(0, 5, 0.01)
-    recording = logs.Recording().series("/imu", "sensor_msgs/msg/Imu", time, logs.Motion(time).imu())
-    found = flight.load(recording.save(tmp_path / "log.mcap"))
+    found = loaded(logs.Recording().plain("/imu", time, stamp_s=None))
     np.testing.assert_allclose(found.imu.time, time, atol=1e-9)
     assert any("Log time is used for /imu" in note for note in found.notes)

@@ -7,25 +7,26 @@ from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks import checks
 
-IMU = "sensor_msgs/msg/Imu"
+TIME = np.arange(0, 6, 0.01)
 
 
-def found(logs, tmp_path, change=None, time=None):
+@pytest.fixture
+def found(logs, loaded):
     """Levels and messages, by name, of a plain flight whose motion was changed."""
-    time = np.arange(0, 6, 0.01) if time is None else time
-    motion = logs.Motion(time)
-    imu, odometry = motion.imu(), motion.odometry()
-    if change is not None:
-        imu, odometry = change(motion, dict(imu), dict(odometry))
-    recording = logs.Recording()
-    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", time, logs.wrench(time), stamp_s=True)
-    recording.series("/imu", IMU, time, imu, stamp_s=True)
-    recording.series("/odometry", "nav_msgs/msg/Odometry", time, odometry, stamp_s=True)
-    seen: dict[str, tuple[str, str]] = {}
-    for check in checks(flight.load(recording.save(tmp_path / "log.mcap"))):
-        if check.level != "ok":
-            seen[check.name] = (check.level, seen.get(check.name, ("", ""))[1] + check.message)
-    return seen
+
+    def of(change=lambda motion, imu, odometry: (imu, odometry), time=TIME):
+        motion = logs.Motion(time)
+        imu, odometry = change(motion, motion.imu(), motion.odometry())
+        recording = logs.Recording().plain("/command/wrench", time)
+        recording.series("/imu", "sensor_msgs/msg/Imu", time, imu, stamp_s=True)
+        recording.series("/odometry", "nav_msgs/msg/Odometry", time, odometry, stamp_s=True)
+        seen = {}
+        for check in checks(loaded(recording)):
+            if check.level != "ok":
+                seen[check.name] = (check.level, seen.get(check.name, ("", ""))[1] + check.message)
+        return seen
+
+    return of
 
 
 def scaled(prefix, factor):
@@ -36,8 +37,8 @@ def scaled(prefix, factor):
 
 
 def without_gravity(motion, imu, odometry):
-    free = so3.rotate_inverse(motion.quat_EB, motion.acceleration_E)
-    return imu | {f"linear_acceleration.{axis}": free[:, i] for i, axis in enumerate("xyz")}, odometry
+    motion.specific_force_B = so3.rotate_inverse(motion.quat_EB, motion.acceleration_E)
+    return motion.imu(), odometry
 
 
 def forward_right_down(motion, imu, odometry):
@@ -45,8 +46,8 @@ def forward_right_down(motion, imu, odometry):
 
 
 def inverted_attitude(motion, imu, odometry):
-    half = so3.multiply(np.tile([0.0, 1.0, 0.0, 0.0], (len(motion.time), 1)), motion.quat_EB)
-    return imu, odometry | {f"pose.pose.orientation.{axis}": half[:, i] for i, axis in enumerate("wxyz")}
+    motion.quat_EB = so3.multiply(np.tile([0.0, 1.0, 0.0, 0.0], (len(motion.time), 1)), motion.quat_EB)
+    return imu, odometry | motion.pose("pose.pose")
 
 
 def stuck_gyro(motion, imu, odometry):
@@ -57,12 +58,12 @@ def half_velocity(motion, imu, odometry):
     return imu, {k: 0.5 * v if k.startswith("twist.twist.linear") else v for k, v in odometry.items()}
 
 
-def test_a_good_log_has_nothing_to_say(logs, tmp_path):
+def test_a_good_log_has_nothing_to_say(found):
     def noisy(motion, imu, odometry):
         rng = np.random.default_rng(0)
         return {k: v + 0.01 * rng.standard_normal(len(v)) for k, v in imu.items()}, odometry
 
-    assert set(found(logs, tmp_path, noisy)) <= {"constant channel"}  # the plain motion has no roll or yaw
+    assert set(found(noisy)) <= {"constant channel"}  # the plain motion has no roll or yaw
 
 
 @pytest.mark.parametrize(
@@ -79,21 +80,16 @@ def test_a_good_log_has_nothing_to_say(logs, tmp_path):
         (half_velocity, "velocity", "warn", "0.50 times"),
     ],
 )
-def test_each_trap_is_found(change, name, level, words, logs, tmp_path):
-    seen = found(logs, tmp_path, change)[name]
-    assert seen[0] == level
-    assert words in seen[1]
+def test_each_trap_is_found(change, name, level, words, found):
+    seen, message = found(change)[name]
+    assert seen == level
+    assert words in message
 
 
-def test_gaps_and_jitter_are_reported(logs, tmp_path):
-    rng = np.random.default_rng(2)
-    time = np.arange(0, 6, 0.01)
-    time = np.concatenate((time[:200], time[230:])) + 0.004 * rng.random(570)
-    seen = found(logs, tmp_path, time=time)
-    assert "1 gap(s), the longest 0.3" in seen["gaps"][1]
-    steady = found(logs, tmp_path)
-    assert "gaps" not in steady
-    assert "jitter" not in steady
+def test_gaps_and_jitter_are_reported(found):
+    late = 0.004 * np.random.default_rng(2).random(570)
+    assert "1 gap(s), the longest 0.3" in found(time=np.delete(TIME, np.s_[200:230]) + late)["gaps"][1]
+    assert not {"gaps", "jitter"} & set(found())
 
 
 def test_inspection_of_a_plain_log(plain):
@@ -119,25 +115,19 @@ def test_inspection_of_a_log_that_plays_no_role(logs, tmp_path):
 
 
 def test_two_topics_of_one_role_say_which_part_they_play(logs, tmp_path):
-    time = np.arange(0, 4, 0.01)
-    motion = logs.Motion(time)
-    recording = logs.Recording()
-    recording.series("/truth/pose", "geometry_msgs/msg/PoseStamped", time, motion.pose(), stamp_s=True)
-    recording.series("/truth/twist", "geometry_msgs/msg/TwistStamped", time, motion.twist(frame="E"), stamp_s=True)
+    motion, recording = logs.Motion(TIME), logs.Recording()
+    recording.series("/truth/pose", "geometry_msgs/msg/PoseStamped", TIME, motion.pose(), stamp_s=True)
+    recording.series("/truth/twist", "geometry_msgs/msg/TwistStamped", TIME, motion.twist(frame="E"), stamp_s=True)
     report = flight.inspect(recording.save(tmp_path / "log.mcap"))
-    assert {topic.topic: topic.plays for topic in report.topics} == {
-        "/truth/pose": ("odometry (pose)",),
-        "/truth/twist": ("odometry (twist)",),
-    }
+    plays = {topic.topic: topic.plays for topic in report.topics}
+    assert plays == {"/truth/pose": ("odometry (pose)",), "/truth/twist": ("odometry (twist)",)}
     assert report.level == "bad"  # nothing to compare with
 
 
 def test_a_second_clock_and_a_slow_link_are_reported(logs, tmp_path):
     time = np.arange(0.01, 5, 0.01)
-    recording = logs.Recording()
-    recording.series("/imu", IMU, 2 * time, logs.Motion(time).imu(), stamp_s=time)
     late = logs.START_NS * 1e-9 + 2 * time - 0.3
-    recording.series("/command/wrench", "geometry_msgs/msg/WrenchStamped", 2 * time, logs.wrench(time), stamp_s=late)
+    recording = logs.Recording().plain("/imu", time, 2 * time, time).plain("/command/wrench", time, 2 * time, late)
     report = flight.inspect(recording.save(tmp_path / "log.mcap"))
     messages = [check.message for check in report.checks if check.name == "clock"]
     assert any("/imu" in m and "0.5000 times" in m for m in messages)

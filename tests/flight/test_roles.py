@@ -13,7 +13,9 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 TWIST = "geometry_msgs/msg/TwistStamped"
 ARRAY = "std_msgs/msg/Float64MultiArray"
-ACTUATORS = "actuator_msgs/msg/Actuators"
+ACTUATORS, MOTORS = "actuator_msgs/msg/Actuators", "mav_msgs/msg/MotorSpeed"
+IMU, BATTERY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/BatteryState"
+PATH = "trajectory_msgs/msg/MultiDOFJointTrajectory"
 
 FIELDS = {
     WRENCH: ("wrench.force.x",),
@@ -21,9 +23,9 @@ FIELDS = {
     ODOMETRY: ("pose.pose.position.x", "twist.twist.linear.x"),
     POSE: ("pose.position.x",),
     TWIST: ("twist.linear.x",),
-    "sensor_msgs/msg/Imu": ("angular_velocity.x",),
-    "sensor_msgs/msg/BatteryState": ("voltage",),
-    "trajectory_msgs/msg/MultiDOFJointTrajectory": (
+    IMU: ("angular_velocity.x",),
+    BATTERY: ("voltage",),
+    PATH: (
         "points.0.transforms.0.translation.x",
         "points.0.velocities.0.linear.x",
         "points.0.accelerations.0.linear.x",
@@ -33,16 +35,12 @@ FIELDS = {
 
 def tables(**kinds):
     """Tables of ten messages by topic; keyword a__b is topic /a/b."""
+    wide = {ARRAY: {"data": 6}, ACTUATORS: {"position": 6, "velocity": 12}, MOTORS: {"motor_speed": 4}}
     found = {}
     for word, kind in kinds.items():
         topic = "/" + word.replace("__", "/")
         columns = {name: np.zeros(10) for name in FIELDS.get(kind, ())}
-        if kind == ARRAY:
-            columns = {"data": np.zeros((10, 6))}
-        if kind == ACTUATORS:
-            columns = {"position": np.zeros((10, 6)), "velocity": np.zeros((10, 12))}
-        if kind == "mav_msgs/msg/MotorSpeed":
-            columns = {"motor_speed": np.zeros((10, 4))}
+        columns |= {name: np.zeros((10, width)) for name, width in wide.get(kind, {}).items()}
         found[topic] = Table(topic, kind, np.arange(10), columns=columns)
     return found
 
@@ -56,29 +54,23 @@ def test_the_topics_that_wrenchgap_writes():
         command__wrench=WRENCH,
         desired__wrench=WRENCH,
         command__actuators=ACTUATORS,
-        imu="sensor_msgs/msg/Imu",
+        imu=IMU,
         odometry=ODOMETRY,
         reference=ODOMETRY,
-        battery="sensor_msgs/msg/BatteryState",
+        battery=BATTERY,
     )
-    assert played(propose(found)) == {
-        "commanded": "/command/wrench",
-        "desired": "/desired/wrench",
-        "tilt": "/command/actuators",
-        "rotor_speed": "/command/actuators",
-        "imu": "/imu",
-        "pose": "/odometry",
-        "twist": "/odometry",
-        "reference_pose": "/reference",
-        "reference_twist": "/reference",
-        "battery": "/battery",
-    }
+    own = {"commanded": "/command/wrench", "desired": "/desired/wrench", "imu": "/imu", "battery": "/battery"}
+    own |= dict.fromkeys(("tilt", "rotor_speed"), "/command/actuators")
+    own |= dict.fromkeys(("pose", "twist"), "/odometry")
+    own |= dict.fromkeys(("reference_pose", "reference_twist"), "/reference")
+    assert played(propose(found)) == own
 
 
 def test_a_payload_is_not_the_vehicle():
-    assignment = propose(tables(payload__state_estimate=ODOMETRY, cf__state_estimate=ODOMETRY, cf__setpoint=ODOMETRY))
-    assert played(assignment)["pose"] == "/cf/state_estimate"
-    assert played(assignment)["reference_pose"] == "/cf/setpoint"
+    found = played(
+        propose(tables(payload__state_estimate=ODOMETRY, cf__state_estimate=ODOMETRY, cf__setpoint=ODOMETRY))
+    )
+    assert (found["pose"], found["reference_pose"]) == ("/cf/state_estimate", "/cf/setpoint")
     assert "pose" not in propose(tables(payload__state_estimate=ODOMETRY)).sources
 
 
@@ -87,60 +79,38 @@ def test_measured_wrenches_are_not_commands(name):
     assert propose(tables(**{name: WRENCH})).sources == {}
 
 
-def test_one_desired_wrench_serves_as_commanded_too():
+def test_one_wrench_is_the_command_whatever_its_name():
+    assert played(propose(tables(wrench=WRENCH))) == {"commanded": "/wrench"}
     assignment = propose(tables(model__desired_wrench="geometry_msgs/msg/Wrench"))
     assert played(assignment) == {"commanded": "/model/desired_wrench", "desired": "/model/desired_wrench"}
     assert "used for both" in assignment.notes[0]
 
 
-def test_one_wrench_of_no_particular_name_is_the_command():
-    assert played(propose(tables(wrench=WRENCH))) == {"commanded": "/wrench"}
-
-
 def test_odometry_actuators_and_reference_of_several_topics():
-    found = tables(
-        truth__pose=POSE,
-        truth__twist=TWIST,
-        tilt_hexa__desired_pose=POSE,
-        tilt_hexa__desired_velocity=TWIST,
-        tilt_hexa__plot__tilt_angle=ARRAY,
-        tilt_hexa__plot__motor_speed=ARRAY,
-    )
-    assert played(propose(found)) == {
-        "pose": "/truth/pose",
-        "twist": "/truth/twist",
-        "reference_pose": "/tilt_hexa/desired_pose",
-        "reference_twist": "/tilt_hexa/desired_velocity",
-        "tilt": "/tilt_hexa/plot/tilt_angle",
-        "rotor_speed": "/tilt_hexa/plot/motor_speed",
+    parts = {
+        "pose": ("truth__pose", POSE),
+        "twist": ("truth__twist", TWIST),
+        "reference_pose": ("tilt_hexa__desired_pose", POSE),
+        "reference_twist": ("tilt_hexa__desired_velocity", TWIST),
+        "tilt": ("tilt_hexa__plot__tilt_angle", ARRAY),
+        "rotor_speed": ("tilt_hexa__plot__motor_speed", ARRAY),
     }
+    expected = {part: "/" + word.replace("__", "/") for part, (word, _) in parts.items()}
+    assert played(propose(tables(**dict(parts.values())))) == expected
 
 
 def test_custom_type_with_rotor_speeds_and_a_trajectory():
-    found = tables(motors="mav_msgs/msg/MotorSpeed", path="trajectory_msgs/msg/MultiDOFJointTrajectory")
-    assert played(propose(found)) == {
-        "rotor_speed": "/motors",
-        "reference_pose": "/path",
-        "reference_twist": "/path",
-        "reference_acceleration": "/path",
-    }
+    parts = ("reference_pose", "reference_twist", "reference_acceleration")
+    found = played(propose(tables(motors=MOTORS, path=PATH)))
+    assert found == {"rotor_speed": "/motors", **dict.fromkeys(parts, "/path")}
 
 
-def test_candidates_are_listed():
-    found = tables(imu__raw="sensor_msgs/msg/Imu", imu__data="sensor_msgs/msg/Imu")
-    assignment = propose(found)
+def test_candidates_are_listed_and_two_vehicles_not_mixed():
+    assignment = propose(tables(imu__raw=IMU, imu__data=IMU))
     assert played(assignment)["imu"] == "/imu/data"
     assert assignment.candidates["imu"] == ("/imu/raw",)
-
-
-def test_two_vehicles_are_not_mixed():
-    found = tables(
-        drone2__command__wrench=WRENCH,
-        drone2__odometry=ODOMETRY,
-        drone1__odometry=ODOMETRY,
-        drone1__imu="sensor_msgs/msg/Imu",
-    )
-    assert played(propose(found))["pose"] == "/drone2/odometry"
+    two = {"drone2__command__wrench": WRENCH, "drone2__odometry": ODOMETRY, "drone1__odometry": ODOMETRY}
+    assert played(propose(tables(**two, drone1__imu=IMU)))["pose"] == "/drone2/odometry"
 
 
 def test_overrides_by_role_and_part():

@@ -21,13 +21,8 @@ def of(kind):
     return [name for name, case in CASES.items() if case.kind == kind]
 
 
-@pytest.mark.parametrize("name", of("one"))
-def test_a_single_hidden_effect_is_named(name):
-    assert row(name)["right"] in GOOD
-
-
-@pytest.mark.parametrize("name", of("two"))
-def test_both_of_two_hidden_effects_are_found(name):
+@pytest.mark.parametrize("name", of("one") + of("two"))
+def test_every_hidden_effect_is_named(name):
     assert row(name)["right"] in GOOD
 
 
@@ -45,6 +40,5 @@ def test_what_is_not_in_the_catalogue_is_called_unknown_and_swings(name):
 
 def test_error_falls_on_a_flight_of_another_kind_and_values_are_right():
     scores = score([row(name) for name in of("one")])
-    assert scores["unseen"]["force"]["median"] > 0.9
-    assert scores["unseen"]["torque"]["median"] > 0.9
+    assert min(scores["unseen"][part]["median"] for part in ("force", "torque")) > 0.9
     assert scores["parameters"]["both"] >= 0.75

@@ -24,10 +24,9 @@ def test_after_scaling_95_percent_are_inside_whatever_the_distribution():
     assert scaled.within_95[0] == pytest.approx(0.95, abs=1e-3)
 
 
-def test_factors_stay_within_reason():
-    error = np.array([[1e9], [-1e9]])
-    assert sigma_scale(error, np.ones((2, 1)))[0] == SCALE[1]
-    assert sigma_scale(np.zeros((2, 1)), np.ones((2, 1)))[0] == SCALE[0]
+@pytest.mark.parametrize(("error", "scale"), [(1e9, SCALE[1]), (0.0, SCALE[0])])
+def test_factors_stay_within_reason(error, scale):
+    assert sigma_scale(np.array([[error], [-error]]), np.ones((2, 1)))[0] == scale
 
 
 def test_coverage_of_normal_numbers():
@@ -35,9 +34,6 @@ def test_coverage_of_normal_numbers():
     found = Coverage.of(error, np.ones((100_000, 2)))
     assert found.within_95 == pytest.approx([0.95, 0.4864], abs=4e-3)  # erf(1.96 / sqrt 2), erf(1.96 / 3 / sqrt 2)
     assert found.within_3_sigma == pytest.approx([0.9973, 0.6827], abs=4e-3)
-
-
-# --- folds ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("count", [200, 777, 1600])
@@ -63,9 +59,6 @@ def test_folds_leave_blocks_of_time_out(count):
         edges = np.flatnonzero(np.diff(usable.astype(int)))
         assert np.diff(edges).min() >= shortest  # whole blocks, not samples
         assert len(edges) >= 2 * BLOCKS // FOLDS - 1  # spread over the flight
-
-
-# --- what it is good for ----------------------------------------------------------------------------------------------
 
 
 def sequence(count, seed):

@@ -13,12 +13,10 @@ ASKED = FitSettings(points=40, restarts=0)
 
 
 def smooth(seed: int, columns: int) -> np.ndarray:
-    """Slow signals (COUNT, columns) of unit size, as flights have."""
+    """Slow signals (COUNT, columns) of about unit size, as flights have: two sines each."""
     rng = np.random.default_rng(seed)
-    time, phase = np.arange(COUNT)[:, None] * 0.075, rng.uniform(0, 2 * np.pi, (2, columns))
-    return np.sin(rng.uniform(0.5, 3.0, columns) * time + phase[0]) + np.sin(
-        rng.uniform(0.5, 3.0, columns) * time + phase[1]
-    )
+    phase, rate = rng.uniform(0, 2 * np.pi, (2, columns)), rng.uniform(0.5, 3.0, (2, columns))
+    return np.sin(rate * 0.075 * np.arange(COUNT)[:, None, None] + phase).sum(axis=1)
 
 
 COMMAND = smooth(0, 6)
@@ -29,13 +27,12 @@ def inputs(groups: tuple[str, ...]) -> np.ndarray:
     return np.hstack((COMMAND, *(EXTRA[g] for g in groups)))
 
 
-def noise() -> np.ndarray:
-    return 0.02 * np.random.default_rng(9).normal(size=(COUNT, 1))
+NOISE = 0.02 * np.random.default_rng(9).normal(size=(COUNT, 1))
 
 
 def test_drag_and_a_lag_ask_for_velocity_and_past() -> None:
     """A torque from the command, from the speed, and from the change of the command."""
-    torque = 0.3 * COMMAND[:, [3]] + 0.3 * EXTRA["velocity"][:, [0]] + 0.4 * EXTRA["past"][:, [5]] + noise()
+    torque = 0.3 * COMMAND[:, [3]] + 0.3 * EXTRA["velocity"][:, [0]] + 0.4 * EXTRA["past"][:, [5]] + NOISE
     found = compare_alternatives(inputs, torque, TORQUE, ASKED)
     assert found.better is not None
     assert set(found.best.inputs) == {"velocity", "past"}
@@ -45,7 +42,7 @@ def test_drag_and_a_lag_ask_for_velocity_and_past() -> None:
 
 
 def test_what_the_command_explains_asks_for_nothing() -> None:
-    found = compare_alternatives(inputs, 0.3 * COMMAND[:, [3]] + noise(), TORQUE, ASKED)
+    found = compare_alternatives(inputs, 0.3 * COMMAND[:, [3]] + NOISE, TORQUE, ASKED)
     assert found.best.inputs == ()
 
 
@@ -55,13 +52,13 @@ def test_groups_that_the_log_lacks_are_left_out() -> None:
             raise FitError("no odometry")
         return inputs(groups)
 
-    found = compare_alternatives(without_pose, 0.4 * EXTRA["past"][:, [5]] + noise(), TORQUE, ASKED)
+    found = compare_alternatives(without_pose, 0.4 * EXTRA["past"][:, [5]] + NOISE, TORQUE, ASKED)
     assert found.best.inputs == ("past",)
     assert not any({"velocity", "position"} & set(c.settings.inputs) for c in found.tried)
 
 
 def test_few_samples_are_not_compared() -> None:
-    found = compare_alternatives(lambda groups: inputs(groups)[:100], noise()[:100], TORQUE, ASKED)
+    found = compare_alternatives(lambda groups: inputs(groups)[:100], NOISE[:100], TORQUE, ASKED)
     assert found.tried == ()
     assert found.better is None
     assert found.best == ASKED

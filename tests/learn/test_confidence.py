@@ -44,10 +44,9 @@ def test_goes_the_way_it_must(made_up, coefficients, key, values, rises):
 
 
 def test_stays_between_zero_and_the_surest(made_up, coefficients):
-    shares, evidences = (0.0, -0.1, 1e-9, 1.0), (-3.0, 0.0, 1e3)
-    for s, share, e, left in itertools.product(SEPARATIONS, shares, evidences, (0.0, 1.0, 1e6)):
-        for unknown in (False, True):
-            assert 0.0 < stated(made_up, s, share, e, left, unknown) <= SUREST
+    shares, evidences, left = (0.0, -0.1, 1e-9, 1.0), (-3.0, 0.0, 1e3), (0.0, 1.0, 1e6)
+    for case in itertools.product(SEPARATIONS, shares, evidences, left, (False, True)):
+        assert 0.0 < stated(made_up, *case) <= SUREST
 
 
 def test_nothing_is_sure(made_up, monkeypatch):
@@ -55,12 +54,11 @@ def test_nothing_is_sure(made_up, monkeypatch):
     assert stated(made_up) == SUREST < 1
 
 
-def test_even_odds_are_one_half(made_up, monkeypatch):
+@pytest.mark.parametrize(("separation", "odds"), [(0.0, 0.5), (3.0, 0.75), (-3.0, 0.25)])
+def test_even_odds_are_one_half(made_up, monkeypatch, separation, odds):
     """Odds are exp(b . x): at separation 3 with ln(3) / 3 per unit, three to one."""
     monkeypatch.setattr(confidence, "COEFFICIENTS", (0.0, np.log(3) / 3, 0.0, 0.0, 0.0, 0.0))
-    assert stated(made_up, separation=0.0) == pytest.approx(0.5)
-    assert stated(made_up, separation=3.0) == pytest.approx(0.75)
-    assert stated(made_up, separation=-3.0) == pytest.approx(0.25)
+    assert stated(made_up, separation=separation) == pytest.approx(odds)
 
 
 def test_nearest_is_the_closest_that_might_be_right_and_is_not_of_the_group(made_up):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import derivative, low_pass
@@ -22,29 +23,15 @@ def noise(data, rng):
     return np.concatenate(out)
 
 
-@pytest.fixture
-def turning(fly):
-    return fly("none", None, "turn", seconds=30, seed=31)[0]
-
-
-@pytest.fixture
-def tumbling(fly):
-    return fly("none", None, "train", seconds=40, seed=5)[0]
-
-
 def quantity(data, name):
     return next(q.values for q in quantities(data)[0] if q.name == name)
 
 
 def test_a_torque_that_depends_on_heading_lands_there(turning):
-    rng = np.random.default_rng(0)
-    angle = np.radians(quantity(turning, "heading"))
-    residual = noise(turning, rng)
-    residual[:, 5] += 0.1 * np.sin(angle)
-    found = failure_map(turning, residual)
-    first = found.dependences[0]
-    assert first.name == "heading"
-    assert first.significant
+    residual = noise(turning, np.random.default_rng(0))
+    residual[:, 5] += 0.1 * np.sin(np.radians(quantity(turning, "heading")))
+    first = failure_map(turning, residual).dependences[0]
+    assert (first.name, first.significant) == ("heading", True)
     assert first.of_mean > 0.7
     assert int(np.argmax(first.axes_mean)) == 5
     b = first.binned
@@ -56,21 +43,17 @@ def test_a_torque_that_depends_on_heading_lands_there(turning):
 
 def test_an_error_at_large_tilt_sits_there(tumbling):
     """Nothing but noise below 50 deg: all of the error above the noise is in the bins above."""
-    tilt = quantity(tumbling, "tilt")
-    rng = np.random.default_rng(1)
-    residual = noise(tumbling, rng)
+    residual = noise(tumbling, np.random.default_rng(1))
     phase = np.sign(np.sin(2 * np.pi * 0.9 * np.concatenate([r.time for r in tumbling.records])))
-    residual[:, 0] += np.where(tilt > 50, 0.8 * phase, 0.0)  # no mean, only size
+    residual[:, 0] += np.where(quantity(tumbling, "tilt") > 50, 0.8 * phase, 0.0)  # no mean, only size
     found = failure_map(tumbling, residual)
-    first = found.dependences[0]
+    first, grid = found.dependences[0], found.grid
     assert first.name == "tilt"
-    assert first.of_size > 0.5
-    assert first.of_size > 2 * first.of_mean
+    assert first.of_size > max(0.5, 2 * first.of_mean)
     b = first.binned
     assert b.whole_share[b.low > 49].sum() > 0.6
     assert b.whole_share[b.high < 50].sum() < 0.1
     assert b.time_share[b.low > 49].sum() < 0.5
-    grid = found.grid
     assert (grid.x, grid.y) == ("tilt", "direction")
     rows = 0.5 * (grid.x_edges[1:] + grid.x_edges[:-1])
     assert np.nanmin(grid.force[rows > 57]) > 3 * np.nanmax(grid.force[rows < 43])
@@ -92,30 +75,24 @@ def test_bins_account_for_every_sample(tumbling):
             assert b.samples.min() > 0.9 * b.samples.max()
 
 
+def alarms(data, residuals):
+    """In how many of the residuals a quantity other than time is significant."""
+    maps = [failure_map(data, z, permutations=200, seed=k) for k, z in enumerate(residuals)]
+    return sum(any(d.name != "time" for d in found.significant) for found in maps)
+
+
 def test_noise_goes_with_nothing(tumbling):
     """p is corrected for all quantities: one flight in a hundred may cry wolf, two in twenty are one in 60."""
     rng = np.random.default_rng(3)
-    alarms = [
-        bool(failure_map(tumbling, noise(tumbling, rng), permutations=200, seed=k).significant) for k in range(20)
-    ]
-    assert sum(alarms) <= 1
+    assert alarms(tumbling, [noise(tumbling, rng) for _ in range(20)]) <= 1
 
 
 def test_slow_drift_does_not_pass_for_other_quantities(tumbling):
     """A residual coloured over half a second, which a test of single samples would see everywhere."""
     rng = np.random.default_rng(4)
-    dt = tumbling.records[0].dt * tumbling.records[0].keep.step
-    alarms = 0
-    for k in range(20):
-        residual = np.zeros_like(tumbling.measured)
-        for i in range(1, len(residual)):
-            residual[i] = np.exp(-dt / 0.5) * residual[i - 1] + rng.standard_normal(6)
-        alarms += any(
-            d.significant
-            for d in failure_map(tumbling, residual, permutations=200, seed=k).dependences
-            if d.name != "time"
-        )
-    assert alarms <= 2
+    kept = np.exp(-tumbling.records[0].dt * tumbling.records[0].keep.step / 0.5)
+    drifts = [lfilter([1.0], [1.0, -kept], rng.standard_normal(tumbling.measured.shape), axis=0) for _ in range(20)]
+    assert alarms(tumbling, drifts) <= 2
 
 
 def test_an_offset_between_flights_is_no_dependence(fly, hexarotor):
@@ -132,11 +109,11 @@ def test_a_manoeuvre_as_long_as_a_block_is_seen(turning):
     """Shuffling blocks alone would leave a period of 2 s in place."""
     record = turning.records[0]
     wave = np.sin(np.pi * record.time)
-    omega = np.column_stack((0 * wave, 0 * wave, wave))
-    data = replace(turning, records=(replace(record, state_kept=replace(record.state_kept, omega_B=omega)),))
+    state = replace(record.state_kept, omega_B=np.outer(wave, [0, 0, 1]))
     residual = noise(turning, np.random.default_rng(6))
     residual[:, 5] += 0.01 * wave
-    assert {d.name for d in failure_map(data, residual).significant} >= {"rate_z"}
+    found = failure_map(replace(turning, records=(replace(record, state_kept=state),)), residual)
+    assert "rate_z" in {d.name for d in found.significant}
 
 
 def test_a_log_without_pose_is_mapped_by_what_it_has(turning, hexarotor):

@@ -1,9 +1,10 @@
 """Work by several processes gives what work by one gives."""
 
 import os
-import textwrap
-from dataclasses import dataclass
+import re
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,8 +26,6 @@ def test_answers_come_in_the_order_of_the_questions():
 
 def test_other_processes_do_a_part_of_the_work_and_stay_for_the_next():
     def who(_):
-        import time
-
         time.sleep(0.3)
         return os.getpid()
 
@@ -58,9 +57,8 @@ def test_a_worker_that_dies_is_told_and_the_next_call_has_others():
     assert list(each(str.upper, ["a", "b"], 2)) == ["A", "B"]
 
 
-@dataclass(frozen=True)
-class Large:
-    values: np.ndarray
+class Large(SimpleNamespace):
+    """Can be weakly referenced."""
 
 
 def part_of(large):
@@ -68,7 +66,7 @@ def part_of(large):
 
 
 def test_what_is_shared_is_written_once_and_goes_with_its_owner():
-    large = Large(np.arange(1e5))
+    large = Large(values=np.arange(1e5))
     items = [str(k) for k in range(10)]
     found = [answer for _ in range(3) for answer in each(part_of(large), items, 2, shared=[large])]
     assert [value for *_, value in found] == 3 * [float(k) for k in range(10)]
@@ -80,57 +78,37 @@ def test_what_is_shared_is_written_once_and_goes_with_its_owner():
     assert not file.exists()
 
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects" / "your-own.md"
+EXAMPLE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1]
+
+
 def test_own_effects_are_those_of_the_workers_too(tmp_path):
-    file = tmp_path / "mine.py"
-    file.write_text(
-        textwrap.dedent(
-            """
-            import numpy as np
-            from wrenchgap.plant.effects import Parameter, WrenchEffect
+    (tmp_path / "mine.py").write_text(EXAMPLE)
+    parent, names = os.getpid(), ["field_torque"] * 12
 
-            class Mine(WrenchEffect):
-                name = "mine"
-                excited_by = "anything"
+    def broken(name):
+        if os.getpid() != parent:
+            find(name).apply(None, None, None, None)
 
-                def parameters(self, vehicle):
-                    return (Parameter("size", "N", -10.0, 10.0, 1.0),)
-
-                def apply(self, actuation, wrench_B, theta, context):
-                    return theta[0] * np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(wrench_B), 1))
-
-                def break_(self):
-                    raise KeyError("inside")
-            """
-        )
-    )
     try:
-        own_effects.use([file])
-        mine = find("mine")
-        found = list(each(lambda name: (os.getpid(), find(name).name, find(name)), ["mine"] * 12, 2))
-        assert {name for _, name, _ in found} == {"mine"}
-        assert all(type(effect) is type(mine) for *_, effect in found)
-        parent = os.getpid()
-
-        def broken(name):
-            if os.getpid() != parent:
-                find(name).break_()
-
-        with pytest.raises(ModelError, match=r"mine\.py:\d+: KeyError"):
-            list(each(broken, ["mine"] * 12, 2))
+        own_effects.use([tmp_path / "mine.py"])
+        found = list(each(lambda name: (find(name).name, find(name)), names, 2))
+        assert {name for name, _ in found} == {"field_torque"}
+        assert all(type(effect) is type(find("field_torque")) for _, effect in found)
+        with pytest.raises(ModelError, match=r"mine\.py:\d+: \w+Error"):
+            list(each(broken, names, 2))
     finally:
         own_effects.use([])
 
 
-def test_explain_finds_the_same_on_two_cores(fly, hexarotor):
-    data, _ = fly("com_offset", None, "train", seed=21, seconds=25)
+def test_explain_finds_the_same_on_two_cores(offset, hexarotor):
     names = ("com_offset", "mass", "servo_lag", "command_delay", "tether")
-    chosen = candidates(data.records, hexarotor, names)
-    one, two = (search_dataset(data, hexarotor, chosen, jobs=jobs) for jobs in (1, 2))
+    chosen = candidates(offset.data.records, hexarotor, names)
+    one, two = (search_dataset(offset.data, hexarotor, chosen, jobs=jobs) for jobs in (1, 2))
     assert one.effects == two.effects
     np.testing.assert_array_equal(one.fit.theta, two.fit.theta)
     np.testing.assert_array_equal(one.rms_after, two.rms_after)
     for a, b in zip(one.members, two.members, strict=True):
         assert (a.share, a.significance) == (b.share, b.significance)
-        assert [(r.name, r.separation, r.cosine) for r in a.rivals] == [
-            (r.name, r.separation, r.cosine) for r in b.rivals
-        ]
+        rivals_a, rivals_b = ([(r.name, r.separation, r.cosine) for r in m.rivals] for m in (a, b))
+        assert rivals_a == rivals_b

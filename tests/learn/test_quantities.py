@@ -10,11 +10,6 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose.quantities import NO_ARMS, NO_POSE, NO_VOLTAGE, heading, input_groups, quantities
 
 
-@pytest.fixture
-def turning(fly):
-    return fly("none", None, "turn", seconds=20, seed=4)[0]
-
-
 def posed(data, hexarotor, rotation):
     """The first record with another attitude throughout."""
     record = data.records[0]
@@ -36,27 +31,26 @@ def test_side_that_is_down_is_the_bodys_own(turning, hexarotor, euler, side, yaw
 
 
 @pytest.mark.parametrize("tilt", [0.0, 50.0, 110.0])
-def test_heading_does_not_depend_on_tilt(tilt):
+@pytest.mark.parametrize("yaw", [-170.0, -20.0, 100.0])
+def test_heading_does_not_depend_on_tilt(tilt, yaw):
     """However far it leans about a horizontal axis, it heads where it headed."""
-    for yaw in (-170.0, -20.0, 100.0):
-        lean = Rotation.from_rotvec(np.radians(tilt) * np.array([0.6, -0.8, 0.0]))
-        quat = (lean * Rotation.from_euler("z", yaw, degrees=True)).as_quat(scalar_first=True)
-        assert np.degrees(heading(np.array([quat, -quat]))) == pytest.approx(yaw)
+    lean = Rotation.from_rotvec(np.radians(tilt) * np.array([0.6, -0.8, 0.0]))
+    quat = (lean * Rotation.from_euler("z", yaw, degrees=True)).as_quat(scalar_first=True)
+    assert np.degrees(heading(np.array([quat, -quat]))) == pytest.approx(yaw)
 
 
 def test_level_flight_has_no_side(turning, hexarotor):
-    found, lacking = quantities(posed(turning, hexarotor, Rotation.from_euler("y", 1.0, degrees=True)))
-    first = posed(turning, hexarotor, Rotation.from_euler("y", 1.0, degrees=True)).records[0].state_kept.quat_EB[0]
-    assert np.degrees(2 * np.arccos(first[0])) > 3  # it leaned at one sample only
+    data = posed(turning, hexarotor, Rotation.from_euler("y", 1.0, degrees=True))
+    found, lacking = quantities(data)
+    assert np.degrees(2 * np.arccos(data.records[0].state_kept.quat_EB[0, 0])) > 3  # it leaned at one sample only
     assert "direction" in lacking
     assert "tilt" in {q.name for q in found}
 
 
 def test_what_a_log_lacks_is_said(turning, hexarotor):
-    bare = [
-        replace(r, has_pose=False, has_voltage=False, commands=replace(r.commands, tilt=None)) for r in turning.records
-    ]
-    data = dataset(bare, hexarotor)
+    (r,) = turning.records
+    bare = replace(r, has_pose=False, has_voltage=False, commands=replace(r.commands, tilt=None))
+    data = dataset([bare], hexarotor)
     found, lacking = quantities(data)
     assert lacking["tilt"] == lacking["height"] == lacking["speed"] == NO_POSE
     assert lacking["voltage"] == NO_VOLTAGE

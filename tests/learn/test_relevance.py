@@ -17,13 +17,12 @@ def white(data, seed):
     return np.random.default_rng(seed).standard_normal(data.measured.shape) * data.noise
 
 
-def test_a_torque_that_depends_on_heading(fly):
+def test_a_torque_that_depends_on_heading(turning):
     """Half of the torque's variance is noise: the share that is found is the share that was put in."""
-    data, _ = fly("none", None, "turn", seconds=30, seed=31)
-    residual = white(data, 0)
-    signal = 0.02 * group(data, "heading")[:, 0]
-    residual[:, 5] += signal - residual[:, 5] + signal.std() * np.random.default_rng(1).standard_normal(len(signal))
-    found = relevance(data, residual)
+    residual = white(turning, 0)
+    signal = 0.02 * group(turning, "heading")[:, 0]
+    residual[:, 5] = signal + signal.std() * np.random.default_rng(1).standard_normal(len(signal))
+    found = relevance(turning, residual)
     assert [g.name for g in found.chosen] == ["heading"]
     first = found.groups[0]
     assert first.alone_axes[5] == pytest.approx(0.5, abs=0.06)
@@ -41,22 +40,20 @@ def test_a_force_that_depends_on_height_without_a_straight_line(fly):
     assert found.groups[0].alone_axes[2] > 0.85
 
 
-def test_two_causes_are_both_found_and_each_is_missed(fly):
-    data, _ = fly("none", None, "train", seconds=40, seed=5)
-    residual = white(data, 3)
+def test_two_causes_are_both_found_and_each_is_missed(tumbling):
+    residual = white(tumbling, 3)
     for axis, name in ((3, "velocity"), (5, "rates")):
-        values = group(data, name)[:, 2]
-        residual[:, axis] += 4 * data.noise[axis] * values / values.std()
-    found = relevance(data, residual)
+        values = group(tumbling, name)[:, 2]
+        residual[:, axis] += 4 * tumbling.noise[axis] * values / values.std()
+    found = relevance(tumbling, residual)
     assert {g.name for g in found.chosen} == {"velocity", "rates"}
     for g in found.chosen:
         assert g.lost == pytest.approx(g.alone, abs=0.1)
     assert found.explained == pytest.approx(sum(g.lost for g in found.chosen), abs=0.05)
 
 
-def test_noise_depends_on_nothing(fly):
-    data, _ = fly("none", None, "train", seconds=40, seed=5)
-    assert not any(relevance(data, white(data, seed)).chosen for seed in range(5))
+def test_noise_depends_on_nothing(tumbling):
+    assert not any(relevance(tumbling, white(tumbling, seed)).chosen for seed in range(5))
 
 
 @pytest.mark.parametrize(

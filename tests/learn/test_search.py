@@ -13,6 +13,7 @@ from wrenchgap.learn.data.blocks import INDISTINCT, LARGE, LARGE_EVIDENCE, SIGNI
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.search import LEAST_EVIDENCE, LIKE, MATERIAL, MOST_RIVALS, Search, beyond_chance, material
 from wrenchgap.plant.effects import Parameter
+from wrenchgap.plant.model import make_effect
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")
 CARRIED = ("payload", "mass", "com_offset", "inertia", "thrust_scale", "tether", "servo_lag", "arm_reaction")
@@ -20,83 +21,58 @@ PAIRS = ("thrust_scale", "coaxial_loss", "mass", "drag_torque", "servo_lag", "ar
 TIMING = ("servo_lag", "command_delay", "motor_lag", "backlash")
 
 
-@dataclass(frozen=True)
 class Found:
-    """A finished search."""
+    """A finished search among `names` on a flight."""
 
-    search: Search
-    members: tuple
-    truth: object
-
-    @property
-    def names(self):
-        return [m.name for m in self.members]
-
-    def member(self, name):
-        return next(m for m in self.members if m.name == name)
+    def __init__(self, flown, model, names):
+        self.data, self.truth = flown
+        self.search = Search(self.data, model, names, None)
+        self.search.forward(4)
+        self.members = self.search.refine()
+        self.names = [m.name for m in self.members]
 
     def values(self, name):
         rows = zip(self.search.fit.parameters, self.search.fit.theta, strict=True)
         return np.array([v for (owner, _), v in rows if owner == name])
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def searched(fly, hexarotor):
-    """Search among `names` on a flight; twenty seconds, each flown and searched once."""
-    cache = {}
+    """Search among `names` on twenty seconds of a flight with a hidden effect."""
 
     def made(names, effect, seed, trajectory="train", size=None, **kwargs):
-        key = (names, repr(effect), seed, trajectory, tuple(kwargs.items()))
-        if key not in cache:
-            data, truth = fly(effect, size, trajectory, seconds=20, seed=seed, **kwargs)
-            search = Search(data, hexarotor, names, None)
-            search.forward(4)
-            cache[key] = Found(search, search.refine(), truth)
-        return cache[key]
+        return Found(fly(effect, size, trajectory, seconds=20, seed=seed, **kwargs), hexarotor, names)
 
     return made
 
 
-# ---------------------------------------------------------------- on flights
-
-
 @pytest.fixture(scope="module")
-def thin_and_turned(searched):
-    return searched(THRUST, ["thin_air", "tilt_offset"], 912)
+def thin_and_turned(fly, hexarotor):
+    return Found(fly(["thin_air", "tilt_offset"], None, "train", seconds=20, seed=912), hexarotor, THRUST)
 
 
-def test_twelve_numbers_taken_first_give_way_to_one(thin_and_turned):
+def test_twelve_numbers_taken_first_give_way_to_one_of_the_true_size(thin_and_turned):
     """Twelve gains imitate thin air and a bit of the turned arms; with the arms named, one number does."""
-    found = thin_and_turned
+    found, truth = thin_and_turned, thin_and_turned.truth.parameters
     assert found.search.steps[0].chosen == "rotor_thrust"
     assert "rotor_thrust" not in found.names
     assert found.names[0] in ("thrust_scale", "coaxial_loss")
-    assert "tilt_offset" in found.names
-
-
-def test_values_after_the_exchange_are_the_true_ones(thin_and_turned):
-    found = thin_and_turned
-    missing = found.truth.parameters["thin_air"]["missing"]
     lost = found.values(found.names[0]).item() / (1 if found.names[0] == "thrust_scale" else -2)
-    assert lost == pytest.approx(-missing, rel=0.02)
-    np.testing.assert_allclose(
-        found.values("tilt_offset"), found.truth.parameters["tilt_offset"]["per_arm"], atol=np.deg2rad(0.3)
-    )
+    assert lost == pytest.approx(-truth["thin_air"]["missing"], rel=0.02)
+    turned = found.values("tilt_offset")
+    np.testing.assert_allclose(turned, truth["tilt_offset"]["per_arm"], atol=np.deg2rad(0.3))
 
 
 def test_members_are_listed_by_what_is_lost_without_them(thin_and_turned):
     """Their shares against a search for the rest alone."""
-    found = thin_and_turned
-    shares = [m.share for m in found.members]
-    assert shares == sorted(shares, reverse=True)
-    search = found.search
-    for member in found.members[:2]:
+    members, search = thin_and_turned.members, thin_and_turned.search
+    assert [m.share for m in members] == sorted((m.share for m in members), reverse=True)
+    for member in members[:2]:
         _, without = search.fitted([n for n in search.chosen if n != member.name], search.fit)
         rms = np.sqrt(np.mean(without**2, axis=0) / np.mean(search.current**2, axis=0))
         assert np.log(rms).sum() == pytest.approx(member.evidence, rel=0.02)
-        gone = energy(without, search.data.weights) / energy(search.given, search.data.weights)
-        gone -= energy(search.current, search.data.weights) / energy(search.given, search.data.weights)
-        assert gone == pytest.approx(member.share, abs=1e-3)
+        gone, left, given = (energy(z, search.data.weights) for z in (without, search.current, search.given))
+        assert (gone - left) / given == pytest.approx(member.share, abs=1e-3)
 
 
 @pytest.fixture
@@ -143,27 +119,24 @@ def test_and_no_group_where_they_do(searched, lower_rotors_lose, hidden, named):
     assert found.values(named).item() == pytest.approx(expected, rel=0.02)
 
 
-def test_a_payload_is_called_one(searched):
+def test_a_payload_is_called_one(searched, payload):
     found = searched(CARRIED, "payload", 3)
-    truth = found.truth.parameters["payload"]
     assert found.names[0] == "payload"
     assert not {"mass", "com_offset", "inertia", "thrust_scale", "tether"} & set(found.names)
-    expected = [truth[key] for key in ("mass", "x", "y", "z")]
-    assert (np.abs(found.values("payload") - expected) < [0.003, 0.002, 0.002, 0.002]).all()
+    assert (np.abs(found.values("payload") - payload.values) < [0.003, 0.002, 0.002, 0.002]).all()
 
 
-def test_its_parts_are_put_together(fly, hexarotor):
+def test_its_parts_are_put_together(payload, hexarotor):
     """Mass, centre of mass and inertia, each rightly found, are ten numbers for four."""
-    data, truth = fly("payload", None, "train", seconds=20, seed=3)
-    search = Search(data, hexarotor, CARRIED, None)
+    search = Search(payload.data, hexarotor, CARRIED, None)
     parts = ["mass", "com_offset", "inertia", "servo_lag", "arm_reaction"]
     search.take(parts, search.fit)
     apart = search.current
     assert search.merge()
     assert sorted(search.chosen) == ["arm_reaction", "payload", "servo_lag"]
-    assert contrast(data, search.current, apart).separation < INDISTINCT
+    assert contrast(payload.data, search.current, apart).separation < INDISTINCT
     fitted = dict(zip((f"{n}.{p.name}" for n, p in search.fit.parameters), search.fit.theta, strict=True))
-    assert fitted["payload.mass"] == pytest.approx(truth.parameters["payload"]["mass"], rel=0.02)
+    assert fitted["payload.mass"] == pytest.approx(payload.values[0], rel=0.02)
     assert not search.merge()
     search.take(parts, search.fit)
     assert [m.name for m in search.refine()] == ["payload", "servo_lag", "arm_reaction"]
@@ -190,32 +163,21 @@ def test_a_lag_too_small_for_a_name_is_not_called_backlash(searched, trajectory)
     assert found.names == []
 
 
-def test_an_effect_that_is_not_there_is_dropped_again(fly, hexarotor):
-    data, truth = fly("com_offset", None, "train", seconds=25, seed=21)
-    search = Search(data, hexarotor, ("com_offset", "servo_lag", "imu_misalignment", "mass"), None)
+def test_an_effect_that_is_not_there_is_dropped_again(offset, hexarotor):
+    search = Search(offset.data, hexarotor, ("com_offset", "servo_lag", "imu_misalignment", "mass"), None)
     search.take(["imu_misalignment", "com_offset", "mass", "servo_lag"], search.fit)
-    members = search.refine()
-    assert [m.name for m in members] == ["com_offset", "servo_lag"]
-    expected = [truth.parameters["com_offset"][a] for a in "xyz"]
-    np.testing.assert_allclose(search.fit.theta[:3], expected, atol=3e-4)
+    assert [m.name for m in search.refine()] == ["com_offset", "servo_lag"]
+    np.testing.assert_allclose(search.fit.theta[:3], offset.values, atol=3e-4)
 
 
-def test_the_models_own_effects_are_fitted_along_and_not_tried(fly, hexarotor):
+def test_the_models_own_effects_are_fitted_along_and_not_tried(offset, hexarotor):
     """A model that knows of the offset, with wrong numbers: they are put right, and something else is looked for."""
-    from wrenchgap.plant.effects import find
-    from wrenchgap.plant.wrench_model import ModelEffect
-
-    data, truth = fly("com_offset", None, "train", seconds=25, seed=21)
-    wrong = hexarotor.with_effects((ModelEffect(find("com_offset"), np.array([0.02, 0.0, 0.0])),))
-    search = Search(data, wrong, ("servo_lag", "mass"), None)
+    wrong = hexarotor.with_effects([make_effect(hexarotor.vehicle, "com_offset", [0.02, 0.0, 0.0])])
+    search = Search(offset.data, wrong, ("servo_lag", "mass"), None)
     search.forward(2)
     assert [m.name for m in search.refine()] == ["servo_lag"]
     assert search.fit.effects[0].name == "com_offset"
-    expected = [truth.parameters["com_offset"][a] for a in "xyz"]
-    np.testing.assert_allclose(search.fit.theta[:3], expected, atol=3e-4)
-
-
-# ---------------------------------------------------------------- the rules, on made-up numbers
+    np.testing.assert_allclose(search.fit.theta[:3], offset.values, atol=3e-4)
 
 
 def test_chance_is_ruled_out_by_many_blocks_or_by_a_large_gain():

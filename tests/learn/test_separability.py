@@ -1,6 +1,7 @@
 """Separability against closed forms, Monte Carlo, and a screening that is written differently."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,14 +24,7 @@ TILT = Moves(10.0, HOME, (Tilt(0.0, 10.0, np.radians(50.0), 0.0, 2.0, 2 * np.pi)
 
 @pytest.fixture(scope="module")
 def record(hexarotor):
-    made = {}
-
-    def of(flight):
-        if id(flight) not in made:
-            made[id(flight)] = rehearse(flight, hexarotor, LIMITS).record
-        return made[id(flight)]
-
-    return of
+    return cache(lambda flight: rehearse(flight, hexarotor, LIMITS).record)
 
 
 def between(found, truth, imitator):
@@ -39,18 +33,15 @@ def between(found, truth, imitator):
 
 def test_a_force_in_E_and_one_in_B_are_the_same_thing_at_one_heading(hexarotor, record):
     tether = make_effect(hexarotor.vehicle, "tether", {"force_x": 0.8})
-    hover = separability(record(HOVER), hexarotor, tether, "constant_wrench", also=())
-    assert between(hover, "tether", "constant_wrench").cosine == pytest.approx(1.0, abs=1e-6)
-    assert not hover.separable
-    turn = between(
-        separability(record(TURN), hexarotor, tether, "constant_wrench", also=()), "tether", "constant_wrench"
-    )
+    found = [separability(record(f), hexarotor, tether, "constant_wrench", also=()) for f in (HOVER, TURN)]
+    hover, turn = (between(f, "tether", "constant_wrench") for f in found)
+    assert hover.cosine == pytest.approx(1.0, abs=1e-6)
+    assert not found[0].separable
     # Seen from B the force goes round: of (cos, -sin) over a full turn a constant takes next to nothing. (The quintic
     # turn rests at both ends, where a constant can help: it leaves 1 - |mean|^2 of the energy.)
     s = np.linspace(0.0375, 0.9625, 4001)  # without what the filter trims
-    yaw = 2 * np.pi * s**3 * (10 - 15 * s + 6 * s**2)
-    mean = np.hypot(np.cos(yaw).mean(), np.sin(yaw).mean())
-    assert turn.share == pytest.approx(np.sqrt(1.0 - mean**2), abs=0.02)
+    mean = np.exp(2j * np.pi * s**3 * (10 - 15 * s + 6 * s**2)).mean()
+    assert turn.share == pytest.approx(np.sqrt(1.0 - abs(mean) ** 2), abs=0.02)
     assert turn.told
 
 
@@ -84,17 +75,12 @@ def test_a_richer_imitator_does_not_count(hexarotor, record):
 @pytest.mark.parametrize("size", [0.3, 1.0])
 @pytest.mark.parametrize("uneven", [False, True])
 def test_expected_separation_is_what_noise_gives_on_average(hexarotor, record, size, uneven):
-    data = dataset([record(HOVER)], hexarotor)
-    data = replace(data, independence=1.0)  # samples of this noise are independent
-    rng = np.random.default_rng(1)
+    data = replace(dataset([record(HOVER)], hexarotor), independence=1.0)  # samples of this noise are independent
     shape = np.where(data.block % 2 == 0, 1.4, 0.2) if uneven else np.ones(len(data.block))
-    left = size * shape[:, None] * data.noise * np.array([1.0, 0.0, 0.0, 0.5, 0.0, 0.0])
-    drawn = []
-    for _ in range(60):
-        noise = data.noise * rng.standard_normal(left.shape)
-        made = contrast(data, noise + left, noise)
-        drawn.append(made.t)
-    assert expected_separation(data, left, data.noise) == pytest.approx(np.median(drawn), rel=0.25)
+    left = size * shape[:, None] * data.noise * [1.0, 0.0, 0.0, 0.5, 0.0, 0.0]
+    drawn = data.noise * np.random.default_rng(1).standard_normal((60, *left.shape))
+    typical_t = np.median([contrast(data, noise + left, noise).t for noise in drawn])
+    assert expected_separation(data, left, data.noise) == pytest.approx(typical_t, rel=0.25)
 
 
 def test_errors_of_the_model_lower_the_expected_separation(hexarotor, record):

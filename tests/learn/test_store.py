@@ -8,30 +8,38 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
+from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, LogSource, Provenance
 from wrenchgap.learn.process.store import load, save
 from wrenchgap.learn.process.train import fit
 
 
 @pytest.fixture
-def gp():
-    rng = np.random.default_rng(0)
-    return GaussianProcess(
-        outputs=("torque_x", "torque_z"),
-        input_mean=rng.normal(size=6),
-        input_scale=np.ones(6),
-        output_scale=np.array([0.2, 0.5]),
-        mean_coefficients=rng.normal(size=(2, 7)),
-        inputs=rng.normal(size=(15, 6)),
-        residuals=rng.normal(size=(15, 2)),
-        lengthscales=np.full((2, 6), 2.0),
-        signal_variance=np.array([1.0, 2.0]),
-        noise_variance=np.array([0.1, 0.2]),
-        sigma_training=np.array([0.1, 0.2]),
-        mismatch_max=np.array([0.5, 1.5]),
-        settings=FitSettings(points=15, mean="linear"),
-        provenance=Provenance("voliro_x", "ab", "nominal", 8.0, (LogSource("α.mcap", "cd"),), "0.1", "2026-01-01"),
-    )
+def gp(hand_made):
+    origin = Provenance("voliro_x", "ab", "nominal", 8.0, (LogSource("α.mcap", "cd"),), "0.1", "2026-01-01")
+    return replace(hand_made(15), settings=FitSettings(points=15, mean="linear"), provenance=origin)
+
+
+SPARSE = FitSettings(points=20, restarts=0, inputs=("past",), inference="sparse", mean="linear")
+
+
+@pytest.fixture
+def path(gp, tmp_path):
+    """A file that holds `gp`."""
+    save(gp, tmp_path / "a.gp")
+    return tmp_path / "a.gp"
+
+
+def same(one, other, columns):
+    """Predictions are equal bit for bit."""
+    query = np.random.default_rng(1).normal(size=(20, columns))
+    for function in ("mean", "std", "jacobian"):
+        assert getattr(one, function)(query).tobytes() == getattr(other, function)(query).tobytes()
+
+
+def refused(path, message):
+    with pytest.raises(FitError, match=message) as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
 
 
 def rewritten(path, change):
@@ -44,84 +52,56 @@ def rewritten(path, change):
                 archive.writestr(name, content)
 
 
-def test_comes_back_bit_for_bit(gp, tmp_path):
-    save(gp, tmp_path / "a.gp")
+@pytest.mark.parametrize("kind", ["gp", "sparse"])
+def test_comes_back_bit_for_bit(kind, request, tmp_path):
+    made = request.getfixturevalue(kind)
+    save(made, tmp_path / "a.gp")
     back = load(tmp_path / "a.gp")
-    query = np.random.default_rng(1).normal(size=(20, 6))
-    assert back.mean(query).tobytes() == gp.mean(query).tobytes()
-    assert back.std(query).tobytes() == gp.std(query).tobytes()
-    assert (back.outputs, back.provenance, back.settings) == (gp.outputs, gp.provenance, gp.settings)
-
-
-def test_equal_gps_are_equal_files(gp, tmp_path):
-    save(gp, tmp_path / "a.gp")
-    save(load(tmp_path / "a.gp"), tmp_path / "b.gp")
+    same(back, made, len(made.input_mean))
+    assert (back.outputs, back.provenance, back.settings) == (made.outputs, made.provenance, made.settings)
+    assert back.sigma_scale.tolist() == made.sigma_scale.tolist()
+    save(back, tmp_path / "b.gp")
     assert (tmp_path / "a.gp").read_bytes() == (tmp_path / "b.gp").read_bytes()
+    with np.load(tmp_path / "a.gp", allow_pickle=False) as arrays:  # numpy alone can read it
+        assert arrays["lengthscales"] == pytest.approx(made.lengthscales)
 
 
-def test_arrays_can_be_read_with_numpy_alone(gp, tmp_path):
-    save(gp, tmp_path / "a.gp")
-    with np.load(tmp_path / "a.gp", allow_pickle=False) as arrays:
-        assert arrays["lengthscales"] == pytest.approx(gp.lengthscales)
-
-
-def test_overwrites_only_when_told(gp, tmp_path):
+def test_overwrites_only_when_told_and_a_failed_write_leaves_the_old_file(gp, tmp_path, monkeypatch):
     path = tmp_path / "a.gp"
     path.write_text("precious")
     with pytest.raises(UsageError, match="exists already"):
         save(gp, path)
+    with monkeypatch.context() as full:
+        full.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
+        with pytest.raises(UsageError, match="No space left"):
+            save(gp, path, force=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.gp"]
     assert path.read_text() == "precious"
     save(gp, path, force=True)
     assert load(path).outputs == gp.outputs
-
-
-def test_failed_write_leaves_the_old_file_and_no_litter(gp, tmp_path, monkeypatch):
-    path = tmp_path / "a.gp"
-    path.write_text("precious")
-    monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
-    with pytest.raises(UsageError, match="No space left"):
-        save(gp, path, force=True)
-    assert [file.name for file in tmp_path.iterdir()] == ["a.gp"]
-    assert path.read_text() == "precious"
-
-
-def test_missing_folder_is_said(gp, tmp_path):
     with pytest.raises(UsageError, match="cannot be written: No such file or directory"):
         save(gp, tmp_path / "nowhere" / "a.gp")
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.001, 0.3, 0.7, 0.99])
-def test_cut_file_is_refused(gp, tmp_path, fraction):
-    path = tmp_path / "a.gp"
-    save(gp, path)
+def test_cut_file_is_refused(path, fraction):
     content = path.read_bytes()
     path.write_bytes(content[: int(fraction * len(content))])
-    with pytest.raises(FitError, match=r"a\.gp: not a stored GP, or a damaged one") as caught:
-        load(path)
-    assert "\n" not in str(caught.value)
+    refused(path, r"a\.gp: not a stored GP, or a damaged one")
 
 
-def test_flipped_byte_is_noticed(gp, tmp_path):
-    path = tmp_path / "a.gp"
-    save(gp, path)
+def test_flipped_byte_is_noticed(path):
     content = bytearray(path.read_bytes())
     content[content.index(b"\x93NUMPY") + 150] ^= 1
     path.write_bytes(bytes(content))
-    with pytest.raises(FitError, match="CRC"):
-        load(path)
+    refused(path, "CRC")
 
 
-def test_pickle_is_never_opened(gp, tmp_path):
-    path = tmp_path / "a.gp"
+def test_pickle_is_never_opened(path, tmp_path):
+    rewritten(path, with_array("inputs", np.array([{"a": 1}], dtype=object)))
+    refused(path, "damaged")
     path.write_bytes(pickle.dumps({"a": 1}))
-    with pytest.raises(FitError, match="not a stored GP"):
-        load(path)
-    save(gp, path, force=True)
-    buffer = BytesIO()
-    np.save(buffer, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    rewritten(path, lambda name, content: buffer.getvalue() if name == "inputs.npy" else content)
-    with pytest.raises(FitError, match="damaged"):
-        load(path)
+    refused(path, "not a stored GP")
 
 
 def with_metadata(**change):
@@ -133,7 +113,7 @@ def with_metadata(**change):
 
 def with_array(which, value):
     buffer = BytesIO()
-    np.save(buffer, value)
+    np.save(buffer, value, allow_pickle=True)
     return lambda name, content: buffer.getvalue() if name == f"{which}.npy" else content
 
 
@@ -141,37 +121,9 @@ def without(which):
     return lambda name, content: None if name == which else content
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (with_metadata(format_version=99), "format version 99, this program reads 1"),
-        (with_metadata(format="something"), "not a stored GP"),
-        (with_metadata(settings={"colour": 1}), "missing or unknown parts"),
-        (with_metadata(outputs=["torque_x", "thrust"]), "unknown output 'thrust'"),
-        (without("gp.json"), "a zip without gp.json"),
-        (without("inputs.npy"), "missing or unknown parts"),
-        (with_array("inputs", np.full((15, 6), np.nan)), "inputs holds values that are not finite"),
-        (with_array("inputs", np.zeros(6)), "missing or unknown parts"),
-        (with_array("noise_variance", np.array([-1.0, 1.0])), "noise_variance must be positive"),
-    ],
-)
-def test_damage_is_named(gp, tmp_path, change, message):
-    path = tmp_path / "a.gp"
-    save(gp, path)
-    rewritten(path, change)
-    with pytest.raises(FitError, match=message) as caught:
-        load(path)
-    assert "\n" not in str(caught.value)
-
-
-def test_missing_file_says_how_to_make_one(tmp_path):
-    with pytest.raises(FitError, match="no such file; make one with `wrenchgap learn"):
-        load(tmp_path / "none.gp")
-
-
-def test_folder_is_refused(tmp_path):
-    with pytest.raises(FitError, match="cannot be read"):
-        load(tmp_path)
+def test_missing_file_says_how_to_make_one_and_a_folder_is_none(tmp_path):
+    refused(tmp_path / "none.gp", "no such file; make one with `wrenchgap learn")
+    refused(tmp_path, "cannot be read")
 
 
 @pytest.fixture(scope="module")
@@ -179,22 +131,9 @@ def sparse():
     """A sparse process with the past of the command as input, calibrated, about which `learn` had something to say."""
     rng = np.random.default_rng(0)
     wrench = rng.normal(size=(300, 12))
-    settings = FitSettings(points=20, restarts=0, inputs=("past",), inference="sparse", mean="linear")
-    made = fit(wrench, np.sin(wrench[:, :2]), ("torque_x", "torque_z"), settings)
+    made = fit(wrench, np.sin(wrench[:, :2]), ("torque_x", "torque_z"), SPARSE)
     said = Provenance("voliro_x", warnings=(Caution(CautionKind.NOT_WORTH_IT, ("torque_z",), (0.2,), (0.19,)),))
     return replace(made, sigma_scale=np.array([1.5, 0.8]), provenance=said)
-
-
-def test_sparse_process_comes_back_bit_for_bit(sparse, tmp_path):
-    save(sparse, tmp_path / "a.gp")
-    back = load(tmp_path / "a.gp")
-    query = np.random.default_rng(1).normal(size=(20, 12))
-    for function in ("mean", "std", "jacobian"):
-        assert getattr(back, function)(query).tobytes() == getattr(sparse, function)(query).tobytes()
-    assert (back.settings, back.provenance) == (sparse.settings, sparse.provenance)
-    assert back.sigma_scale.tolist() == [1.5, 0.8]
-    save(back, tmp_path / "b.gp")
-    assert (tmp_path / "a.gp").read_bytes() == (tmp_path / "b.gp").read_bytes()
 
 
 def of_format_1(name, content):
@@ -210,44 +149,35 @@ def of_format_1(name, content):
     return json.dumps(metadata | {"format_version": 1})
 
 
-def test_file_of_format_1_still_predicts_the_same(gp, tmp_path):
-    save(gp, tmp_path / "a.gp")
-    rewritten(tmp_path / "a.gp", of_format_1)
-    back = load(tmp_path / "a.gp")
-    query = np.random.default_rng(1).normal(size=(20, 6))
-    assert back.mean(query).tobytes() == gp.mean(query).tobytes()
-    assert back.std(query).tobytes() == gp.std(query).tobytes()
+def test_file_of_format_1_still_predicts_the_same(gp, path):
+    rewritten(path, of_format_1)
+    back = load(path)
+    same(back, gp, 6)
     assert (back.sigma_scale == 1.0).all()
     assert (back.settings.inputs, back.settings.inference, back.provenance.warnings) == ((), "exact", ())
     assert back.provenance.logs == gp.provenance.logs
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("kind", "change", "message"),
     [
-        (with_array("weights", np.zeros((2, 19))), r"weights has shape \(2, 19\), expected \(2, 20\)"),
-        (with_array("sigma_scale", np.zeros(2)), "sigma_scale must be positive"),
-        (without("whitener.npy"), r"whitener has shape \(0, 0, 0\)"),
-        (with_array("inputs", np.zeros((20, 9))), r"input_mean has shape \(12,\), expected \(9,\)"),
+        ("gp", with_metadata(format_version=99), "format version 99, this program reads 1"),
+        ("gp", with_metadata(format="something"), "not a stored GP"),
+        ("gp", with_metadata(settings={"colour": 1}), "missing or unknown parts"),
+        ("gp", with_metadata(outputs=["torque_x", "torque_y", "thrust"]), "unknown output 'thrust'"),
+        ("gp", without("gp.json"), "a zip without gp.json"),
+        ("gp", without("inputs.npy"), "missing or unknown parts"),
+        ("gp", with_array("inputs", np.full((15, 6), np.nan)), "inputs holds values that are not finite"),
+        ("gp", with_array("inputs", np.zeros(6)), "missing or unknown parts"),
+        ("gp", with_array("noise_variance", np.array([-1.0, 1.0, 1.0])), "noise_variance must be positive"),
+        ("sparse", with_array("weights", np.zeros((2, 19))), r"weights has shape \(2, 19\), expected \(2, 20\)"),
+        ("sparse", with_array("sigma_scale", np.zeros(2)), "sigma_scale must be positive"),
+        ("sparse", without("whitener.npy"), r"whitener has shape \(0, 0, 0\)"),
+        ("sparse", with_metadata(settings={**SPARSE.__dict__, "inputs": ["weather"]}), "weather"),
+        ("sparse", with_array("inputs", np.zeros((20, 9))), r"input_mean has shape \(12,\), expected \(9,\)"),
     ],
 )
-def test_damaged_sparse_process_is_named(sparse, tmp_path, change, message):
-    save(sparse, tmp_path / "a.gp")
+def test_damage_is_named(kind, change, message, request, tmp_path):
+    save(request.getfixturevalue(kind), tmp_path / "a.gp")
     rewritten(tmp_path / "a.gp", change)
-    with pytest.raises(FitError, match=message) as caught:
-        load(tmp_path / "a.gp")
-    assert "\n" not in str(caught.value)
-
-
-def test_unknown_inputs_in_a_file_are_named(sparse, tmp_path):
-    save(sparse, tmp_path / "a.gp")
-    settings = {**sparse.settings.__dict__, "inputs": ["weather"]}
-    rewritten(tmp_path / "a.gp", with_metadata(settings=settings))
-    with pytest.raises(FitError, match="weather") as caught:
-        load(tmp_path / "a.gp")
-    assert "\n" not in str(caught.value)
-
-
-def test_settings_survive_replacement(gp, tmp_path):
-    save(replace(gp, settings=FitSettings(points=7, seed=3, method="pyclustering")), tmp_path / "a.gp")
-    assert load(tmp_path / "a.gp").settings == FitSettings(points=7, seed=3, method="pyclustering")
+    refused(tmp_path / "a.gp", message)

@@ -20,14 +20,9 @@ def commands(count: int, seed: int) -> np.ndarray:
 
 def truth(wrench: np.ndarray) -> np.ndarray:
     """A centre of mass 5 mm off, a saturating loss, and a constant with a wave in it."""
-    force = wrench[:, :3]
-    return np.column_stack(
-        [
-            0.005 * force[:, 2] - 0.003 * force[:, 1],
-            0.2 * np.tanh(2 * wrench[:, 4]) + 0.005 * force[:, 0],
-            0.5 + 0.15 * np.sin(force[:, 0] / 8),
-        ]
-    )
+    x, y, z = wrench[:, :3].T
+    loss = 0.2 * np.tanh(2 * wrench[:, 4]) + 0.005 * x
+    return np.column_stack([0.005 * z - 0.003 * y, loss, 0.5 + 0.15 * np.sin(x / 8)])
 
 
 def samples(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -40,29 +35,23 @@ def fitted():
     return fit(*samples(2000, 0), TORQUES, QUICK)
 
 
-def test_recovers_the_function_on_unseen_commands(fitted):
+def test_recovers_the_function_on_unseen_commands_and_the_noise(fitted):
     wrench = commands(500, 7)
     error = np.abs(fitted.mean(wrench) - truth(wrench)).mean(axis=0)
     assert (error < 0.6 * NOISE).all()
     assert (error < 0.1 * np.abs(truth(wrench)).mean(axis=0)).all()
+    assert np.sqrt(fitted.noise_variance) * fitted.output_scale == pytest.approx(NOISE, rel=0.25)
+    assert fitted.mismatch_max == pytest.approx(np.abs(samples(2000, 0)[1]).max(axis=0))
 
 
-def test_recovers_the_noise(fitted):
-    noise = np.sqrt(fitted.noise_variance) * fitted.output_scale
-    assert noise == pytest.approx(NOISE, rel=0.25)
-
-
-def test_sigma_is_honest_on_unseen_measurements(fitted):
+def test_sigma_is_honest_on_unseen_measurements_and_rises_outside(fitted):
     wrench, measured = samples(2000, 3)
     score = (measured - fitted.mean(wrench)) / fitted.std(wrench)
     assert np.sqrt((score**2).mean(axis=0)) == pytest.approx(np.ones(3), abs=0.2)
-
-
-def test_sigma_of_training_bounds_the_data_and_rises_outside(fitted):
-    inside = fitted.std(commands(1000, 8))
+    inside, outside = fitted.std(commands(1000, 8)), fitted.std(np.array([[80.0, 80.0, 39.0, 3.0, 3.0, 2.0]]))
     assert np.mean(inside < fitted.sigma_training, axis=0) == pytest.approx(np.full(3, 0.99), abs=0.02)
-    outside = fitted.std(np.array([[80.0, 80.0, 39.0, 3.0, 3.0, 2.0]]))[0]
     assert (outside > 2 * fitted.sigma_training).all()
+    assert fitted.mean(np.full((1, 6), 1e5))[0] == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 def test_lengthscales_tell_what_matters(fitted):
@@ -70,10 +59,6 @@ def test_lengthscales_tell_what_matters(fitted):
     assert z[0] < 3  # the wave in force_x
     assert z[1:].min() > 3 * z[0]
     assert x.argmin() in (1, 2)
-
-
-def test_largest_mismatch_is_kept(fitted):
-    assert fitted.mismatch_max == pytest.approx(np.abs(samples(2000, 0)[1]).max(axis=0))
 
 
 def test_fit_repeats():
@@ -114,26 +99,18 @@ def test_mean_function_takes_what_is_linear(kind):
     assert gp.mean(far)[0, 0] == pytest.approx(expected, rel=0.1)
 
 
-def test_zero_mean_returns_to_zero_off_the_data(fitted):
-    assert fitted.mean(np.full((1, 6), 1e5))[0] == pytest.approx(np.zeros(3), abs=1e-12)
-
-
-def test_line_is_recovered_exactly():
+def test_line_is_recovered_exactly_and_without_slope_it_is_the_mean():
     rng = np.random.default_rng(0)
     offset, gain = rng.normal(size=3), rng.normal(size=(3, 6))
     wrench = commands(50, 0)
-    line = fit_linear(wrench, offset + wrench @ gain.T, TORQUES)
+    measured = offset + wrench @ gain.T
+    line, level = (fit_linear(wrench, measured, TORQUES, slope=slope) for slope in (True, False))
     assert line.gain == pytest.approx(gain)
     assert line.offset == pytest.approx(offset)
     assert line.sigma == pytest.approx(np.zeros(3), abs=1e-10)
-
-
-def test_constant_baseline_is_the_mean():
-    wrench, measured = samples(200, 0)
-    line = fit_linear(wrench, measured, TORQUES, slope=False)
-    assert line.offset == pytest.approx(measured.mean(axis=0))
-    assert (line.gain == 0).all()
-    assert line.sigma == pytest.approx(measured.std(axis=0))
+    assert (level.gain == 0).all()
+    assert level.offset == pytest.approx(measured.mean(axis=0))
+    assert level.sigma == pytest.approx(measured.std(axis=0))
 
 
 def test_closed_loop_trap_is_shown_by_the_conditioning():
@@ -147,16 +124,11 @@ def test_closed_loop_trap_is_shown_by_the_conditioning():
     assert np.median(good.singular_min) > 0.5
 
 
-def test_pyclustering_is_offered():
-    gp = fit(*samples(200, 0), TORQUES, FitSettings(points=20, restarts=0, method="pyclustering", scale="raw"))
-    assert gp.inputs.shape == (20, 6)
-
-
 def test_provenance_and_settings_travel():
     origin = Provenance("voliro_x", "ab12", "nominal", 8.0, (LogSource("a.mcap", "cd34"),), "0.1.0", "2026-01-01")
-    settings = FitSettings(points=10, restarts=0)
-    gp = fit(*samples(60, 0), TORQUES, settings, provenance=origin)
-    assert (gp.provenance, gp.settings) == (origin, settings)
+    settings = FitSettings(points=20, restarts=0, method="pyclustering", scale="raw")
+    gp = fit(*samples(200, 0), TORQUES, settings, provenance=origin)
+    assert (gp.provenance, gp.settings, gp.inputs.shape) == (origin, settings, (20, 6))
 
 
 def test_is_silent_and_reports_progress(capfd):

@@ -20,9 +20,9 @@ PLANT = MODEL.wrench_model
 COMPUTER = FlightComputer(MODEL.controller, MODEL.vehicle)
 
 
-def still(position=(0.0, 0.0, 1.6)):
-    one = np.array([[1.0, 0.0, 0.0, 0.0]])
-    return State(np.zeros(1), np.array([position]), one, np.zeros((1, 3)), np.zeros((1, 3)))
+def still(x=0.0):
+    level, zeros = np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3))
+    return State(np.zeros(1), np.array([[x, 0.0, 1.6]]), level, zeros, zeros)
 
 
 def clock(steps, dt=0.005, per_command=1):
@@ -78,16 +78,18 @@ def test_what_is_read_at_stamps_and_what_is_held_between_them_are_each_others_me
 def test_the_flight_ends_where_control_is_lost_and_says_why():
     tumble = np.array([0.0, 0.0, 0.0, 3.0, 0.0, 0.0])
     reference = Hover(5.0).at(clock(1000).time)
-    flown = fly(PLANT, still(), clock(1000), hover, disturbance=lambda n, now: tumble, lost=watch(reference))
+
+    def tumbling(lost=None):
+        return fly(PLANT, still(), clock(1000), hover, disturbance=lambda n, now: tumble, lost=lost)
+
+    flown = tumbling(watch(reference))
     assert flown.lost.what == "attitude"
     assert flown.lost.size > np.radians(100.0)
     assert flown.lost.time == pytest.approx(flown.state.time[-1] + 0.005)
     assert len(flown.state.time) == len(flown.commands.wrench_B) == len(flown.wrench) < 1000
     np.testing.assert_allclose(flown.wrench[:, 3:], np.tile(tumble[3:], (len(flown.wrench), 1)), atol=1e-9)
     # Against a recorded flight that was lost at the same times nothing ends: it shall be repeated as it was.
-    free = fly(PLANT, still(), clock(1000), hover, disturbance=lambda n, now: tumble)
-    excused = watch(reference, recorded=free.state)
-    again = fly(PLANT, still(), clock(1000), hover, disturbance=lambda n, now: tumble, lost=excused)
+    again = tumbling(watch(reference, recorded=tumbling().state))
     assert again.lost is None
     assert len(again.state.time) == 1000
 
@@ -95,4 +97,4 @@ def test_the_flight_ends_where_control_is_lost_and_says_why():
 def test_a_start_that_is_lost_already_is_refused():
     reference = Hover(1.0).at(clock(10).time)
     with pytest.raises(UsageError, match=r"7\.0 m from the reference: the flight cannot begin there"):
-        fly(PLANT, still((7.0, 0.0, 1.6)), clock(10), hover, lost=watch(reference))
+        fly(PLANT, still(7.0), clock(10), hover, lost=watch(reference))

@@ -1,5 +1,7 @@
 """Signs and identities of the control law."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,51 +24,37 @@ GAINS = ControllerGains()
 
 
 def state(n=1, **parts):
-    values = {
-        "time": np.zeros(n),
-        "position_E": np.zeros((n, 3)),
-        "quat_EB": np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-        "velocity_E": np.zeros((n, 3)),
-        "omega_B": np.zeros((n, 3)),
-    }
-    return State(**(values | parts))
+    """At rest in the origin but for `parts`."""
+    level, zeros = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.zeros((n, 3))
+    return replace(State(np.zeros(n), zeros, level, zeros, zeros), **parts)
 
 
 def reference(n=1, **parts):
-    zeros = np.zeros((n, 3))
-    values = {
-        "time": np.zeros(n),
-        "position_E": zeros,
-        "velocity_E": zeros,
-        "acceleration_E": zeros,
-        "quat_ED": np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-        "omega_D": zeros,
-        "omega_dot_D": zeros,
-    }
-    return Reference(**(values | parts))
+    level, zeros = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.zeros((n, 3))
+    return replace(Reference(np.zeros(n), zeros, zeros, zeros, level, zeros, zeros), **parts)
 
 
-def vehicle(arms=None, body=BODY):
-    return Vehicle("test", body, arms, None, np.zeros(3))
+def wrench_of(known, asked, integral=None, gains=GAINS):
+    """Of the control law, (N, 6)."""
+    return evaluate(gains, BODY, known, asked, np.zeros((len(known.time), 3)) if integral is None else integral)[0]
 
 
-def arms(normal, tilts):
-    count = len(normal)
-    ones = np.ones(count)
-    return Arms(np.eye(3)[:count], np.eye(3)[:count], np.array(normal, float), np.array(tilts), -ones, ones, ones)
+def vehicle(normals, tilts):
+    """With arms of these thrust directions at zero tilt."""
+    axes, ones = np.eye(3)[: len(normals)], np.ones(len(normals))
+    arms = Arms(axes, axes, np.array(normals, float), np.array(tilts), -ones, ones, ones)
+    return Vehicle("test", BODY, arms, None, np.zeros(3))
 
 
-def test_a_small_rotation_of_the_body_is_the_error_itself():
-    theta = np.array([1e-4, -2e-4, 3e-4])
-    quat_ED = so3.exp(np.array([0.5, 1.0, -0.3]))
-    R_EB = so3.matrix(so3.multiply(quat_ED, so3.exp(theta)))
-    np.testing.assert_allclose(attitude_error(R_EB, so3.matrix(quat_ED)), theta, atol=1e-10)
+WRENCH_ONLY = Vehicle("test", BODY, None, None, np.zeros(3))
 
 
-def test_the_error_is_the_sine_of_the_angle_about_its_axis():
-    angle, axis = np.radians(40.0), np.array([0.0, 0.6, 0.8])
-    error = attitude_error(so3.matrix(so3.exp(angle * axis)), np.eye(3))
-    np.testing.assert_allclose(error, np.sin(angle) * axis, atol=1e-14)
+@pytest.mark.parametrize("angle", [1e-4, np.radians(40.0)])
+def test_the_error_is_the_sine_of_the_angle_about_its_axis(angle):
+    """A small rotation of the body is the error itself."""
+    axis, quat_ED = np.array([0.0, 0.6, 0.8]), so3.exp(np.array([0.5, 1.0, -0.3]))
+    R_EB = so3.matrix(so3.multiply(quat_ED, so3.exp(angle * axis)))
+    np.testing.assert_allclose(attitude_error(R_EB, so3.matrix(quat_ED)), np.sin(angle) * axis, atol=1e-14)
 
 
 def test_the_rate_error_is_the_rate_of_the_attitude_error():
@@ -85,35 +73,26 @@ def test_the_rate_error_is_the_rate_of_the_attitude_error():
 
 def test_hovering_asks_for_the_weight_and_no_torque():
     quat = so3.exp(np.array([[0.0, np.radians(60.0), 0.0]]))
-    wrench, _ = evaluate(GAINS, BODY, state(quat_EB=quat), reference(quat_ED=quat), np.zeros((1, 3)))
-    np.testing.assert_allclose(so3.rotate(quat[0], wrench[0, :3]), [0.0, 0.0, 4.0 * GRAVITY], atol=1e-12)
-    np.testing.assert_allclose(wrench[0, 3:], 0.0, atol=1e-14)
+    wrench = wrench_of(state(quat_EB=quat), reference(quat_ED=quat))[0]
+    np.testing.assert_allclose(so3.rotate(quat[0], wrench[:3]), [0.0, 0.0, 4.0 * GRAVITY], atol=1e-12)
+    np.testing.assert_allclose(wrench[3:], 0.0, atol=1e-14)
 
 
-def test_every_error_is_answered_against_its_direction():
-    axes = np.eye(3)
-    for k in range(3):
-        push = evaluate(GAINS, BODY, state(position_E=axes[[k]]), reference(), np.zeros((1, 3)))[0][0]
-        assert push[k] < 4.0 * GRAVITY * (k == 2)
-        turn = evaluate(GAINS, BODY, state(quat_EB=so3.exp(0.1 * axes[[k]])), reference(), np.zeros((1, 3)))[0][0]
-        assert turn[3 + k] < 0
-        held = evaluate(GAINS, BODY, state(), reference(), axes[[k]])[0][0]
-        assert held[3 + k] < 0
+@pytest.mark.parametrize("k", range(3))
+def test_every_error_is_answered_against_its_direction(k):
+    axis = np.eye(3)[[k]]
+    assert wrench_of(state(position_E=axis), reference())[0, k] < 4.0 * GRAVITY * (k == 2)
+    assert wrench_of(state(quat_EB=so3.exp(0.1 * axis)), reference())[0, 3 + k] < 0
+    assert wrench_of(state(), reference(), axis)[0, 3 + k] < 0
 
 
 def test_on_the_reference_the_torque_is_the_inverse_dynamics():
     """Perfect tracking of a turning reference: omega_dot_B = omega_dot_D, so M = J omega_dot + omega x J omega."""
     omega, omega_dot = np.array([[1.0, -2.0, 0.5]]), np.array([[0.3, 0.1, -0.4]])
     quat = so3.exp(np.array([[0.2, 0.4, -0.1]]))
-    wrench, _ = evaluate(
-        GAINS,
-        BODY,
-        state(quat_EB=quat, omega_B=omega),
-        reference(quat_ED=quat, omega_D=omega, omega_dot_D=omega_dot),
-        np.zeros((1, 3)),
-    )
+    asked = reference(quat_ED=quat, omega_D=omega, omega_dot_D=omega_dot)
     expected = BODY.inertia @ omega_dot[0] + np.cross(omega[0], BODY.inertia @ omega[0])
-    np.testing.assert_allclose(wrench[0, 3:], expected, atol=1e-14)
+    np.testing.assert_allclose(wrench_of(state(quat_EB=quat, omega_B=omega), asked)[0, 3:], expected, atol=1e-14)
 
 
 def test_the_transport_term_makes_the_rate_error_a_second_order_system():
@@ -129,63 +108,50 @@ def test_the_transport_term_makes_the_rate_error_a_second_order_system():
     rate = (seen(h) - seen(-h)) / (2 * h)  # omega_dot_D = 0
     known = state(quat_EB=quat_EB[None], omega_B=omega_B[None])
     asked = reference(quat_ED=quat_ED[None], omega_D=omega_D[None])
-    with_term, without = (
-        evaluate(ControllerGains(transport=w), BODY, known, asked, np.zeros((1, 3)))[0][0, 3:] for w in (1.0, 0.0)
-    )
+    with_term, without = (wrench_of(known, asked, gains=ControllerGains(transport=w))[0, 3:] for w in (1.0, 0.0))
     np.testing.assert_allclose(np.linalg.solve(BODY.inertia, with_term - without), rate, atol=1e-8)
 
 
 def test_turning_the_inertial_frame_about_gravity_leaves_the_wrench():
     rng = np.random.default_rng(2)
-    turn = so3.exp(np.array([0.0, 0.0, 1.1]))
-    vectors = [rng.normal(size=(5, 3)) for _ in range(5)]
-    quats = [so3.exp(rng.normal(size=(5, 3))) for _ in range(2)]
-    omega, omega_D, omega_dot_D = (rng.normal(size=(5, 3)) for _ in range(3))
+    p, v, pd, vd, ad, omega, omega_D, omega_dot_D, *turns = rng.normal(size=(10, 5, 3))
+    quat_EB, quat_ED = (so3.exp(turn) for turn in turns)
 
-    def wrench(rotate, multiply):
-        p, v, pd, vd, ad = (rotate(x) for x in vectors)
-        known = state(5, position_E=p, velocity_E=v, quat_EB=multiply(quats[0]), omega_B=omega)
-        asked = reference(
-            5, position_E=pd, velocity_E=vd, acceleration_E=ad, quat_ED=multiply(quats[1]), omega_D=omega_D,
-            omega_dot_D=omega_dot_D,
-        )  # fmt: skip
-        return evaluate(GAINS, BODY, known, asked, np.zeros((5, 3)))[0]
+    def wrench(yaw):
+        q = np.tile(so3.exp(np.array([0.0, 0.0, yaw])), (5, 1))
+        known = State(np.zeros(5), so3.rotate(q, p), so3.multiply(q, quat_EB), so3.rotate(q, v), omega)
+        wanted = (so3.rotate(q, x) for x in (pd, vd, ad))
+        return wrench_of(known, Reference(np.zeros(5), *wanted, so3.multiply(q, quat_ED), omega_D, omega_dot_D))
 
-    plain = wrench(lambda x: x, lambda q: q)
-    turned = wrench(lambda x: so3.rotate(turn, x), lambda q: so3.multiply(np.tile(turn, (5, 1)), q))
-    np.testing.assert_allclose(turned, plain, atol=1e-11)
+    np.testing.assert_allclose(wrench(1.1), wrench(0.0), atol=1e-11)
 
 
 def test_the_integral_is_clamped_frozen_and_reset():
-    gains = ControllerGains(integral_limit=0.05)
-    controller = Controller(gains, vehicle())
+    controller = Controller(ControllerGains(integral_limit=0.05), WRENCH_ONLY)
     tilted = state(quat_EB=so3.exp(np.array([[0.1, 0.0, 0.0]])))
     for _ in range(200):
         controller.step(tilted, reference(), 0.005)
     np.testing.assert_allclose(controller.integral, [0.05, 0.0, 0.0], atol=1e-15)
     controller.reset()
-    controller.step(tilted, reference(), 0.005)
-    np.testing.assert_allclose(controller.integral, [np.sin(0.1) * 0.005, 0.0, 0.0])
-    controller.freeze()
-    controller.step(tilted, reference(), 0.005)
-    np.testing.assert_allclose(controller.integral, [np.sin(0.1) * 0.005, 0.0, 0.0])
+    for then in (controller.freeze, controller.reset):
+        controller.step(tilted, reference(), 0.005)
+        np.testing.assert_allclose(controller.integral, [np.sin(0.1) * 0.005, 0.0, 0.0])
+        then()
 
 
 def test_a_recorded_error_gives_back_the_integral_that_the_loop_had():
-    rng = np.random.default_rng(4)
     gains = ControllerGains(integral_limit=0.004)
-    controller = Controller(gains, vehicle())
-    quats = so3.exp(0.2 * rng.normal(size=(60, 3)))
+    controller = Controller(gains, WRENCH_ONLY)
+    quats = so3.exp(0.2 * np.random.default_rng(4).normal(size=(60, 3)))
     wrenches = np.array([controller.step(state(quat_EB=q[None]), reference(), 0.005) for q in quats])
     known, asked = state(60, quat_EB=quats), reference(60)
-    error = evaluate(gains, BODY, known, asked, np.zeros((60, 3)))[1]
-    integral = integrate_error(gains, error, 0.005)
+    integral = integrate_error(gains, evaluate(gains, BODY, known, asked, np.zeros((60, 3)))[1], 0.005)
     assert np.any(np.abs(integral) == 0.004)
-    np.testing.assert_allclose(evaluate(gains, BODY, known, asked, integral)[0], wrenches, atol=1e-13)
+    np.testing.assert_allclose(wrench_of(known, asked, integral, gains), wrenches, atol=1e-13)
 
 
 def test_a_vehicle_that_pushes_along_z_leans_towards_where_it_must_go():
-    fixed = vehicle(arms([[0, 0, 1], [0, 0, 1]], [False, False]))
+    fixed = vehicle([[0, 0, 1], [0, 0, 1]], [False, False])
     assert pushes_along_z_only(fixed)
     wrench = Controller(GAINS, fixed).step(state(position_E=np.array([[-1.0, 0.0, 0.0]])), reference(), 0.005)
     np.testing.assert_allclose(wrench[:2], 0.0)
@@ -196,7 +162,7 @@ def test_a_vehicle_that_pushes_along_z_leans_towards_where_it_must_go():
 
 @pytest.mark.parametrize(("normals", "tilts"), [([[0, 0, 1]], [True]), ([[0, 0, 1], [0, 0.6, 0.8]], [False, False])])
 def test_a_vehicle_with_other_thrust_directions_keeps_its_attitude_reference(normals, tilts):
-    assert not pushes_along_z_only(vehicle(arms(normals, tilts)))
+    assert not pushes_along_z_only(vehicle(normals, tilts))
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,7 @@ from wrenchgap.plant.wrench_model import Provenance
 TRIAL = Trial(np.full(6, 0.4), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.04]), np.full(6, 0.01), -0.65, 12.3)
 
 
-def given():
-    return model_file.load("tilt_hexarotor")
+GIVEN = model_file.load("tilt_hexarotor")
 
 
 def step(parent, names, path, trial=None):
@@ -30,15 +29,14 @@ def step(parent, names, path, trial=None):
     return model_file.load(path)
 
 
-def test_a_file_without_history_has_none(tmp_path):
-    model = given()
-    assert model.history == ()
-    assert not model_file.changed_since(model)
-    assert "[[history]]" not in model_file.dumps(model)
+def test_a_file_without_history_has_none():
+    assert GIVEN.history == ()
+    assert not model_file.changed_since(GIVEN)
+    assert "[[history]]" not in model_file.dumps(GIVEN)
 
 
 def test_chain_survives_in_the_file(tmp_path):
-    first = step(given(), ["com_offset"], tmp_path / "a.toml", TRIAL)
+    first = step(GIVEN, ["com_offset"], tmp_path / "a.toml", TRIAL)
     second = step(first, ["com_offset", "servo_lag"], tmp_path / "b.toml")
     (tmp_path / "a.toml").unlink()
     third = step(second, ["servo_lag"], tmp_path / "c.toml")
@@ -46,7 +44,7 @@ def test_chain_survives_in_the_file(tmp_path):
     assert [v.number for v in versions] == [1, 2, 3, 4]
     assert [v.names for v in versions] == [(), ("com_offset",), ("com_offset", "servo_lag"), ("servo_lag",)]
     assert [v.parent for v in versions] == ["", *(v.content for v in versions[:-1])]
-    assert versions[0].content == model_file.content_hash(given())
+    assert versions[0].content == model_file.content_hash(GIVEN)
     assert versions[0].command == history.GIVEN
     assert versions[1].flights == (("a", "1"),)
     np.testing.assert_allclose(versions[1].trial.after, TRIAL.after)
@@ -59,15 +57,14 @@ def test_chain_survives_in_the_file(tmp_path):
 
 def test_history_is_no_part_of_the_content(tmp_path):
     """A GP knows its model by content: the same vehicle and effects are the same model, however they came about."""
-    model = step(given(), ["com_offset"], tmp_path / "a.toml")
-    back = step(model, [], tmp_path / "b.toml")
+    back = step(step(GIVEN, ["com_offset"], tmp_path / "a.toml"), [], tmp_path / "b.toml")
     assert len(back.history) == 3
-    assert model_file.content_hash(back) == model_file.content_hash(given())
+    assert model_file.content_hash(back) == model_file.content_hash(GIVEN)
 
 
 def test_a_change_by_hand_is_noticed_and_becomes_a_version(tmp_path):
     path = tmp_path / "a.toml"
-    model = step(given(), ["com_offset"], path)
+    model = step(GIVEN, ["com_offset"], path)
     assert not model_file.changed_since(model)
     path.write_text(re.sub(r"value = 0\.004\b", "value = 0.005", path.read_text(), count=1))
     edited = model_file.load(path)
@@ -79,22 +76,26 @@ def test_a_change_by_hand_is_noticed_and_becomes_a_version(tmp_path):
     assert not model_file.changed_since(after)
 
 
-def test_sigmas_are_those_of_the_difference():
-    change = Change("e", Value("x", 1.0, 0.3, "m"), Value("x", 2.0, 0.4, "m"))
-    assert change.sigmas == pytest.approx(2.0)
-    assert Change("e", Value("x", 1.0, None, "m"), Value("x", 2.0, None, "m")).sigmas is None
+@pytest.mark.parametrize(("before", "after", "sigmas"), [(0.3, 0.4, pytest.approx(2.0)), (None, None, None)])
+def test_sigmas_are_those_of_the_difference(before, after, sigmas):
+    assert Change("e", Value("x", 1.0, before, "m"), Value("x", 2.0, after, "m")).sigmas == sigmas
 
 
 def test_order_in_which_effects_came(tmp_path):
-    first = step(given(), ["servo_lag"], tmp_path / "a.toml")
+    first = step(GIVEN, ["servo_lag"], tmp_path / "a.toml")
     second = step(first, ["com_offset", "servo_lag"], tmp_path / "b.toml")
     assert history.order_of(second.history, ["com_offset", "mass", "servo_lag"]) == ("mass", "servo_lag", "com_offset")
 
 
-def test_odd_names_survive(tmp_path):
-    made = model_file.next_version(given(), given(), command='say "a\\b"', path=Path('q"uote.toml'))
-    assert model_file.loads(model_file.dumps(made)).history[-1].command == 'say "a\\b"'
-    assert model_file.loads(model_file.dumps(made)).history[-1].file == 'q"uote.toml'
+def test_odd_names_and_the_source_of_an_own_effect_survive():
+    source = Provenance(source=Source("mine.py", "0" * 64))
+    effect = replace(make_effect(GIVEN.vehicle, "mass", [0.1]), provenance=source)
+    made = GIVEN.with_effects([effect])
+    made = model_file.next_version(GIVEN, made, command='say "a\\b"', path=Path('q"uote.toml'))
+    again = model_file.loads(model_file.dumps(made))
+    assert again.history[-1].command == 'say "a\\b"'
+    assert again.history[-1].file == 'q"uote.toml'
+    assert again.effects[0].provenance.source == source.source
 
 
 @pytest.mark.parametrize(
@@ -106,18 +107,10 @@ def test_odd_names_survive(tmp_path):
     ],
 )
 def test_a_damaged_history_is_named(tmp_path, old, new, message):
-    step(given(), ["com_offset"], tmp_path / "a.toml", TRIAL)
-    text = (tmp_path / "a.toml").read_text()
-    head, tail = text.split("version = 2", 1)
+    step(GIVEN, ["com_offset"], tmp_path / "a.toml", TRIAL)
+    head, mark, tail = (tmp_path / "a.toml").read_text().partition("version = 2")
     with pytest.raises(ModelError, match=message):
-        model_file.loads(head + ("version = 2" + tail).replace(old, new, 1))
-
-
-def test_source_of_an_own_effect_stays_with_its_values():
-    source = Provenance(source=Source("mine.py", "0" * 64))
-    effect = replace(make_effect(given().vehicle, "mass", [0.1]), provenance=source)
-    text = model_file.dumps(given().with_effects([effect]))
-    assert model_file.loads(text).effects[0].provenance.source == source.source
+        model_file.loads(head + (mark + tail).replace(old, new, 1))
 
 
 @pytest.mark.parametrize(
@@ -129,7 +122,7 @@ def test_source_of_an_own_effect_stays_with_its_values():
     ],
 )
 def test_the_sentence_of_earlier_files_is_read_as_numbers(tmp_path, sentence, change, t, outcome):
-    step(given(), ["com_offset"], tmp_path / "a.toml", TRIAL)
+    step(GIVEN, ["com_offset"], tmp_path / "a.toml", TRIAL)
     text = (tmp_path / "a.toml").read_text()
     assert "change = -0.65\nt = 12.3\n" in text
     trial = model_file.loads(text.replace("change = -0.65\nt = 12.3", f'verdict = "{sentence}"')).history[-1].trial

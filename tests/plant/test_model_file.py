@@ -1,11 +1,15 @@
 """Model files: read whole, wrong keys named, comments kept, effects round-tripped."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant import model_file
+from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import Provenance
 
 TEXT = """# my vehicle
@@ -57,17 +61,12 @@ def test_wrench_only_vehicle_needs_no_arms():
     ("old", "new", "message"),
     [
         ("mass = 2.0 ", "mass = -2.0 ", "mass"),
-        ("mass = 2.0 ", "mass = 'heavy' ", "vehicle.mass"),
         ("mass = 2.0 ", "mass = nan ", "vehicle.mass"),
         ("mass = 2.0 ", "", "vehicle.mass: is missing"),
         ("schema = 1", "schema = 7", "schema"),
         ("inertia = [0.02, 0.02, 0.04]", "inertia = [0.02, -0.02, 0.04]", "inertia"),
-        ("inertia = [0.02, 0.02, 0.04]", "inertia = [0.02, 0.02]", "vehicle.inertia"),
-        ("kappa = 0.016", "kapa = 0.016", "kapa"),
         ("spin = 1 }]", "spin = 2 }]", "spin"),
         ("c_f = 8e-6", "c_f = 0", "c_f"),
-        ("speed_max = 1100.0", "speed_max = -3", "speed_max"),
-        ("position = [0.15, -0.14, 0.0]", "position = [0.15, -0.14]", "position"),
         ("[vehicle]\n", "[vehicle\n", "TOML"),
         ("length = 0.2", "", "length"),
         ("radius = 0.1", "radius = -0.1", r"vehicle\.rotor\.radius: got -0\.1, expected a positive number"),
@@ -83,22 +82,19 @@ def test_says_what_is_wrong_in_one_line(old, new, message):
     assert "\n" not in str(caught.value)
 
 
-def test_unknown_key_lists_the_known_ones():
+def test_unknown_names_list_the_known_ones():
     with pytest.raises(ModelError, match=r"vehicle\.wings.*mass"):
         model_file.loads(TEXT.replace("mass = 2.0", "wings = 2\nmass = 2.0", 1))
-
-
-def test_unknown_effect_lists_the_catalogue():
     with pytest.raises(ModelError, match=r"'gremlins'.*com_offset"):
         model_file.loads(TEXT + "[[effects]]\nname = 'gremlins'\n[effects.parameters]\nx = 1.0\n")
+    with pytest.raises(ModelError, match="tilt_hexarotor"):
+        model_file.load("no_such_vehicle")
 
 
 def test_effects_survive_a_round_trip_with_comments(tmp_path):
     model = model_file.loads(TEXT)
     effect = make_effect(model.vehicle, "com_offset", {"x": 0.001, "z": -0.0025})
     source = Provenance((("flight one.mcap", "ab" * 32),), "2026-11-21T00:00:00Z", "0.1.0", 'joint "fit"')
-    from dataclasses import replace
-
     effect = replace(effect, std=np.array([1e-4, 2e-4, 3e-4]), provenance=source)
     saved = model_file.save(model.with_effects([effect]), tmp_path / "m.toml")
     text = (tmp_path / "m.toml").read_text()
@@ -113,8 +109,6 @@ def test_effects_survive_a_round_trip_with_comments(tmp_path):
 
 
 def test_model_made_in_code_can_be_written():
-    from dataclasses import replace
-
     shipped = model_file.load("tilt_hexarotor")
     again = model_file.loads(model_file.dumps(replace(shipped, text="")))
     np.testing.assert_allclose(again.vehicle.arms.axis_B, shipped.vehicle.arms.axis_B, atol=1e-12)
@@ -140,27 +134,15 @@ def test_shipped_models_are_usable(name):
     model = model_file.load(name)
     assert model.vehicle.body.mass > 0
     if model.vehicle.has_rotors:
-        from wrenchgap.plant.allocation import Allocation
-        from wrenchgap.plant.vehicle import GRAVITY
-
         hover = np.array([[0, 0, model.vehicle.body.mass * GRAVITY, 0, 0, 0]])
         _, saturation = Allocation(model.vehicle).allocate(hover)
         assert saturation.rotor_speed == 0
 
 
-def test_missing_model_lists_the_shipped_ones():
-    with pytest.raises(ModelError, match="tilt_hexarotor"):
-        model_file.load("no_such_vehicle")
-
-
-def test_two_effects_of_one_name_are_refused():
+def test_two_effects_of_one_name_and_removing_what_is_not_there_are_refused():
     model = model_file.loads(TEXT)
     effect = make_effect(model.vehicle, "com_offset", [0, 0, 0.001])
     with pytest.raises(ModelError, match="twice"):
         model.with_effects([effect, effect])
-
-
-def test_removing_what_is_not_there_says_what_is():
-    model = model_file.loads(TEXT).with_effects([])
     with pytest.raises(ModelError, match="none"):
         model.without(["com_offset"])

@@ -45,14 +45,12 @@ def test_every_move_begins_and_ends_at_rest_and_all_but_a_turn_come_back(move):
         np.testing.assert_allclose(np.abs(ends.quat_ED[:, 0]), 1.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("azimuth", "towards"), [(0.0, [1, 0, 0]), (90.0, [0, 1, 0]), (225.0, [-1, -1, 0])])
+@pytest.mark.parametrize(("azimuth", "towards"), [(0.0, [1, 0]), (90.0, [0, 1]), (225.0, [-np.sqrt(0.5)] * 2)])
 def test_a_tilt_leans_body_z_towards_its_azimuth(azimuth, towards):
     flight = Moves(10.0, HOME, (Tilt(0.0, 10.0, np.radians(40.0), np.radians(azimuth)),))
-    z = rotations(flight, np.array([5.0])).apply([0.0, 0.0, 1.0])[0]
-    direction = np.array(towards) / np.linalg.norm(towards)
-    np.testing.assert_allclose(
-        z, np.cos(np.radians(40.0)) * np.array([0, 0, 1]) + np.sin(np.radians(40.0)) * direction, atol=1e-12
-    )
+    (z,) = rotations(flight, np.array([5.0])).apply([0.0, 0.0, 1.0])
+    lean, up = np.sin(np.radians(40.0)), np.cos(np.radians(40.0))
+    np.testing.assert_allclose(z, [lean * towards[0], lean * towards[1], up], atol=1e-12)
 
 
 def test_a_sweep_carries_the_lean_round_and_leaves_the_heading():
@@ -81,8 +79,7 @@ def test_a_shake_stays_within_its_size_and_on_its_axes():
     away = np.abs(at.position_E - np.array(HOME)).max(axis=0)
     assert away[1] == pytest.approx(0.05, rel=0.1)
     np.testing.assert_allclose(away[[0, 2]], 0.0, atol=1e-12)
-    roll_pitch = at.omega_D[:, :2]
-    np.testing.assert_allclose(roll_pitch, 0.0, atol=1e-12)
+    np.testing.assert_allclose(at.omega_D[:, :2], 0.0, atol=1e-12)
     assert np.abs(at.omega_D[:, 2]).max() > 0.1
 
 
@@ -105,10 +102,7 @@ def test_an_attitude_that_follows_the_thrust_points_along_it():
         (lambda: Swing(0.0, 5.0, (1, 0, 0), 0.0), "period is 0 s"),
         (lambda: Shake(0.0, 5.0, 0.1, 0.1, 2.0, 1.0), "low_hz above 0 and below high_hz"),
         (lambda: Shake(0.0, 5.0, 0.1, 0.1, 1.0, 2.0, ("w",)), "no axis is called 'w'"),
-        (
-            lambda: Moves(4.0, HOME, (Turn(0.0, 5.0, 1.0),)),
-            r"moves\[0\] \(turn\): ends at 5 s, after the flight of 4 s",
-        ),
+        (lambda: Moves(4.0, HOME, (Turn(0.0, 5.0, 1.0),)), r"moves\[0\] \(turn\): ends at 5 s, after the flight"),
         (lambda: Moves(9.0, HOME, (Tilt(0.0, 5.0, 0.5), Tilt(4.0, 5.0, 0.5))), "two tilts overlap"),
         (lambda: Moves(9.0, HOME, (Tilt(0.0, 5.0, 0.5),), True), "follows the thrust and cannot be tilted"),
     ],
@@ -120,5 +114,4 @@ def test_what_cannot_be_flown_is_refused_in_one_line(make, words):
 
 
 def test_kinds_are_named_after_themselves():
-    assert {name: cls.kind for name, cls in KINDS.items()} == {name: name for name in KINDS}
-    assert set(KINDS) == {m.kind for m in EVERYTHING}
+    assert {name: cls.kind for name, cls in KINDS.items()} == {m.kind: m.kind for m in EVERYTHING}

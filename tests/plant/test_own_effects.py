@@ -22,18 +22,16 @@ def nothing_stays():
 
 @pytest.fixture
 def written(tmp_path):
-    def write(text, name="mine.py"):
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        return path
+    def write(text):
+        (tmp_path / "mine.py").write_text(text, encoding="utf-8")
+        return tmp_path / "mine.py"
 
     return write
 
 
 def test_the_example_of_the_page_is_an_effect(written):
     before = set(effects.catalogue())
-    path = written(EXAMPLE)
-    own_effects.use([path])
+    own_effects.use([written(EXAMPLE)])
     assert set(effects.catalogue()) - before == {"field_torque"}
     assert effects.sources()["field_torque"].file == "mine.py"
     own_effects.use([])
@@ -41,16 +39,13 @@ def test_the_example_of_the_page_is_an_effect(written):
 
 
 def test_model_file_says_what_to_pass(written, tmp_path):
-    path = written(EXAMPLE)
-    own_effects.use([path])
-    model = model_file.load("tilt_hexarotor")
-    saved = tmp_path / "m.toml"
+    own_effects.use([written(EXAMPLE)])
+    model, saved = model_file.load("tilt_hexarotor"), tmp_path / "m.toml"
     model_file.save(model.with_effects([make_effect(model.vehicle, "field_torque", {"x": 0.1, "y": 0, "z": 0})]), saved)
     again = model_file.load(saved)
     assert again.effects[0].theta.tolist() == [0.1, 0.0, 0.0]
     assert again.notes == ()
-    path.write_text(EXAMPLE + "\n# changed\n")
-    own_effects.use([path])
+    own_effects.use([written(EXAMPLE + "\n# changed\n")])
     assert "not as it was" in model_file.load(saved).notes[0]
     effects.forget()
     with pytest.raises(ModelError, match=r"pass that file with --effects mine\.py") as caught:
@@ -61,9 +56,8 @@ def test_model_file_says_what_to_pass(written, tmp_path):
 @pytest.mark.parametrize("name", sorted(effects.catalogue()))
 def test_every_effect_of_the_catalogue_passes(name):
     """The checks ask of a user no more than of ourselves."""
-    effect = effects.find(name)
     path = Path(effects.__file__).parent / f"{name}.py"
-    assert own_effects._File(path, type(effect)).checked().name == name
+    assert own_effects._File(path, type(effects.find(name))).checked().name == name
 
 
 HEAD = """import numpy as np
@@ -77,6 +71,8 @@ class Mine({place}):
         return (Parameter("k", "1", -1.0, 1.0, 0.1),)
 """
 WRENCH = HEAD.format(place="WrenchEffect") + "    def apply(self, actuation, wrench_B, theta, context):\n        "
+BODY = HEAD.format(place="BodyEffect") + "    def apply(self, body, theta):\n        "
+COMMAND = HEAD.format(place="CommandEffect") + "    def apply(self, commands, theta, context, dt, memory):\n        "
 
 
 @pytest.mark.parametrize(
@@ -103,17 +99,8 @@ WRENCH = HEAD.format(place="WrenchEffect") + "    def apply(self, actuation, wre
         (WRENCH + "return theta[1] * wrench_B", 11, "IndexError"),
         (WRENCH + "wrench_B *= 2; return 0 * wrench_B", 10, "changes its arguments"),
         (WRENCH + "return theta[0] * np.cumsum(wrench_B, axis=0)", 10, "one sample at a time"),
-        (
-            HEAD.format(place="BodyEffect") + "    def apply(self, body, theta):\n        return body.mass",
-            10,
-            "returned float, expected Body",
-        ),
-        (
-            HEAD.format(place="CommandEffect")
-            + "    def apply(self, commands, theta, context, dt, memory):\n        return commands",
-            10,
-            r"expected \(Commands, memory\)",
-        ),
+        (BODY + "return body.mass", 10, "returned float, expected Body"),
+        (COMMAND + "return commands", 10, r"expected \(Commands, memory\)"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(written, text, line, message):

@@ -15,26 +15,26 @@ from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.trajectory import named
 
 
-def test_an_accelerometer_off_the_axis_feels_the_centripetal_acceleration():
+@pytest.mark.parametrize(
+    ("omega_z", "omega_dot_z", "felt"),
+    [(4.0, 0.0, [-1.6, 0.0, 9.81]), (0.0, 5.0, [0.0, 0.5, 9.81])],
+    ids=["centripetal acceleration", "angular acceleration"],
+)
+def test_an_accelerometer_off_the_axis_feels_the_rotation(omega_z, omega_dot_z, felt):
     """Spinning at w about z, an IMU at radius r along x reads -w^2 r along x (towards the axis), and +g up."""
-    motion = Motion(np.array([[0.0, 0.0, 4.0]]), np.zeros((1, 3)), np.array([[0.0, 0.0, 9.81]]))
-    _, accel = read_imu(motion, np.array([0.1, 0.0, 0.0]), np.zeros((1, 6)))
-    np.testing.assert_allclose(accel, [[-1.6, 0.0, 9.81]])
-
-
-def test_an_accelerometer_off_the_axis_feels_the_angular_acceleration():
-    motion = Motion(np.zeros((1, 3)), np.array([[0.0, 0.0, 5.0]]), np.zeros((1, 3)))
-    _, accel = read_imu(motion, np.array([0.1, 0.0, 0.0]), np.zeros((1, 6)))
-    np.testing.assert_allclose(accel, [[0.0, 0.5, 0.0]])
+    motion = Motion(*(np.array([[0.0, 0.0, z]]) for z in (omega_z, omega_dot_z, 9.81)))
+    np.testing.assert_allclose(read_imu(motion, np.array([0.1, 0.0, 0.0]), np.zeros((1, 6)))[1], [felt])
 
 
 @pytest.mark.parametrize("rate", [100.0, 400.0])
-def test_white_noise_has_its_density_whatever_the_rate(rate):
-    noise = SensorNoise(imu_rate_hz=rate, gyro_bias=(0.01, 0.0, 0.0))
-    errors = imu_errors(noise, 40000, np.random.default_rng(0))
+def test_white_noise_has_its_density_whatever_the_rate_and_silent_sensors_none(rate):
+    noise, rng = SensorNoise(imu_rate_hz=rate, gyro_bias=(0.01, 0.0, 0.0)), np.random.default_rng(0)
+    errors = imu_errors(noise, 40000, rng)
     density = np.sqrt(2.0 * np.var(errors, axis=0) / rate)  # one-sided, spread over rate / 2
     np.testing.assert_allclose(density, [2.4e-4] * 3 + [2.3e-3] * 3, rtol=0.03)
     assert errors[:, 0].mean() == pytest.approx(0.01, abs=1e-4)
+    assert noise.silent.imu_rate_hz == rate
+    assert not imu_errors(noise.silent, 10, rng).any()
 
 
 def test_pose_noise_has_its_size_and_keeps_rotations_rotations():
@@ -48,12 +48,6 @@ def test_pose_noise_has_its_size_and_keeps_rotations_rotations():
     tilt = so3.log(so3.multiply(so3.conjugate(quat), read.quat_EB))
     np.testing.assert_allclose(tilt.std(axis=0), noise.attitude_std, rtol=0.05)
     np.testing.assert_allclose(np.linalg.norm(read.quat_EB, axis=1), 1.0, atol=1e-12)
-
-
-def test_silent_sensors_tell_the_truth():
-    noise = SensorNoise(gyro_bias=(0.1, 0.1, 0.1), imu_rate_hz=333.0).silent
-    assert noise.imu_rate_hz == 333.0
-    assert not imu_errors(noise, 10, np.random.default_rng(0)).any()
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """References: derivatives that belong together, and the figures of the paper."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -85,14 +87,11 @@ def test_multi_axis_tilts_reach_70_deg_about_six_or_more_directions():
     assert len(directions) == 6
 
 
-def test_a_flight_without_room_for_another_tilt_stays_level():
-    r = named("pitch", 14.0).at(np.arange(10.0, 14.0, 0.1))
-    np.testing.assert_allclose(so3.tilt_angle(r.quat_ED), 0.0, atol=1e-12)
-
-
-def test_the_step_jumps_by_40_deg_about_x():
+def test_the_step_jumps_by_40_deg_about_x_and_without_room_for_another_tilt_it_stays_level():
     r = named("step").at(np.array([0.999, 1.0]))
     np.testing.assert_allclose(np.degrees(so3.log(r.quat_ED)), [[0, 0, 0], [40, 0, 0]], atol=1e-12)
+    late = named("pitch", 14.0).at(np.arange(10.0, 14.0, 0.1))
+    np.testing.assert_allclose(so3.tilt_angle(late.quat_ED), 0.0, atol=1e-12)
 
 
 def test_the_excitation_peaks_where_asked_spares_no_axis_and_shares_no_frequency():
@@ -137,15 +136,10 @@ def test_thrust_attitude_and_yaw_belong_together():
 
 
 def series(trajectory, rate=200.0, **drop):
-    t = np.arange(0.0, trajectory.duration, 1.0 / rate)
-    r = trajectory.at(t)
-    parts = {
-        "velocity_E": r.velocity_E,
-        "omega_D": r.omega_D,
-        "acceleration_E": r.acceleration_E,
-        "omega_dot_D": r.omega_dot_D,
-    }
-    return ReferenceSeries("/reference", t + 7.0, r.position_E, r.quat_ED, **(parts | drop))
+    """A reference as a log has it, from 7 s on."""
+    r = trajectory.at(np.arange(0.0, trajectory.duration, 1.0 / rate))
+    parts = {name: getattr(r, name) for name in ("velocity_E", "omega_D", "acceleration_E", "omega_dot_D")}
+    return ReferenceSeries("/reference", r.time + 7.0, r.position_E, r.quat_ED, **(parts | drop))
 
 
 def test_a_recorded_reference_flies_the_same_again():
@@ -164,11 +158,8 @@ def test_derivatives_that_a_log_lacks_are_found_to_second_order(missing):
 
     def worst(rate):
         log = series(original, rate, **dict.fromkeys(missing))
-        found = Recorded(log).at(log.time[5:-5] - 7.0)
-        true = original.at(log.time[5:-5] - 7.0)
-        return max(
-            np.abs(found.acceleration_E - true.acceleration_E).max(), np.abs(found.omega_dot_D - true.omega_dot_D).max()
-        )
+        found, true = (t.at(log.time[5:-5] - 7.0) for t in (Recorded(log), original))
+        return max(np.abs(getattr(found, p) - getattr(true, p)).max() for p in ("acceleration_E", "omega_dot_D"))
 
     coarse, fine = worst(100.0), worst(200.0)
     assert fine < 0.1
@@ -177,13 +168,11 @@ def test_derivatives_that_a_log_lacks_are_found_to_second_order(missing):
 
 def test_a_corner_of_a_recorded_reference_is_not_an_acceleration():
     log = series(Excited(Hover(10.0), Multisine(10.0)), acceleration_E=None, omega_dot_D=None)
-    smooth = Recorded(log).at(log.time - 7.0)
     omega = log.omega_D.copy()
     omega[1000:] += [2.0, 0.0, 0.0]
     omega[400] = 0.0
-    log = ReferenceSeries(log.topic, log.time, log.position_E, log.quat_ED, log.velocity_E, omega)
-    cornered = Recorded(log).at(log.time - 7.0)
-    difference = np.abs(cornered.omega_dot_D - smooth.omega_dot_D)
+    smooth, cornered = (Recorded(made).at(log.time - 7.0).omega_dot_D for made in (log, replace(log, omega_D=omega)))
+    difference = np.abs(cornered - smooth)
     assert difference.max() < 3.0  # rad/s^2, where the jump of 2 rad/s in 5 ms would have made 400
     assert (difference.max(axis=1) > 1e-9).sum() <= 5
 
@@ -195,15 +184,11 @@ def test_the_amplitude_of_the_figure_8_solves_its_equation():
     assert FigureEight(40.0).amplitude == pytest.approx(brentq(largest, 0.1, 1.3), abs=1e-5)
 
 
-def test_unknown_names_and_senseless_lengths_are_named():
+def test_every_registered_trajectory_builds_with_its_default_length_and_no_other_does():
+    for name, (_, length, line) in TRAJECTORIES.items():
+        assert named(name).duration == length
+        assert line
     with pytest.raises(UsageError, match=r"'loop'.*hover, pitch"):
         named("loop")
     with pytest.raises(UsageError, match="expected a positive number"):
         named("hover", -1.0)
-
-
-def test_every_registered_trajectory_builds_with_its_default_length():
-    for name, (_, length, line) in TRAJECTORIES.items():
-        trajectory = named(name)
-        assert trajectory.duration == length
-        assert line

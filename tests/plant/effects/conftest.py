@@ -24,6 +24,8 @@ class Bench:
     length = float(vehicle.arms.position_B[0, 0])
     c_f, kappa = float(vehicle.rotors.c_f[0]), float(vehicle.rotors.kappa[0])
     hover = float(np.sqrt(weight / (12 * c_f)))
+    turned = exp(np.array([0.5, -0.8, 1.1]))
+    """An attitude like any other."""
 
     def state(self, count=1, *, position=(0, 0, 0), velocity=(0, 0, 0), omega=(0, 0, 0), quat=(1, 0, 0, 0), volts=22.0):
         def tile(v):
@@ -31,6 +33,10 @@ class Bench:
 
         time = np.arange(count) * self.dt
         return State(time, tile(position), tile(quat), tile(velocity), tile(omega), np.full(count, float(volts)))
+
+    def leaning(self, velocity_B=(0, 0, 0)):
+        """In the attitude `turned`."""
+        return self.state(quat=self.turned, velocity=rotate(self.turned, np.array(velocity_B, dtype=float)))
 
     def commands(self, tilt=0.0, speed=None, *, vehicle=None):
         """One sample; hovering by default."""
@@ -124,9 +130,9 @@ class Tumbling:
             h += J_arm * dalpha[i] * a
         return h
 
-    def after(self, name, inertia, omega_0, duration):
-        """Final attitude and body rate under the effect `name`."""
-        vehicle, J = self.bench.vehicle, self.bench.body.inertia
+    def conserves(self, name, omega_0, J_rotor=0.0, J_arm=0.0):
+        """Total angular momentum in E is what it was, although the parts have pushed the body about."""
+        vehicle, J, inertia = self.bench.vehicle, self.bench.body.inertia, np.array([J_rotor or J_arm])
 
         def rate(t, y):
             quat, omega = y[:4], y[4:]
@@ -135,18 +141,13 @@ class Tumbling:
             rates = Rates(dalpha[None], d2alpha[None], dspeed[None])
             act = Actuation(vehicle, alpha[None], speed[None], np.zeros((1, 12)), rates)
             x = self.bench.state(quat=quat, omega=omega)
-            M = find(name).apply(act, np.zeros((1, 6)), np.array([inertia]), Context(vehicle, x))[0]
+            M = find(name).apply(act, np.zeros((1, 6)), inertia, Context(vehicle, x))[0]
             assert not M[:3].any()
             domega = np.linalg.solve(J, M[3:] - np.cross(omega, J @ omega))
             return np.concatenate((0.5 * multiply(quat, np.append(0.0, omega)), domega))
 
-        y = solve_ivp(rate, (0, duration), [1, 0, 0, 0, *omega_0], rtol=1e-8, atol=1e-10).y[:, -1]
-        return y[:4] / np.linalg.norm(y[:4]), y[4:]
-
-    def conserves(self, name, omega_0, J_rotor=0.0, J_arm=0.0):
-        """Total angular momentum in E is what it was, although the parts have pushed the body about."""
-        J = self.bench.body.inertia
-        quat, omega = self.after(name, J_rotor or J_arm, omega_0, 1.5)
+        y = solve_ivp(rate, (0, 1.5), [1, 0, 0, 0, *omega_0], rtol=1e-8, atol=1e-10).y[:, -1]
+        quat, omega = y[:4] / np.linalg.norm(y[:4]), y[4:]
         assert np.linalg.norm(omega - omega_0) > 0.05
         end = rotate(quat, J @ omega + self.inside(1.5, J_rotor, J_arm))
         np.testing.assert_allclose(end, J @ np.array(omega_0) + self.inside(0.0, J_rotor, J_arm), atol=1e-6)

@@ -3,21 +3,11 @@
 import numpy as np
 import pytest
 
-from wrenchgap.flight.so3 import exp, rotate
 
-TURNED = exp(np.array([0.5, -0.8, 1.1]))
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_damps_any_motion(bench, seed):
-    x, u = bench.moving(seed)
-    assert bench.power(bench.added("axial_inflow", [2e-4], u, x), x) < 0
-
-
-@pytest.mark.parametrize("quat", [(1.0, 0, 0, 0), TURNED])
-def test_climbing_rotors_lose_thrust(bench, quat):
+@pytest.mark.parametrize("turned", [False, True])
+def test_climbing_rotors_lose_thrust(bench, turned):
     """Twelve rotors that climb along their thrust at 2 m/s, whatever the attitude."""
-    x = bench.state(quat=quat, velocity=rotate(np.asarray(quat, dtype=float), np.array([0, 0, 2.0])))
+    x = bench.leaning((0, 0, 2.0)) if turned else bench.state(velocity=(0, 0, 2.0))
     expected = [0, 0, -12 * 2.3e-4 * bench.hover * 2.0, 0, 0, 0]
     np.testing.assert_allclose(bench.added("axial_inflow", [2.3e-4], x=x), expected, atol=1e-9)
 

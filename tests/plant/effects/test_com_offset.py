@@ -6,16 +6,11 @@ import pytest
 from wrenchgap.plant.wrench_model import forward_dynamics, measured_wrench
 
 
-def test_to_the_left_rolls_left(bench):
-    """The centre of mass at +y (left): the lift acts to its right and turns the left side down, torque about -x."""
-    W = bench.model("com_offset", {"y": 0.01}).predict(bench.commands(), bench.state(), bench.dt)[0]
-    assert W[3] == pytest.approx(-0.01 * bench.weight)
-    np.testing.assert_allclose(W[4:], 0, atol=1e-9)
-
-
-def test_forward_pitches_the_nose_down(bench):
-    W = bench.model("com_offset", {"x": 0.01}).predict(bench.commands(), bench.state(), bench.dt)[0]
-    assert W[4] == pytest.approx(0.01 * bench.weight)  # positive about y: nose down in x forward, y left, z up
+@pytest.mark.parametrize(("axis", "torque"), [("y", [-0.01, 0, 0]), ("x", [0, 0.01, 0])])
+def test_to_the_left_rolls_left_and_forward_pitches_the_nose_down(bench, axis, torque):
+    """At +y (left): the lift acts to its right and turns the left side down, about -x; nose down is about +y."""
+    W = bench.model("com_offset", {axis: 0.01}).predict(bench.commands(), bench.state(), bench.dt)[0]
+    np.testing.assert_allclose(W[3:], bench.weight * np.array(torque), atol=1e-9)
 
 
 def test_accelerometer_away_from_the_centre_of_mass_feels_rotation(bench):

@@ -5,7 +5,7 @@ import pytest
 
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import make_effect
-from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.state import Motion
 from wrenchgap.plant.wrench_model import WrenchModel
 
 MOVING = {"velocity": (1, -2, 0.5), "omega": (0.3, -0.2, 0.5)}
@@ -20,17 +20,13 @@ def typical(bench, name):
 
 
 @every
-def test_zero_is_no_effect(bench, name):
-    u, x = bench.wandering(60), bench.state(60, **MOVING)
-    zero = bench.model(name, np.zeros(len(find(name).parameters(bench.vehicle))))
-    np.testing.assert_allclose(zero.predict(u, x, bench.dt), bench.model().predict(u, x, bench.dt), atol=1e-9)
-
-
-@every
-def test_typical_values_do_something(bench, name):
-    u, x = bench.wandering(60), bench.state(60, **MOVING)
-    changed = bench.model(name, typical(bench, name)).predict(u, x, bench.dt) - bench.model().predict(u, x, bench.dt)
-    assert np.abs(changed).max() > (0.0 if name == "rotor_interference" else 1e-3)
+def test_zero_is_no_effect_and_typical_values_are_one(bench, name):
+    u, x, values = bench.wandering(60), bench.state(60, **MOVING), typical(bench, name)
+    nominal, zero, changed = (
+        m.predict(u, x, bench.dt) for m in (bench.model(), bench.model(name, 0 * values), bench.model(name, values))
+    )
+    np.testing.assert_allclose(zero, nominal, atol=1e-9)
+    assert np.abs(changed - nominal).max() > (0.0 if name == "rotor_interference" else 1e-3)
 
 
 @every
@@ -38,26 +34,29 @@ def test_step_by_step_is_all_at_once(bench, name):
     """Simulation (N = 1, memory carried) and identification (N samples) are one function."""
     u, x = bench.wandering(80), bench.state(80, **MOVING)
     m = bench.model(name, typical(bench, name))
-    together, _ = m.actuate(u, x, bench.dt)
     memory, rows = None, []
     for k in range(80):
-        one = Commands(u.wrench_B[k : k + 1], u.tilt[k : k + 1], u.rotor_speed[k : k + 1])
-        here = State(*(v[k : k + 1] for v in (x.time, x.position_E, x.quat_EB, x.velocity_E, x.omega_B, x.voltage)))
-        wrench, memory = m.actuate(one, here, bench.dt, memory)
+        one = slice(k, k + 1)
+        wrench, memory = m.actuate(u.take(one), x.take(one), bench.dt, memory)
         rows.append(wrench[0])
-    np.testing.assert_allclose(np.array(rows), together, atol=1e-9)
+    np.testing.assert_allclose(np.array(rows), m.actuate(u, x, bench.dt)[0], atol=1e-9)
 
 
 @every
-def test_is_described(bench, name):
-    effect = find(name)
-    for p in effect.parameters(bench.vehicle):
-        assert p.low <= 0.0 <= p.high or p.low <= p.start <= p.high
-        assert p.low < p.high
-        assert p.scale > 0
-        assert p.unit
-    assert effect.excited_by
-    assert "Source:" in (type(effect).__doc__ or "")
+def test_names_its_source_and_units(bench, name):
+    """What else an effect says of itself is checked in tests/plant/test_own_effects.py."""
+    assert "Source:" in (type(find(name)).__doc__ or "")
+    assert all(p.unit for p in find(name).parameters(bench.vehicle))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(
+    ("name", "theta"),
+    [("axial_inflow", [2e-4]), ("rotor_drag", [2e-4]), ("rotational_drag", [0.02, 0.03, 0.04, 0.03])],
+)
+def test_drag_damps_any_motion(bench, seed, name, theta):
+    x, u = bench.moving(seed)
+    assert bench.power(bench.added(name, theta, u, x), x) < 0
 
 
 def test_order_of_adding_does_not_matter(bench):

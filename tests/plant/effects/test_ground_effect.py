@@ -13,11 +13,10 @@ def lift_at(bench, height, quadrotor, gain=1.0, quat=(1, 0, 0, 0)):
     return grown, 4 * bench.c_f * 700.0**2
 
 
-def test_cheeseman_and_bennett_at_one_and_two_radii(bench, quadrotor):
-    R = 0.115
-    for radii, ratio in ((1.0, 16 / 15), (2.0, 64 / 63)):
-        W, thrust = lift_at(bench, radii * R, quadrotor)
-        assert W[2] / thrust == pytest.approx(ratio)
+@pytest.mark.parametrize(("radii", "ratio"), [(1.0, 16 / 15), (2.0, 64 / 63)])
+def test_cheeseman_and_bennett_at_one_and_two_radii(bench, quadrotor, radii, ratio):
+    W, thrust = lift_at(bench, radii * 0.115, quadrotor)
+    assert W[2] / thrust == pytest.approx(ratio)
 
 
 def test_falls_with_height_and_is_gone_high_up(bench, quadrotor):

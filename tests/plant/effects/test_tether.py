@@ -6,8 +6,6 @@ import pytest
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.so3 import exp, multiply, rotate, rotate_inverse
 
-TURNED = exp(np.array([0.5, -0.8, 1.1]))
-
 
 @pytest.mark.parametrize("seed", range(5))
 def test_pulls_in_the_world_and_works_where_its_point_moves(bench, seed):
@@ -29,14 +27,14 @@ def test_pulls_in_the_world_and_works_where_its_point_moves(bench, seed):
 
 def test_tether_through_the_origin_makes_no_torque(bench):
     F = np.array([0.4, -0.3, 0.8])
-    W = bench.added("tether", [*F, *(0.25 * rotate_inverse(TURNED, F))], x=bench.state(quat=TURNED))
+    W = bench.added("tether", [*F, *(0.25 * rotate_inverse(bench.turned, F))], x=bench.leaning())
     np.testing.assert_allclose(W[3:], 0, atol=1e-12)
     assert np.linalg.norm(W[:3]) == pytest.approx(np.linalg.norm(F))
 
 
 def test_weight_on_a_string_needs_the_support_of_a_payload(bench):
-    p, dm, x = np.array([0.12, -0.2, -0.15]), 0.35, bench.state(quat=TURNED)
-    up = rotate_inverse(TURNED, np.array([0, 0, 1.0]))
+    p, dm, x = np.array([0.12, -0.2, -0.15]), 0.35, bench.leaning()
+    up = rotate_inverse(bench.turned, np.array([0, 0, 1.0]))
     support = np.concatenate(((bench.body.mass + dm) * GRAVITY * up, np.cross(p, dm * GRAVITY * up)))
     pulled = support + bench.added("tether", [0, 0, -dm * GRAVITY, *p], x=x)
     hanging = bench.model().motion(pulled[None], np.zeros((1, 3)))
