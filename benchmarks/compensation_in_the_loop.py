@@ -19,20 +19,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.engine import CONTROL_RATE, Truth, fly
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, reference
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import so3, write
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import WrenchgapError
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model_file import load
-
-Array = NDArray[np.float64]
 
 MODEL = Path(__file__).parents[1] / "models" / "tilt_hexarotor.toml"
 SETTLE = 3.0

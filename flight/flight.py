@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.arrays import Array
 
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Order of a wrench's six components, everywhere."""

@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
-
-Array = NDArray[np.float64]
 
 HOLD_THRUST, HOLD_SHARE = 0.2, 0.05
 """Arm thrust [N], and share of an arm's thrust in hover, below which the tilt direction is meaningless and the angle

@@ -23,16 +23,14 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel
-
-Array = NDArray[np.float64]
 
 LOST_POSITION, LOST_ATTITUDE = 5.0, np.radians(100.0)
 """Errors [m], [rad] beyond which control counts as lost and the flight ends."""

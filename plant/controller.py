@@ -22,16 +22,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory.reference import Reference, attitude_of_thrust, yaw_of
 from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
 from wrenchgap.plant.wrench_model import cross
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

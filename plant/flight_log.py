@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.flight import (
     ActuatorSeries,
     BatterySeries,
@@ -22,8 +22,6 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import read_imu
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference
-
-Array = NDArray[np.float64]
 
 
 def as_flight(

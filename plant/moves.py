@@ -22,16 +22,15 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.trajectory.excitation import Multisine
 from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
 from wrenchgap.plant.trajectory.shapes import Flat
 from wrenchgap.plant.wrench_model import cross
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Rotation = tuple[Array, Array, Array]
 """Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""

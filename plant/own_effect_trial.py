@@ -7,9 +7,9 @@ from functools import cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import (
@@ -23,8 +23,6 @@ from wrenchgap.plant.effects import (
 )
 from wrenchgap.plant.state import Commands, Motion, Rates, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-
-Array = NDArray[np.float64]
 
 SAMPLES = 6
 """How many samples the checks use."""

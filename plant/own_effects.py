@@ -25,8 +25,8 @@ from types import ModuleType
 from typing import Any, NoReturn, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.effects import (
     AnyEffect,
@@ -46,8 +46,6 @@ from wrenchgap.plant.effects import (
 )
 from wrenchgap.plant.own_effect_trial import Trial, Wrong, vehicles
 from wrenchgap.plant.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
 PAGE = "see docs/effects/your-own.md"

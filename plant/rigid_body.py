@@ -23,13 +23,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant.integrate import rk4
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import GRAVITY, Body
 
-Array = NDArray[np.float64]
 Floats = tuple[float, ...]
 """p_E (3), quat_EB (4), v_E (3), omega_B (3): 13 numbers."""
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.plant.closed_loop import Clock, Flown, fly, watch
@@ -29,7 +29,6 @@ from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
 
-Array = NDArray[np.float64]
 Feedback = Literal["measured", "true"]
 
 START_NS = 1_700_000_000_000_000_000

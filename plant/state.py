@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]
 
 

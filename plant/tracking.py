@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.flight import OdometrySeries
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

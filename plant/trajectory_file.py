@@ -20,9 +20,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from pydantic import Field
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.moves import KINDS, Move, Moves
 from wrenchgap.plant.reader import (
@@ -38,8 +38,6 @@ from wrenchgap.plant.reader import (
     toml,
     values_of,
 )
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 PAGE = "docs/design-flights.md"

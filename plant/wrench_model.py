@@ -24,8 +24,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.effects.effect import (
     AnyEffect,
@@ -39,8 +39,6 @@ from wrenchgap.plant.effects.effect import (
 )
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, Rates, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,9 @@ from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
-
-Array = NDArray[np.float64]
 
 ARMS, ROTORS = 6, 12
 MASS = 4.0

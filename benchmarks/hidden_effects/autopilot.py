@@ -10,11 +10,9 @@ Control law of Zhang et al., RA-L 2020, and the pseudo-inverse allocation of six
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.airframe import ARM_LENGTH, AZIMUTH, C_F, GRAVITY, INERTIA, KAPPA, MASS, SPEED_MAX, TWIST
-
-Array = NDArray[np.float64]
+from wrenchgap.flight.arrays import Array
 
 POSITION_GAINS = (0.707, 3.5)  # damping ratio, natural frequency [rad/s]
 ATTITUDE_DAMPING = np.array([1.3, 1.3, 0.74])

@@ -23,7 +23,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.hidden_effects.airframe import ARMS, Airframe
@@ -32,10 +31,10 @@ from benchmarks.hidden_effects.hidden import HIDDEN
 from benchmarks.hidden_effects.recording import Tracks, to_flight, write_mcap
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, Reference, reference
 from benchmarks.hidden_effects.world import CONTROL_RATE, Engine, Hidden
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 
-Array = NDArray[np.float64]
 Size = float | Mapping[str, Any] | None
 Compensate = Callable[[Array, Array], Array]
 """From the desired wrench (6,) and the state (13,: position, quaternion, velocity, rate) to the commanded wrench."""

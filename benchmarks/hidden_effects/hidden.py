@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Self, TypeVar, dataclass_transform
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.airframe import (
     C_F,
@@ -39,9 +38,9 @@ from benchmarks.hidden_effects.airframe import (
     Airframe,
 )
 from benchmarks.hidden_effects.world import Engine, Hidden
+from wrenchgap.flight.arrays import Array
 
 H = TypeVar("H", bound=Hidden)
-Array = NDArray[np.float64]
 AIR = 1.2
 """Density [kg/m^3]."""
 DISC = np.pi * RADIUS**2

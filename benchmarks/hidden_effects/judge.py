@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.cases import UNSEEN, Case
 from benchmarks.hidden_effects.engine import Truth, fly
@@ -17,7 +16,6 @@ from wrenchgap.plant.model import Model
 from wrenchgap.replay.present import explanation
 from wrenchgap.replay.present.documents import plain
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.flight import (
     ActuatorSeries,
     BatterySeries,
@@ -28,8 +29,6 @@ from wrenchgap.flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-
-Array = NDArray[np.float64]
 
 START_NS = 1_700_000_000_000_000_000
 ACTUATORS = """std_msgs/Header header

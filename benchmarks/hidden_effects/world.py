@@ -8,12 +8,10 @@ from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.hidden_effects.airframe import ARMS, C_F, HOVER_SPEED, ROTORS, Airframe
-
-Array = NDArray[np.float64]
+from wrenchgap.flight.arrays import Array
 
 CONTROL_RATE = 200  # Hz
 STEPS_PER_TICK = 4

@@ -18,6 +18,7 @@ from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.plants import Plant, vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, table, triple
 from wrenchgap.compensate import Compensator
+from wrenchgap.flight.arrays import Array
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.identify.learning import TORQUE, alternatives, samples
 from wrenchgap.learn.process import train
@@ -28,7 +29,6 @@ from wrenchgap.learn.process.subsample import subsample
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.trajectory import named
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 VEHICLES = (0, 1, 2)

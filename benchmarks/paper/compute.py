@@ -12,7 +12,6 @@ from typing import Any
 
 import GPy
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper import methods as m
 from benchmarks.paper.figures import time_figure
@@ -22,11 +21,10 @@ from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
 from benchmarks.paper.running import Output, Report, main, table
 from wrenchgap.compensate import Compensator
+from wrenchgap.flight.arrays import Array
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 PAPER = (7.5, 24.0)
 POINTS = (100, 200)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.compensation_in_the_loop import attitude_error
 from benchmarks.hidden_effects import engine
@@ -21,12 +20,11 @@ from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import Plant, vehicle
 from benchmarks.paper.running import ROOT, Output, Report, in_parallel, main, percent, table, triple
+from wrenchgap.flight.arrays import Array
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.plant.model_file import load
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 POINTS = 200
 TRAINING, LENGTH, SETTLE = 80.0, 40.0, 3.0

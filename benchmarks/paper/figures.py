@@ -8,12 +8,11 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.arrays import Array
 
 AXES = ("x", "y", "z")
 GREY, BLUE, ORANGE, GREEN = "0.45", "#1f77b4", "#d95f02", "#1b9e77"

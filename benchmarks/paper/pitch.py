@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper import methods as m
 from benchmarks.paper.figures import box_figure
@@ -19,9 +18,8 @@ from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
 from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 LENGTH = 100.0
 PAPER = {"without": ((0.07, 0.087, 0.051), (0.114, 0.100, 0.066)), "with": ((0.04, 0.03, 0.058), (0.050, 0.040, 0.054))}

@@ -20,12 +20,11 @@ from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
+from wrenchgap.flight.arrays import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 POINTS = 100
 TRAINING, VALIDATION = 60.0, 20.0

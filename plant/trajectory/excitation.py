@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, euler_attitude, quintic
 from wrenchgap.plant.wrench_model import cross
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import ReferenceSeries
 from wrenchgap.plant.trajectory.reference import Reference, Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

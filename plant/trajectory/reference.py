@@ -6,12 +6,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.plant.state import Index
 
-Array = NDArray[np.float64]
 Profile = tuple[Array, Array, Array]
 """A value and its first and second derivative with respect to time, all of one shape."""
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.plant.trajectory.reference import (
@@ -23,8 +23,6 @@ from wrenchgap.plant.trajectory.reference import (
     sine,
     yaw_of,
 )
-
-Array = NDArray[np.float64]
 
 QUINTIC_PEAK = 10.0 / np.sqrt(3.0)
 """Largest second derivative of the unit quintic 10 s^3 - 15 s^4 + 6 s^5."""
