@@ -24,8 +24,8 @@ from benchmarks.hidden_effects.engine import CONTROL_RATE, Truth, fly
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, reference
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import so3, write
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import WrenchgapError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess

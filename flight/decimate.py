@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 BINS = 450
 """Columns of a plot that are told apart, about the pixels of its width."""

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wrenchgap.flight.arrays import Array
+Array = NDArray[np.float64]
 
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Order of a wrench's six components, everywhere."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 
 def normalise(quat_wxyz: Array) -> Array:

@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Vehicle
 

@@ -24,8 +24,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Reference

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory.reference import Reference, attitude_of_thrust, yaw_of
 from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle

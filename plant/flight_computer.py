@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.controller import Controller, ControllerGains
 from wrenchgap.plant.state import Commands, State

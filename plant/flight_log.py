@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.flight import (
     ActuatorSeries,
+    Array,
     BatterySeries,
     Flight,
     ImuSeries,

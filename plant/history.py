@@ -15,7 +15,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 GIVEN = "as given"
 BY_HAND = "changed by hand"

@@ -14,9 +14,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.state import State
 
 

@@ -20,9 +20,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order
 from wrenchgap.plant.state import State
 

@@ -24,8 +24,8 @@ from typing import ClassVar
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trajectory.excitation import Multisine
 from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
 from wrenchgap.plant.trajectory.shapes import Flat

@@ -26,8 +26,8 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects import (
     AnyEffect,
     BodyEffect,

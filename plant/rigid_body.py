@@ -24,7 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.integrate import rk4
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import GRAVITY, Body

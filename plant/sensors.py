@@ -18,8 +18,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.wrench_model import cross
 

@@ -16,9 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.plant.closed_loop import Clock, Flown, fly, watch
 from wrenchgap.plant.flight_computer import Compensating, FlightComputer
 from wrenchgap.plant.flight_log import as_flight

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
-from wrenchgap.flight.flight import OdometrySeries
+from wrenchgap.flight.flight import Array, OdometrySeries
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference

@@ -22,8 +22,8 @@ import numpy as np
 import tomlkit
 from pydantic import Field
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.moves import KINDS, Move, Moves
 from wrenchgap.plant.reader import (
     Number,

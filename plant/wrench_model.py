@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.effects.effect import (
     AnyEffect,

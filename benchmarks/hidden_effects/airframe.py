@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 
 ARMS, ROTORS = 6, 12
 MASS = 4.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.hidden_effects.airframe import ARM_LENGTH, AZIMUTH, C_F, GRAVITY, INERTIA, KAPPA, MASS, SPEED_MAX, TWIST
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 POSITION_GAINS = (0.707, 3.5)  # damping ratio, natural frequency [rad/s]
 ATTITUDE_DAMPING = np.array([1.3, 1.3, 0.74])

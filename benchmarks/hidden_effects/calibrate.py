@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from benchmarks.hidden_effects.engine import ALWAYS
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.confidence import FAR, SUREST, features
 
 Row = dict[str, Any]

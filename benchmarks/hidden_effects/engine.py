@@ -31,9 +31,8 @@ from benchmarks.hidden_effects.hidden import HIDDEN
 from benchmarks.hidden_effects.recording import Tracks, to_flight, write_mcap
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, Reference, reference
 from benchmarks.hidden_effects.world import CONTROL_RATE, Engine, Hidden
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 
 Size = float | Mapping[str, Any] | None
 Compensate = Callable[[Array, Array], Array]

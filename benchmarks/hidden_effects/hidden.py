@@ -38,7 +38,7 @@ from benchmarks.hidden_effects.airframe import (
     Airframe,
 )
 from benchmarks.hidden_effects.world import Engine, Hidden
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 H = TypeVar("H", bound=Hidden)
 AIR = 1.2

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.flight import (
     ActuatorSeries,
+    Array,
     BatterySeries,
     Flight,
     ImuSeries,

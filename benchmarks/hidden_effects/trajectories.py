@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 Trajectory = Callable[[Array, np.random.Generator], tuple[Array, Array]]
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.hidden_effects.airframe import ARMS, C_F, HOVER_SPEED, ROTORS, Airframe
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 CONTROL_RATE = 200  # Hz
 STEPS_PER_TICK = 4

@@ -21,7 +21,7 @@ from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
 from benchmarks.paper.running import Output, Report, main, table
 from wrenchgap.compensate import Compensator
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named

@@ -19,8 +19,8 @@ from benchmarks.paper.figures import error_figure
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import Plant, vehicle
-from benchmarks.paper.running import ROOT, Output, Report, in_parallel, main, percent, table, triple
-from wrenchgap.flight.arrays import Array
+from benchmarks.paper.running import ROOT, Output, Report, change, falls, in_parallel, main, mrad, percent, table
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.plant.model_file import load
 from wrenchgap.plant.state import State
@@ -117,25 +117,17 @@ def tables(body: dict[str, Any]) -> str:
     base = body["own"][m.PD.name]
     rows = [["paper, GP", "-", percent(PAPER)]]
     for name, error in body["own"].items():
-        rows.append([name, _mrad(error), "-" if name == m.PD.name else percent(_falls(error, base))])
+        rows.append([name, mrad(error), "-" if name == m.PD.name else change(error, base)])
     parts = [table(["our plant, mean abs(e_R) x / y / z [mrad]", "error", "change [%]"], rows)]
     vehicles = body["engine"]
     head = ["independent engine", *(" + ".join(v["hidden"]) for v in vehicles), "mean change [%]"]
     rows = []
     for name in vehicles[0]["rows"]:
-        falls = [_falls(v["rows"][name], v["rows"][m.PD.name]) for v in vehicles]
-        errors = [_mrad(v["rows"][name]) for v in vehicles]
-        rows.append([name, *errors, "-" if name == m.PD.name else f"{-100 * float(np.mean(falls)):+.1f}"])
+        mean = float(np.mean([falls(v["rows"][name], v["rows"][m.PD.name]) for v in vehicles]))
+        errors = [mrad(v["rows"][name]) for v in vehicles]
+        rows.append([name, *errors, "-" if name == m.PD.name else f"{-100 * mean:+.1f}"])
     parts.append(table(head, rows))
     return "\n\n".join(parts)
-
-
-def _falls(error: Sequence[float], base: Sequence[float]) -> list[float]:
-    return [1.0 - a / b for a, b in zip(error, base, strict=True)]
-
-
-def _mrad(values: Any) -> str:
-    return triple([1e3 * v for v in values], 1)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 
 AXES = ("x", "y", "z")
 GREY, BLUE, ORANGE, GREEN = "0.45", "#1f77b4", "#d95f02", "#1b9e77"
@@ -116,13 +116,3 @@ def eigenvalue_figure(path: Path, flights: Mapping[str, tuple[Array, Array]], li
     panels[0][0].set_ylabel("smallest real part")
     panels[0][0].legend(frameon=False)
     _save(figure, path)
-
-
-__all__: Sequence[str] = (
-    "box_figure",
-    "eigenvalue_figure",
-    "error_figure",
-    "prediction_figure",
-    "step_figure",
-    "time_figure",
-)

@@ -10,8 +10,7 @@ import numpy as np
 
 from benchmarks.paper.plants import Plant
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.opening import OpenFlight, opened
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.simulate import physics_rate, simulate

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor

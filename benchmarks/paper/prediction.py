@@ -19,8 +19,8 @@ from benchmarks.paper.figures import prediction_figure
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
-from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
-from wrenchgap.flight.arrays import Array
+from benchmarks.paper.running import Output, Report, change, in_parallel, main, median, table, triple
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.calibration import Coverage
@@ -134,15 +134,8 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
         "seeds": len(seeds),
         "points": POINTS,
         "named_by_explain": found[0]["named"],
-        **{part: _median([f[part] for f in found]) for part in ("errors", "coverage")},
+        **{part: median([f[part] for f in found]) for part in ("errors", "coverage")},
     }
-
-
-def _median(parts: list[Any]) -> Any:
-    """Median over the seeds, leaf by leaf."""
-    if isinstance(parts[0], dict):
-        return {k: _median([p[k] for p in parts]) for k in parts[0]}
-    return np.median(np.array(parts), axis=0)
 
 
 def tables(body: dict[str, Any]) -> str:
@@ -150,10 +143,8 @@ def tables(body: dict[str, Any]) -> str:
     nominal = body["errors"]["nominal"]
 
     def cells(name: str, row: dict[str, Any]) -> list[str]:
-        falls = [1.0 - a / b for a, b in zip(row["smooth mean"], nominal["smooth mean"], strict=True)]
-        also = [1.0 - a / b for a, b in zip(row["excited mean"], nominal["excited mean"], strict=True)]
-        share = ["-", "-"] if name == "nominal" else [percent(falls), percent(also)]
-        return [name, triple(row["smooth mean"]), triple(row["smooth std"]), share[0], share[1]]
+        shares = ("-" if name == "nominal" else change(row[k], nominal[k]) for k in ("smooth mean", "excited mean"))
+        return [name, triple(row["smooth mean"]), triple(row["smooth std"]), *shares]
 
     head = ["torque error x / y / z [Nm]", "mean", "std", "change [%]", "change, excited flight [%]"]
     paper = [
@@ -162,12 +153,8 @@ def tables(body: dict[str, Any]) -> str:
     ]
     parts = [table(head, [*paper, *(cells(n, r) for n, r in body["errors"].items())])]
     rows = [
-        [
-            name,
-            *(triple(found[c][f"{flight} {what}"], 2) for flight in ("smooth", "excited") for c in ("False", "True")),
-        ]
+        [name, *(triple(found[c][f"{f} 3 sigma"], 2) for f in ("smooth", "excited") for c in ("False", "True"))]
         for name, found in body["coverage"].items()
-        for what in ("3 sigma",)
     ]
     head = ["share within 3 sigma", "as fitted", "calibrated", "excited, as fitted", "excited, calibrated"]
     parts.append(table(head, rows))

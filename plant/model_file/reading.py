@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.history import Snapshot, Trial, Value, Version

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, euler_attitude, quintic
 from wrenchgap.plant.wrench_model import cross
 

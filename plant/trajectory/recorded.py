@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import ReferenceSeries
+from wrenchgap.flight.flight import Array, ReferenceSeries
 from wrenchgap.plant.trajectory.reference import Reference, Trajectory
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Index
 
 Profile = tuple[Array, Array, Array]

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.arrays import Array
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.plant.trajectory.reference import (
     E_Z,

@@ -1,6 +1,0 @@
-"""The array that nearly everything here is made of."""
-
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
