@@ -12,9 +12,9 @@ from wrenchgap.flight.checks import Check, checks
 from wrenchgap.flight.clocks import Relation, relation
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.formats import Log, Table, read_log
-from wrenchgap.flight.load import build
-from wrenchgap.flight.roles import Assignment, merged_topics, propose, selection
+from wrenchgap.flight.formats import Log, Table
+from wrenchgap.flight.load import assigned, build
+from wrenchgap.flight.roles import Assignment
 from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
 
 
@@ -80,20 +80,20 @@ def inspect(
     UsageError
         `topics` is not understood.
     """
-    path = Path(path)
-    log = read_log(path, selection({**(preferred or {}), **(topics or {})}))
-    assignment = propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
+    log, assignment = assigned(path, topics, preferred)
     flight, problem = _flight(log, assignment)
     found = checks(flight) if flight is not None else (Check("roles", "bad", problem),)
     first = min(int(table.log_time_ns[0]) for table in log.tables.values())
     last = max(int(table.log_time_ns[-1]) for table in log.tables.values())
     return Inspection(
-        path=path,
+        path=log.path,
         format=log.format,
         size=log.size,
         content_hash=log.content_hash,
         start_ns=first if flight is None else flight.start_ns,
-        duration=(last - first) * 1e-9 if flight is None else _duration(flight),
+        duration=(last - first) * 1e-9
+        if flight is None
+        else max(float(series.time[-1]) for series in flight.series().values()),
         topics=tuple(_topic(table, assignment, flight) for table in log.tables.values()),
         mapping=assignment.as_topics(),
         checks=(*found, *_clock_checks(log, assignment)),
@@ -107,11 +107,6 @@ def _flight(log: Log, assignment: Assignment) -> tuple[Flight | None, str]:
         return build(log, assignment)[0], ""
     except LogError as error:
         return None, str(error)
-
-
-def _duration(flight: Flight) -> float:
-    """Seconds from the first to the last used sample."""
-    return max((float(series.time[-1]) for series in flight.series().values()), default=0.0)
 
 
 def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> TopicReport:

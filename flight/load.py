@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -24,12 +25,15 @@ from wrenchgap.flight.flight import (
     ImuSeries,
     OdometrySeries,
     ReferenceSeries,
+    Series,
     WrenchSeries,
 )
 from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
-from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, nearest
+from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
+
+AnySeries = TypeVar("AnySeries", bound=Series)
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""
@@ -60,10 +64,15 @@ def load(
     UsageError
         `topics` is not understood.
     """
-    path = Path(path)
-    log = read_log(path, selection({**(preferred or {}), **(topics or {})}))
-    mapping = merged_topics(topics, preferred, log.tables)
-    return build(log, propose(log.tables, mapping, str(path)))[0]
+    return build(*assigned(path, topics, preferred))[0]
+
+
+def assigned(
+    path: str | Path, topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None
+) -> tuple[Log, Assignment]:
+    """A log, and who plays what in it; arguments and errors as of `load`."""
+    log = read_log(Path(path), selection({**(preferred or {}), **(topics or {})}))
+    return log, propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
 
 
 def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
@@ -82,24 +91,20 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
     if not builder.parts:
         raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     flight = Flight(
-        name=_name(log.path),
+        name=log.path.name if log.path.is_dir() else log.path.name.removesuffix(log.path.suffix),
         path=log.path,
         content_hash=log.content_hash,
         start_ns=builder.start_ns,
-        commanded=builder.wrench("commanded"),
-        desired=builder.wrench("desired"),
+        commanded=builder.one("commanded", WrenchSeries, slice(None)),
+        desired=builder.one("desired", WrenchSeries, slice(None)),
         actuators=builder.actuators(),
-        imu=builder.imu(),
+        imu=builder.one("imu", ImuSeries, slice(3), slice(3, None)),
         odometry=builder.odometry(),
         reference=builder.reference(),
-        battery=builder.battery(),
+        battery=builder.one("battery", BatterySeries, 0),
     )
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return replace(flight, notes=notes), timing
-
-
-def _name(path: Path) -> str:
-    return path.name if path.is_dir() else path.name.removesuffix(path.suffix)
 
 
 @dataclass
@@ -166,28 +171,13 @@ class _Builder:
             return None
         return _Part(source, stamps[keep], values[keep], counted)
 
-    def wrench(self, name: str) -> WrenchSeries | None:
-        """The commanded or desired wrench."""
-        part = self.parts.get(name)
+    def one(self, role: str, kind: type[AnySeries], *columns: int | slice) -> AnySeries | None:
+        """The series of a role of one part, whose `columns` are its fields."""
+        part = self.parts.get(role)
         if part is None:
             return None
-        return WrenchSeries(*self._series(part), part.values, gaps=self._gaps(part), dropped=part.dropped)
-
-    def imu(self) -> ImuSeries | None:
-        """Gyroscope and accelerometer."""
-        part = self.parts.get("imu")
-        if part is None:
-            return None
-        omega_B, force_B = part.values[:, :3], part.values[:, 3:]
-        return ImuSeries(*self._series(part), omega_B, force_B, gaps=self._gaps(part), dropped=part.dropped)
-
-    def battery(self) -> BatterySeries | None:
-        """The battery's voltage."""
-        part = self.parts.get("battery")
-        if part is None:
-            return None
-        voltage = part.values[:, 0]
-        return BatterySeries(*self._series(part), voltage, gaps=self._gaps(part), dropped=part.dropped)
+        values = (part.values[:, c] for c in columns)
+        return kind(*self._series(part), *values, gaps=self._gaps(part), dropped=part.dropped)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
@@ -198,23 +188,19 @@ class _Builder:
         if tilt is not None and speed is not None and not np.array_equal(tilt.stamps, speed.stamps):
             main, tilt, speed = self._joined_commands(tilt, speed)
         empty = np.zeros((len(main.stamps), 0))
-        words = main.source.topic if tilt is None or speed is None else _both(tilt.source, speed.source)
-        self._say_whose_speeds(speed)
+        if speed is not None and not says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
+            self._note(
+                f"{speed.source.topic} does not say whether its rotor speeds are commanded or measured; "
+                "they are taken as commanded."
+            )
         return ActuatorSeries(
-            words,
+            self._topics(*(part for part in ("tilt", "rotor_speed") if part in self.parts)),
             self._seconds(main.stamps),
             empty if tilt is None else tilt.values,
             empty if speed is None else speed.values,
             gaps=self._gaps(main),
             dropped=main.dropped,
         )
-
-    def _say_whose_speeds(self, speed: _Part | None) -> None:
-        if speed is not None and not says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
-            self._note(
-                f"{speed.source.topic} does not say whether its rotor speeds are commanded or measured; "
-                "they are taken as commanded."
-            )
 
     def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part, _Part]:
         """Two topics of commands at the stamps of the first; each with the other's nearest sample."""
@@ -332,8 +318,7 @@ class _Builder:
         """Values of another topic at the pose's stamps: the same rows, or interpolated (no further than its ends)."""
         if len(pose.stamps) == len(other.stamps) and np.array_equal(pose.stamps, other.stamps):
             return other.values
-        x, knots = self._seconds(pose.stamps), self._seconds(other.stamps)
-        return np.stack([np.interp(x, knots, column) for column in other.values.T], axis=1)
+        return interpolated(self._seconds(pose.stamps), self._seconds(other.stamps), other.values)
 
     def _topics(self, *parts: str) -> str:
         sources = self.assignment.sources
@@ -378,7 +363,3 @@ def _absent_half(values: Array, name: str) -> list[int]:
     if PART_QUANTITY[name] not in ("twist", "acceleration"):
         return []
     return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]
-
-
-def _both(first: Source, second: Source) -> str:
-    return " + ".join(dict.fromkeys((first.topic, second.topic)))

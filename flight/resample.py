@@ -25,7 +25,7 @@ from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.stamps import nominal_period
+from wrenchgap.flight.stamps import interpolated, nominal_period
 
 MAXIMUM_RATE = 250.0  # Hz
 ANTI_ALIAS_RATIO = 1.3  # a series faster than this many grid rates is low-passed first
@@ -87,7 +87,8 @@ def resample(
     grid_rate = _grid_rate(flight, rate)
     series = _used_series(flight, require, grid_rate, notes)
     if "imu" not in series:
-        source = _rate_source(series["odometry"])
+        known = flight.odometry is not None and flight.odometry.omega_B is not None
+        source = "odometry's twist" if known else "differentiated attitude"
         notes.append(
             f"{flight.name}: no IMU; rates come from the {source}, specific force from differentiated velocity."
         )
@@ -227,7 +228,7 @@ class _Grid:
 
     def measured(self, series: Series, values: Array) -> Array:
         run = self.run(series)
-        return _interpolate(self.time, series.time[run], self._anti_aliased(series.time[run], values[run]))
+        return interpolated(self.time, series.time[run], self._anti_aliased(series.time[run], values[run]))
 
     def attitude(self, odometry: OdometrySeries) -> Array:
         run = self.run(odometry)
@@ -247,7 +248,7 @@ class _Grid:
         acceleration_E = smooth(time, _velocity_E(odometry, run)[run], FORCE_WINDOW, derivative=1)
         force_B = so3.rotate_inverse(quat_EB, acceleration_E + np.array([0.0, 0.0, GRAVITY]))
         at = self.time
-        return tuple(_interpolate(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
+        return tuple(interpolated(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
 
     def _anti_aliased(self, time: Array, values: Array) -> Array:
         native = 1.0 / float(np.median(np.diff(time)))
@@ -264,14 +265,8 @@ def held_mean(time: Array, stamps: Array, values: Array, period: float, window: 
     """
     knots = np.append(stamps, stamps[-1] + period)
     integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values * np.diff(knots)[:, None], axis=0)))
-    upper, lower = (_interpolate(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
+    upper, lower = (interpolated(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
     return np.asarray((upper - lower) / window)
-
-
-def _interpolate(time: Array, knots: Array, values: Array) -> Array:
-    if not values.shape[1]:
-        return np.zeros((len(time), 0))
-    return np.stack([np.interp(time, knots, column) for column in values.T], axis=1)
 
 
 def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:
@@ -281,8 +276,3 @@ def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:
     velocity: NDArray[np.float64] = np.zeros_like(odometry.position_E)
     velocity[run] = smooth(odometry.time[run], odometry.position_E[run], FORCE_WINDOW, derivative=1)
     return velocity
-
-
-def _rate_source(series: Series) -> str:
-    known = isinstance(series, OdometrySeries) and series.omega_B is not None
-    return "odometry's twist" if known else "differentiated attitude"

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
-from wrenchgap.flight.formats import Table
+from wrenchgap.flight.formats import Selection, Table
 from wrenchgap.flight.topic_names import TYPES, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
@@ -129,17 +129,10 @@ def _is_none(value: str) -> bool:
     return value.strip().lower() in ("none", "")
 
 
-def selection(topics: Mapping[str, str]) -> _Selection:
+def selection(topics: Mapping[str, str]) -> Selection:
     """What to decode of a log: topics that offer something, and those that are named."""
-    return _Selection(frozenset(_topic_of(value) for value in topics.values()))
-
-
-@dataclass(frozen=True)
-class _Selection:
-    named: frozenset[str]
-
-    def __call__(self, topic: str, kind: str, fields: list[str]) -> bool:
-        return topic in self.named or bool(quantities(kind, fields))
+    named = {_topic_of(value) for value in topics.values()}
+    return lambda topic, kind, fields: topic in named or bool(quantities(kind, fields))
 
 
 def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None, where: str = "log") -> Assignment:

@@ -27,7 +27,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
-from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.state import Commands, State, joined
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -141,7 +141,7 @@ def fly(
     table = rows[:count]
     known = None if voltage is None else voltage[:count]
     state = State(clock.time[:count], table[:, :3], table[:, 3:7], table[:, 7:10], table[:, 10:], known)
-    return Flown(clock, state, Commands.joined(sent), wrenches[:count], disturbances[:count], over)
+    return Flown(clock, state, joined(sent), wrenches[:count], disturbances[:count], over)
 
 
 def loss_of_control(state: State, reference: Reference) -> Lost | None:

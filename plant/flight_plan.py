@@ -13,6 +13,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effect_values import with_hidden
 from wrenchgap.plant.model import Model
@@ -135,7 +136,7 @@ def summary(flown: Flight) -> Summary:
     assert flown.odometry is not None
     assert flown.reference is not None
     odometry, reference = flown.odometry, flown.reference
-    want = np.stack([np.interp(odometry.time, reference.time, p) for p in reference.position_E.T], axis=1)
+    want = interpolated(odometry.time, reference.time, reference.position_E)
     quat_ED = so3.interpolate(odometry.time, reference.time, reference.quat_ED)
     error = so3.log(so3.multiply(so3.conjugate(quat_ED), odometry.quat_EB))
     return Summary(

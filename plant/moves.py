@@ -27,7 +27,18 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trajectory.excitation import Multisine
-from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
+from wrenchgap.plant.trajectory.reference import (
+    Profile,
+    Reference,
+    Trajectory,
+    bump,
+    cosine,
+    euler_attitude,
+    product,
+    quintic,
+    scaled,
+    sine,
+)
 from wrenchgap.plant.trajectory.shapes import Flat
 from wrenchgap.plant.wrench_model import cross
 
@@ -97,14 +108,12 @@ class Tilt(Move):
 
     def lean(self, time: Array) -> Profile:
         """The tilt s."""
-        up, down = quintic(time, self.start, self.ramp), quintic(time, self.stop - self.ramp, self.ramp)
-        value, rate, change = (self.angle * (a - b) for a, b in zip(up, down, strict=True))
-        return value, rate, change
+        return scaled(bump(time, self.start, self.stop, self.ramp), self.angle)
 
     def direction(self, time: Array) -> Profile:
         """The azimuth phi."""
         held = max(self.duration - 2.0 * self.ramp, 1e-6)
-        value, rate, change = (self.sweep * p for p in quintic(time, self.start + self.ramp, held))
+        value, rate, change = scaled(quintic(time, self.start + self.ramp, held), self.sweep)
         return self.azimuth + value, rate, change
 
 
@@ -118,8 +127,7 @@ class Turn(Move):
 
     def yaw(self, time: Array) -> Profile:
         """The yaw that this turn adds."""
-        value, rate, change = (self.angle * p for p in quintic(time, self.start, self.duration))
-        return value, rate, change
+        return scaled(quintic(time, self.start, self.duration), self.angle)
 
 
 @dataclass(frozen=True)
@@ -137,9 +145,7 @@ class Shift(Move):
 
     def position(self, time: Array) -> Profile:
         """Displacement (N, 3) in E."""
-        there, back = quintic(time, self.start, self.ramp), quintic(time, self.stop - self.ramp, self.ramp)
-        value, rate, change = (np.outer(a - b, self.by) for a, b in zip(there, back, strict=True))
-        return value, rate, change
+        return scaled(bump(time, self.start, self.stop, self.ramp), np.array(self.by))
 
 
 @dataclass(frozen=True)
@@ -167,9 +173,9 @@ class Swing(Move):
         rate = 2.0 * np.pi / self.period
         angle = (rate * (time - self.start), np.full_like(time, rate), np.zeros_like(time))
         s, c = sine(angle, 1.0), cosine(angle, 1.0)
-        waves = [np.cos(self.phase) * a + np.sin(self.phase) * b for a, b in zip(s, c, strict=True)]
-        value, slope, change = _faded((waves[0], waves[1], waves[2]), self, time, self.fade)
-        return np.outer(value, self.by), np.outer(slope, self.by), np.outer(change, self.by)
+        value, slope, change = (np.cos(self.phase) * a + np.sin(self.phase) * b for a, b in zip(s, c, strict=True))
+        window = bump(time, self.start, self.stop, self.fade)
+        return scaled(product(window, (value, slope, change)), np.array(self.by))
 
 
 @dataclass(frozen=True)
@@ -220,14 +226,6 @@ def _multisine(
     duration: float, size: float, angle: float, band: tuple[float, float], fade: float, seed: int
 ) -> Multisine:
     return Multisine(duration, size, angle, band, fade=fade, seed=seed)
-
-
-def _faded(wave: Profile, move: Move, time: Array, fade: float) -> Profile:
-    """A wave (N,) times the window that opens and closes within `fade` at the ends of the move."""
-    opening, closing = quintic(time, move.start, fade), quintic(time, move.stop - fade, fade)
-    w, dw, ddw = (a - b for a, b in zip(opening, closing, strict=True))
-    e, de, dde = wave
-    return w * e, w * de + dw * e, w * dde + 2.0 * dw * de + ddw * e
 
 
 KINDS: dict[str, type[Move]] = {cls.kind: cls for cls in (Tilt, Turn, Shift, Swing, Shake)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any, cast
 
@@ -21,7 +21,7 @@ from wrenchgap.plant.effects import (
     ThrustEffect,
     WrenchEffect,
 )
-from wrenchgap.plant.state import Commands, Motion, Rates, State
+from wrenchgap.plant.state import Commands, Motion, Rates, State, rows
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 SAMPLES = 6
@@ -72,19 +72,21 @@ class Trial:
         kind = next(k for k in whole if isinstance(self.effect, k))
         return self.arrays((whole[kind], None) if kind is CommandEffect else whole[kind])
 
-    def arguments(self, theta: Array, rows: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
+    def arguments(self, theta: Array, at: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
         """Arguments of `apply` for some of the samples."""
-        context = Context(self.vehicle, _rows(self.state, rows))
-        act = None if self.actuation is None else _rows(self.actuation, rows)
+        context = Context(self.vehicle, self.state.take(at))
+        act = self.actuation
+        if act is not None:
+            act = replace(rows(act, at), rates=rows(act.rates, at))
         if isinstance(self.effect, CommandEffect):
-            return (_rows(self.commands, rows), theta, context, 0.01, memory)
+            return (self.commands.take(at), theta, context, 0.01, memory)
         if isinstance(self.effect, BodyEffect):
             return (self.vehicle.body, theta)
         if isinstance(self.effect, SensorEffect):
-            return (_rows(self.motion, rows), theta, context)
+            return (rows(self.motion, at), theta, context)
         if isinstance(self.effect, ThrustEffect):
             return (act, theta, context)
-        return (act, self.commands.wrench_B[rows], theta, context)
+        return (act, self.commands.wrench_B[at], theta, context)
 
     def arrays(self, returned: Any) -> tuple[Array, ...]:
         """The arrays of what `apply` returned; raises Wrong where it is something else."""
@@ -112,18 +114,6 @@ class Trial:
                 memory = cast(Any, returned)[1]
             parts.append(self.arrays(returned))
         return tuple(np.concatenate(columns) for columns in zip(*parts, strict=True))
-
-
-def _rows(item: Any, rows: slice) -> Any:
-    """Some samples of a dataclass of arrays."""
-    changed = {}
-    for field in fields(item):
-        value = getattr(item, field.name)
-        if isinstance(value, np.ndarray):
-            changed[field.name] = value[rows]
-        elif isinstance(value, Rates):
-            changed[field.name] = _rows(value, rows)
-    return replace(item, **changed)
 
 
 @cache

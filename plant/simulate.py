@@ -23,7 +23,7 @@ from wrenchgap.plant.flight_computer import Compensating, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_pose
-from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.state import Commands, Motion, State, joined
 from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -165,7 +165,7 @@ def _logged(name: str, truth: Model, flown: Flown, avionics: _Avionics) -> Fligh
         np.array(computer.desired),
         avionics.reference,
         start_ns=START_NS,
-        pose=State.joined(avionics.poses),
+        pose=joined(avionics.poses),
         imu_every=sensing.per_imu,
         imu_errors=sensing.errors,
         battery_every=max(round(0.1 / sensing.period), 1),

@@ -224,15 +224,3 @@ class WrenchModel:
     def predict(self, commands: Commands, state: State, dt: float) -> Array:
         """Predicted measured wrench (N, 6) of consecutive samples `dt` [s] apart, unfiltered."""
         return self.report(self.actuate(commands, state, dt)[0], state)
-
-
-__all__ = [
-    "ModelEffect",
-    "Provenance",
-    "WrenchModel",
-    "about_com",
-    "about_origin",
-    "cross",
-    "forward_dynamics",
-    "measured_wrench",
-]

@@ -8,7 +8,7 @@ Learning never looks in here: it sees logs.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -88,11 +88,11 @@ class Plant:
     truth: Model
 
 
-@lru_cache(maxsize=2)
-def believed(integral: bool = True) -> Model:
-    """The model file with the paper's gains, with or without the attitude integral."""
+@cache
+def believed() -> Model:
+    """The model file with the paper's gains."""
     model = load(MODEL)
-    gains = replace(model.controller, integral=0.3 if integral else 0.0, integral_limit=INTEGRAL_LIMIT)
+    gains = replace(model.controller, integral=0.3, integral_limit=INTEGRAL_LIMIT)
     return replace(model, controller=gains)
 
 

@@ -85,9 +85,9 @@ def knowledge(seed: int, number: int = 0, seconds: float = TRAINING, excitation:
     return Knowledge(plant.believed, (as_log(flown, plant),), POINTS)
 
 
-def unseen(seed: int, number: int = 0) -> Unseen:
+def unseen(seed: int) -> Unseen:
     """Flights that are not learnt from."""
-    plant = vehicle(number)
+    plant = vehicle()
     smooth, excited = (
         fly(plant, named("pitch", VALIDATION, size, seed + 100), seed + 100 + int(size), name="unseen")
         for size in (0.0, 1.0)

@@ -144,9 +144,9 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *rows))
 
 
-def triple(values: Sequence[float | None], digits: int = 3, sign: bool = False) -> str:
+def triple(values: Sequence[float | None], digits: int = 3) -> str:
     """Three numbers with slashes between them."""
-    return " / ".join("-" if v is None else f"{v:{'+' if sign else ''}.{digits}f}" for v in values)
+    return " / ".join("-" if v is None else f"{v:.{digits}f}" for v in values)
 
 
 def percent(fall: Sequence[float | None]) -> str:

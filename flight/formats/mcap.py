@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from pathlib import Path
 from typing import ClassVar
 
 import lz4.frame
@@ -38,6 +37,7 @@ class McapReader(Reader):
     """Reads one MCAP file."""
 
     name: ClassVar[str] = "MCAP"
+    magic: ClassVar[bytes] = MAGIC
 
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
@@ -45,11 +45,6 @@ class McapReader(Reader):
     _damaged_chunks: int = 0
     _orphans: int = 0
     _broken: int = 0
-
-    @classmethod
-    def accepts(cls, path: Path, head: bytes) -> bool:
-        """Whether the file begins with MCAP's magic bytes."""
-        return head.startswith(MAGIC)
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""

@@ -55,11 +55,13 @@ class Reader(ABC):
 
     name: ClassVar[str]
     """What the format is called, for `inspect` and messages."""
+    magic: ClassVar[bytes]
+    """With what a file of this format begins."""
 
     @classmethod
-    @abstractmethod
     def accepts(cls, path: Path, head: bytes) -> bool:
         """Whether this is the format of the existing `path`, whose first bytes are `head` (b"" for a folder)."""
+        return head.startswith(cls.magic)
 
     @abstractmethod
     def batches(self, wanted: Wanted) -> Iterator[Batch]:

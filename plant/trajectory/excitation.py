@@ -9,7 +9,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, euler_attitude, quintic
+from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, bump, euler_attitude, product
 from wrenchgap.plant.wrench_model import cross
 
 
@@ -64,10 +64,8 @@ class Multisine:
         e = np.sum(amplitude * np.cos(angle), axis=-1)
         de = np.sum(-amplitude * omega * np.sin(angle), axis=-1)
         dde = np.sum(-amplitude * omega**2 * np.cos(angle), axis=-1)
-        begin = quintic(time, 0.0, self.fade)
-        end = quintic(time, self.duration - self.fade, self.fade)
-        w, dw, ddw = ((a - b)[:, None] for a, b in zip(begin, end, strict=True))
-        return w * e, w * de + dw * e, w * dde + 2.0 * dw * de + ddw * e
+        w, dw, ddw = (part[:, None] for part in bump(time, 0.0, self.duration, self.fade))
+        return product((w, dw, ddw), (e, de, dde))
 
 
 @dataclass(frozen=True)

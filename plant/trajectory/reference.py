@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.state import Index
+from wrenchgap.plant.state import Index, rows
 
 Profile = tuple[Array, Array, Array]
 """A value and its first and second derivative with respect to time, all of one shape."""
@@ -33,15 +33,7 @@ class Reference:
 
     def take(self, index: Index) -> Reference:
         """Some of the samples, in the order of `index`."""
-        return Reference(
-            self.time[index],
-            self.position_E[index],
-            self.velocity_E[index],
-            self.acceleration_E[index],
-            self.quat_ED[index],
-            self.omega_D[index],
-            self.omega_dot_D[index],
-        )
+        return rows(self, index)
 
     def sample(self, index: int) -> Reference:
         """One sample, still with the sample axis (N = 1)."""
@@ -65,6 +57,23 @@ def quintic(time: Array, start: float, length: float) -> Profile:
     rate = 30.0 * s**2 * (1.0 - s) ** 2 / length
     acceleration = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / length**2
     return value, rate, acceleration
+
+
+def bump(time: Array, start: float, stop: float, ramp: float) -> Profile:
+    """From 0 to 1 within `ramp` [s] after `start`, and back within `ramp` before `stop`."""
+    up, down = quintic(time, start, ramp), quintic(time, stop - ramp, ramp)
+    return up[0] - down[0], up[1] - down[1], up[2] - down[2]
+
+
+def scaled(profile: Profile, by: Array | float) -> Profile:
+    """A profile times a constant, or a profile (N,) along a vector (3,)."""
+    value, rate, change = (np.multiply.outer(part, by) for part in profile)
+    return value, rate, change
+
+
+def product(w: Profile, e: Profile) -> Profile:
+    """The product of two profiles."""
+    return w[0] * e[0], w[0] * e[1] + w[1] * e[0], w[0] * e[2] + 2.0 * w[1] * e[1] + w[2] * e[0]
 
 
 def ramped_phase(time: Array, rate: float, ramp: float, duration: float) -> Profile:
