@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -16,24 +16,11 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import (
-    ActuatorSeries,
-    Array,
-    BatterySeries,
-    Flight,
-    Gap,
-    ImuSeries,
-    OdometrySeries,
-    ReferenceSeries,
-    Series,
-    WrenchSeries,
-)
+from wrenchgap.flight.flight import SERIES, ActuatorSeries, Array, Flight, Gap, OdometrySeries, ReferenceSeries
 from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
 from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
-
-AnySeries = TypeVar("AnySeries", bound=Series)
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""
@@ -95,13 +82,13 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
         path=log.path,
         content_hash=log.content_hash,
         start_ns=builder.start_ns,
-        commanded=builder.one("commanded", WrenchSeries, slice(None)),
-        desired=builder.one("desired", WrenchSeries, slice(None)),
+        commanded=builder.one("commanded", slice(None)),
+        desired=builder.one("desired", slice(None)),
         actuators=builder.actuators(),
-        imu=builder.one("imu", ImuSeries, slice(3), slice(3, None)),
+        imu=builder.one("imu", slice(3), slice(3, None)),
         odometry=builder.odometry(),
         reference=builder.reference(),
-        battery=builder.one("battery", BatterySeries, 0),
+        battery=builder.one("battery", 0),
     )
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return replace(flight, notes=notes), timing
@@ -171,13 +158,13 @@ class _Builder:
             return None
         return _Part(source, stamps[keep], values[keep], counted)
 
-    def one(self, role: str, kind: type[AnySeries], *columns: int | slice) -> AnySeries | None:
+    def one(self, role: str, *columns: int | slice) -> Any:
         """The series of a role of one part, whose `columns` are its fields."""
         part = self.parts.get(role)
         if part is None:
             return None
         values = (part.values[:, c] for c in columns)
-        return kind(*self._series(part), *values, gaps=self._gaps(part), dropped=part.dropped)
+        return SERIES[role](*self._series(part), *values, gaps=self._gaps(part), dropped=part.dropped)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""

@@ -133,7 +133,6 @@ def _is_meant(cls: type, path: Path) -> bool:
 
 
 def _line_of(cls: type, path: Path) -> int:
-    """The line on which a class begins."""
     text = path.read_text(encoding="utf-8").splitlines()
     pattern = re.compile(rf"\s*class\s+{re.escape(cls.__name__)}\b")
     return next((n for n, line in enumerate(text, 1) if pattern.match(line)), 1)
@@ -174,7 +173,6 @@ class _File:
             raise ModelError(f"{said} (in a trial of {self.cls.__name__}.{method})") from None
 
     def checked(self) -> AnyEffect:
-        """The effect, if all is well."""
         for attribute, pattern in (("name", r"[a-z][a-z0-9_]*"), ("excited_by", r"(?s).+")):
             value = getattr(self.cls, attribute, None)
             if not isinstance(value, str) or not re.fullmatch(pattern, value):
@@ -212,7 +210,6 @@ class _File:
         return True
 
     def check_parameters(self, parameters: Any) -> None:
-        """Names, ranges and sizes."""
         if not isinstance(parameters, tuple) or not parameters or not all(isinstance(p, Parameter) for p in parameters):
             self.fail(f"returned {parameters!r}, expected a tuple of one Parameter or more", "parameters")
         names = [p.name for p in parameters]
@@ -254,7 +251,6 @@ class _File:
 
 
 def _same(first: Any, second: Any) -> bool:
-    """Whether two arguments hold the same numbers."""
     if isinstance(first, np.ndarray):
         return bool(np.array_equal(first, second))
     if isinstance(first, tuple):

@@ -150,7 +150,6 @@ def _sensing(noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.rand
 
 
 def _logged(name: str, truth: Model, flown: Flown, avionics: _Avionics) -> Flight:
-    """The flight as its log tells it."""
     computer, sensing = avionics.computer, avionics.sensing
     lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
     limits = [

@@ -163,7 +163,6 @@ def _keys(move: Move) -> dict[str, Any]:
 
 
 def _move(item: dict[str, Any], number: int) -> Move:
-    """One move of the file."""
     where, kind = f"moves[{number}]", item.get("kind")
     if kind not in KINDS:
         raise UsageError(f"{where}.kind: got {kind!r}, available: {', '.join(KINDS)}")

@@ -131,7 +131,6 @@ def _rotated(quat_wxyz: Array, vector: Array) -> Array:
 
 
 def _messages(types: dict[str, Any], tracks: Tracks) -> Iterator[tuple[int, str, Any]]:
-    """Every message with its log time and topic."""
     Vector3, Point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
     Quaternion, Wrench = types["geometry_msgs/msg/Quaternion"], types["geometry_msgs/msg/Wrench"]
     WrenchStamped, Imu = types["geometry_msgs/msg/WrenchStamped"], types["sensor_msgs/msg/Imu"]

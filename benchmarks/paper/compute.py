@@ -109,7 +109,6 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
 
 
 def _makers(known: Knowledge, quick: bool) -> dict[str, Any]:
-    """Compensators by name."""
     makers: dict[str, Any] = {}
     for points in POINTS[: 1 if quick else 2]:
         gp = known.gp(points=points)

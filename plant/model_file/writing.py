@@ -37,7 +37,6 @@ def dumps(model: Model) -> str:
 
 
 def _version_text(entry: Version) -> str:
-    """TOML of one entry."""
     texts = {
         "date": entry.date,
         "command": entry.command,
@@ -67,12 +66,10 @@ def _version_text(entry: Version) -> str:
 
 
 def _text(value: str) -> str:
-    """A TOML string."""
     return str(tomlkit.string(value).as_string())
 
 
 def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
-    """TOML of one effect."""
     lines = ["[[effects]]", f'name = "{item.name}"', "[effects.parameters]"]
     for k, parameter in enumerate(item.effect.parameters(vehicle)):
         std = f", std = {_number(item.std[k])}" if item.std is not None else ""
