@@ -73,16 +73,15 @@ def inspect(
 ) -> Inspection:
     """Look at a log; arguments as for `load`, but one in which no topic plays a role is reported as well.
 
-    Raises
-    ------
-    LogError
-        The file is no log or cannot be read.
-    UsageError
-        `topics` is not understood.
+    Raises LogError where the file is no log or cannot be read, UsageError where `topics` is not understood.
     """
     log, assignment = assigned(path, topics, preferred)
-    flight, problem = _flight(log, assignment)
-    found = checks(flight) if flight is not None else (Check("roles", "bad", problem),)
+    flight: Flight | None = None
+    try:
+        flight = build(log, assignment)[0]
+        found = checks(flight)
+    except LogError as error:
+        found = (Check("roles", "bad", str(error)),)
     first = min(int(table.log_time_ns[0]) for table in log.tables.values())
     last = max(int(table.log_time_ns[-1]) for table in log.tables.values())
     return Inspection(
@@ -100,13 +99,6 @@ def inspect(
         notes=log.notes if flight is None else flight.notes,
         flight=flight,
     )
-
-
-def _flight(log: Log, assignment: Assignment) -> tuple[Flight | None, str]:
-    try:
-        return build(log, assignment)[0], ""
-    except LogError as error:
-        return None, str(error)
 
 
 def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> TopicReport:

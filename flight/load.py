@@ -44,12 +44,8 @@ def load(
     (see `flight.roles`). `preferred` is the same, but passed over where the log lacks the topic: the mapping of a
     model file, which serves logs of several kinds. What was assumed, repaired or left out is in the flight's `notes`.
 
-    Raises
-    ------
-    LogError
-        The file is no log, cannot be read, or plays no role at all.
-    UsageError
-        `topics` is not understood.
+    Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
+    understood.
     """
     return build(*assigned(path, topics, preferred))[0]
 

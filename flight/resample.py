@@ -77,10 +77,7 @@ def resample(
     used where the log plays them. Without an IMU, rates and specific force come from the odometry. Stretches shorter
     than `minimum_duration` [s] are left out and counted.
 
-    Raises
-    ------
-    LogError
-        The log lacks a required role, or no stretch is long enough.
+    Raises LogError where the log lacks a required role, or no stretch is long enough.
     """
     _check_requirements(flight, require)
     notes: list[str] = []

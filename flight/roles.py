@@ -138,12 +138,8 @@ def selection(topics: Mapping[str, str]) -> Selection:
 def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None, where: str = "log") -> Assignment:
     """Choose a topic for every part that the log can play; `topics` overrides by role or by part.
 
-    Raises
-    ------
-    UsageError
-        An override names no role.
-    LogError
-        An override names a topic that the log lacks, or one that cannot play the role.
+    Raises UsageError where an override names no role, LogError where it names a topic that the log lacks, or one that
+    cannot play the role.
     """
     named = _overrides(topics or {}, tables, where)
     proposer = _Proposer(tables, {part: source for part, source in named.items() if source is not None})

@@ -68,10 +68,8 @@ def write(
 ) -> Path:
     """Write a flight, additional series and provenance; an existing file is only replaced with `force`.
 
-    Raises
-    ------
-    UsageError
-        The file exists, its folder does not, its name does not end in .mcap, or two series claim one topic.
+    Raises UsageError: the file exists, its folder does not, its name does not end in .mcap, or two series claim one
+    topic.
     """
     path = Path(path)
     _check_target(path, force)

@@ -199,7 +199,8 @@ class _File:
         zero = np.zeros(len(parameters))
         typical = np.array([min(max(p.start or p.scale, p.low), p.high) for p in parameters])
         trial = Trial(effect, vehicle)
-        unlike = self.compare(trial, zero, trial.unchanged())
+        pairs = zip(trial.results, self.shapes(trial, zero), trial.unchanged(), strict=True)
+        unlike = ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12))
         if unlike:
             self.fail(f"changes {unlike} although all parameters are zero; zero must mean no effect", "apply")
         whole = self.shapes(trial, typical)
@@ -228,12 +229,6 @@ class _File:
                 self.fail(
                     f"parameter {p.name}: got scale {p.scale:g}, expected a typical size above zero", "parameters"
                 )
-
-    def compare(self, trial: Trial, theta: Array, expected: tuple[Array, ...]) -> str:
-        """Names of the arrays that `apply` changes."""
-        got = self.shapes(trial, theta)
-        pairs = zip(trial.results, got, expected, strict=True)
-        return ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12))
 
     def shapes(self, trial: Trial, theta: Array) -> tuple[Array, ...]:
         """The arrays that `apply` returns, of the right shapes and finite; nothing it was given has changed."""

@@ -67,6 +67,10 @@ class Engine:
         driven = [self.model.joint(f"gear{a}").id for a in range(ARMS)] if self.airframe.play else joints
         self._tilt_q, self._tilt_v = self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
         self._servo_q = self.model.jnt_qposadr[driven]
+        q, v = self.data.qpos, self.data.qvel  # views, as all of these: they follow what MuJoCo does
+        self.position_E, self.quat_EB, self.velocity_E, self.omega_B = q[:3], q[3:7], v[:3], v[3:6]  # of O
+        self.R_EB = self.data.xmat[self._hull].reshape(3, 3)
+        self.specific_force = self.data.sensordata[:3]  # at the IMU, in its own axes, over the last physics step
         self.speed = np.full(ROTORS, HOVER_SPEED)
         self.thrusts = C_F * self.speed**2
         self._effects = tuple(effects)
@@ -130,31 +134,6 @@ class Engine:
         return np.asarray(self.data.qvel[self._tilt_v])
 
     @property
-    def R_EB(self) -> Array:
-        """(3, 3) attitude."""
-        return np.asarray(self.data.xmat[self._hull].reshape(3, 3))
-
-    @property
-    def position_E(self) -> Array:
-        """(3,) of O."""
-        return np.asarray(self.data.qpos[:3])
-
-    @property
-    def quat_EB(self) -> Array:
-        """(4,) scalar first, unit."""
-        return np.asarray(self.data.qpos[3:7])
-
-    @property
-    def velocity_E(self) -> Array:
-        """(3,) of O."""
-        return np.asarray(self.data.qvel[:3])
-
-    @property
-    def omega_B(self) -> Array:
-        """(3,)."""
-        return np.asarray(self.data.qvel[3:6])
-
-    @property
     def hubs_E(self) -> Array:
         """(12, 3) rotor hubs."""
         return np.asarray(self.data.site_xpos[self._hubs])
@@ -185,11 +164,6 @@ class Engine:
     def twist_arms(self, torques_E: Array) -> None:
         """Twist the six arms, (6, 3)."""
         self.data.xfrc_applied[self._arm, 3:] += torques_E
-
-    @property
-    def specific_force(self) -> Array:
-        """(3,) at the IMU, in its own axes, over the last physics step."""
-        return np.asarray(self.data.sensordata[:3])
 
     @property
     def gyro(self) -> Array:

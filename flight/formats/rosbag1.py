@@ -28,9 +28,7 @@ class Rosbag1Reader(Reader):
                 channels = {connection.id: _channel(connection) for connection in bag.connections}
                 for connection, log_time_ns, payload in bag.messages():
                     channel = channels[connection.id]
-                    batch = gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
-                    if batch is not None:
-                        yield batch
+                    yield from gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
         except Exception as error:  # a damaged bag makes rosbags raise many kinds
             if not gathered.total:
                 raise LogError(

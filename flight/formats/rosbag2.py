@@ -54,9 +54,7 @@ class Rosbag2SqliteReader(Reader):
                     if channel is None or not isinstance(log_time_ns, int) or not isinstance(payload, bytes):
                         broken += 1
                         continue
-                    batch = gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
-                    if batch is not None:
-                        yield batch
+                    yield from gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
             finally:
                 database.close()
         except (sqlite3.DatabaseError, UnicodeDecodeError, zstandard.ZstdError) as error:

@@ -92,12 +92,12 @@ def simulate(
         raise UsageError(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
     believed = api.load_model(model)
     plan = Plan(believed, trajectory, duration, excitation, seed, integral, tuple(hide or ()))
-    ready = prepare(plan)
+    true, _, _ = prepare(plan)
     with progress("flying", quiet) as report:
         flown = fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
     write(flown, output, metadata=provenance(plan), force=force)
     if truth is not None:
-        model_file.save(ready.truth, truth, force=force)
+        model_file.save(true, truth, force=force)
     went = summary(flown)
     printer = Printer(quiet)
     printer.line(simulation.line(output, plan, went))
