@@ -14,7 +14,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.formats import Log, Table
 from wrenchgap.flight.load import assigned, build
-from wrenchgap.flight.roles import Assignment
+from wrenchgap.flight.roles import ROLE_PARTS, Assignment
 from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
 
 
@@ -108,6 +108,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
     gaps = gaps_of(time)
     several = len(time) > 2 and time[-1] > time[0]
     clock = _relation(table)
+    series = [] if flight is None else flight.series().values()
     return TopicReport(
         topic=table.topic,
         type=table.type,
@@ -119,7 +120,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
         header_offset=None if clock is None else clock.offset,
         header_rate=None if clock is None else clock.rate,
         header_jitter=None if clock is None else clock.residual,
-        dropped=_dropped(table.topic, assignment, flight),
+        dropped=next((dict(s.dropped) for s in series if s.topic.split(" + ")[0] == table.topic), {}),
         plays=_plays(table.topic, assignment),
         could_play=tuple(part for part, others in assignment.candidates.items() if table.topic in others),
         problem=table.problem,
@@ -133,21 +134,12 @@ def _relation(table: Table) -> Relation | None:
 def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
     """Roles; the part as well where a role has several topics."""
     played = []
-    for role in assignment.roles_of(topic):
-        parts = [part for part in assignment.parts_of(topic) if part in assignment.parts_in(role)]
-        others = assignment.topics_in(role) - {topic}
-        played.append(f"{role} ({', '.join(parts)})" if others else role)
+    for role, parts in ROLE_PARTS.items():
+        topics = {part: assignment.sources[part].topic for part in parts if part in assignment.sources}
+        own = [part for part, other in topics.items() if other == topic]
+        if own:
+            played.append(role if set(topics.values()) == {topic} else f"{role} ({', '.join(own)})")
     return tuple(played)
-
-
-def _dropped(topic: str, assignment: Assignment, flight: Flight | None) -> dict[str, int]:
-    if flight is None:
-        return {}
-    played = flight.series()
-    for role in assignment.roles_of(topic):
-        if role in played and topic in played[role].topic.split(" + ")[:1]:
-            return dict(played[role].dropped)
-    return {}
 
 
 def _clock_checks(log: Log, assignment: Assignment) -> tuple[Check, ...]:

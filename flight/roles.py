@@ -85,23 +85,6 @@ class Assignment:
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def parts_of(self, topic: str) -> tuple[str, ...]:
-        """Parts that a topic plays."""
-        return tuple(part for part, source in self.sources.items() if source.topic == topic)
-
-    def roles_of(self, topic: str) -> tuple[str, ...]:
-        """Roles to which a topic contributes."""
-        parts = set(self.parts_of(topic))
-        return tuple(role for role in ROLES if parts & set(ROLE_PARTS[role]))
-
-    def parts_in(self, role: str) -> tuple[str, ...]:
-        """Parts of a role that are played."""
-        return tuple(part for part in ROLE_PARTS[role] if part in self.sources)
-
-    def topics_in(self, role: str) -> set[str]:
-        """Topics that play a role together."""
-        return {self.sources[part].topic for part in self.parts_in(role)}
-
     def as_topics(self) -> dict[str, str]:
         """The assignment in the syntax of overrides, for a model file."""
         return {part: str(source) for part, source in self.sources.items()}

@@ -30,8 +30,10 @@ from wrenchgap.plant.trajectory.excitation import Multisine
 from wrenchgap.plant.trajectory.reference import (
     Profile,
     Reference,
+    Rotation,
     Trajectory,
     bump,
+    composed,
     cosine,
     euler_attitude,
     product,
@@ -40,11 +42,8 @@ from wrenchgap.plant.trajectory.reference import (
     sine,
 )
 from wrenchgap.plant.trajectory.shapes import Flat
-from wrenchgap.plant.wrench_model import cross
 
 Vector = tuple[float, float, float]
-Rotation = tuple[Array, Array, Array]
-"""Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""
 
 SHAKEN = ("x", "y", "z", "roll", "pitch", "yaw")
 """Axes of a shake, in the order of `Multisine`."""
@@ -56,6 +55,8 @@ class Move:
     """What a move has: `start` and `duration` [s]. A subclass names its `kind` and checks its values."""
 
     kind: ClassVar[str]
+    twice: ClassVar[str] = ""
+    """The length [s] that comes twice within the duration, at the beginning and at the end."""
 
     start: float
     duration: float
@@ -70,19 +71,16 @@ class Move:
                 f"{self.kind}: starts at {self.start:g} s and lasts {self.duration:g} s; a move starts at 0 s or later "
                 "and lasts longer than 0 s"
             )
+        if self.twice and not 0.0 < getattr(self, self.twice) <= 0.5 * self.duration + 1e-9:
+            raise UsageError(
+                f"{self.kind}: {self.twice} is {getattr(self, self.twice):g} s; it comes twice within "
+                f"{self.duration:g} s, so expected more than 0 s and at most {0.5 * self.duration:g} s"
+            )
 
     @property
     def stop(self) -> float:
         """When it ends [s]."""
         return self.start + self.duration
-
-    def _fits(self, name: str) -> None:
-        length = float(getattr(self, name))
-        if not 0.0 < length <= 0.5 * self.duration + 1e-9:
-            raise UsageError(
-                f"{self.kind}: {name} is {length:g} s; it comes twice within {self.duration:g} s, so expected more "
-                f"than 0 s and at most {0.5 * self.duration:g} s"
-            )
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ class Tilt(Move):
     `sweep` [rad]; the heading stays.
     """
 
-    kind = "tilt"
+    kind, twice = "tilt", "ramp"
 
     angle: float
     azimuth: float = 0.0
@@ -102,7 +100,6 @@ class Tilt(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._fits("ramp")
         if not 0.0 < self.angle <= np.pi:
             raise UsageError(f"tilt: angle is {np.degrees(self.angle):g} deg, expected more than 0 and at most 180 deg")
 
@@ -134,14 +131,10 @@ class Turn(Move):
 class Shift(Move):
     """Goes `by` (3,) [m] in E within `ramp` [s], stays, and comes back within `ramp`."""
 
-    kind = "shift"
+    kind, twice = "shift", "ramp"
 
     by: Vector
     ramp: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._fits("ramp")
 
     def position(self, time: Array) -> Profile:
         """Displacement (N, 3) in E."""
@@ -155,7 +148,7 @@ class Swing(Move):
     w fades in and out within `fade` [s]. Two swings with phases a quarter apart make a circle.
     """
 
-    kind = "swing"
+    kind, twice = "swing", "fade"
 
     by: Vector
     period: float
@@ -164,7 +157,6 @@ class Swing(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._fits("fade")
         if self.period <= 0.0:
             raise UsageError(f"swing: period is {self.period:g} s, expected more than 0 s")
 
@@ -185,7 +177,7 @@ class Shake(Move):
     Deflections up to `size` [m] on x, y, z of E and up to `angle` [rad] on roll, pitch, yaw; flat in velocity.
     """
 
-    kind = "shake"
+    kind, twice = "shake", "fade"
 
     size: float
     angle: float
@@ -197,7 +189,6 @@ class Shake(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._fits("fade")
         unknown = [a for a in self.axes if a not in SHAKEN]
         if unknown:
             raise UsageError(f"shake: no axis is called {unknown[0]!r}; available: {', '.join(SHAKEN)}")
@@ -304,12 +295,3 @@ def about(axis: Array, angle: Profile) -> Rotation:
     """Rotation about a fixed axis (3,) by a profile (N,) [rad]."""
     value, rate, change = (part[:, None] * axis for part in angle)
     return so3.exp(value), rate, change
-
-
-def composed(first: Rotation, second: Rotation) -> Rotation:
-    """R_1 R_2 with its rate and the derivative of that, both in the frame of the product."""
-    quat_1, omega_1, omega_dot_1 = first
-    quat_2, omega_2, omega_dot_2 = second
-    carried = so3.rotate_inverse(quat_2, omega_1)
-    omega_dot = so3.rotate_inverse(quat_2, omega_dot_1) - cross(omega_2, carried) + omega_dot_2
-    return so3.multiply(quat_1, quat_2), carried + omega_2, omega_dot

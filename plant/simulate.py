@@ -119,10 +119,11 @@ def simulate(
     sensing = _sensing(noise, clock, physics_rate, rng)
     reference = trajectory.at(clock.time[:: clock.per_command])
     computer = FlightComputer(believed.controller, believed.vehicle, compensator, integral=integral)
+    r = reference.sample(0)
     avionics = _Avionics(truth.wrench_model, computer, reference, sensing, feedback)
     flown = fly(
         truth.wrench_model,
-        _on(reference.sample(0)) if initial is None else initial,
+        State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial,
         clock,
         avionics.command,
         disturbance=None if disturbance is None else lambda n, now: disturbance(float(now.time[0])),
@@ -180,11 +181,6 @@ def physics_rate(model: Model) -> float:
         raise UsageError(f"rates of controller and sensors are {rates} Hz; the simulation needs whole numbers")
     common = math.lcm(*(round(rate) for rate in rates))
     return float(common * math.ceil(PHYSICS_RATE / common))
-
-
-def _on(reference: Reference) -> State:
-    """The state (N = 1) that follows a reference exactly."""
-    return State(reference.time, reference.position_E, reference.quat_ED, reference.velocity_E, reference.omega_D)
 
 
 def _divide(physics_rate: float, rate: float, what: str) -> int:

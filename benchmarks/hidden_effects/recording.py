@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,7 @@ def write_mcap(tracks: Tracks, path: Path) -> None:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library="wrenchgap hidden-effects engine")
         channels: dict[str, int] = {}
-        for sequence, (log_ns, topic, message) in enumerate(sorted(_messages(store.types, tracks), key=_log_time)):
+        for sequence, (log_ns, topic, message) in enumerate(sorted(_messages(store.types, tracks), key=itemgetter(0))):
             kind = message.__msgtype__
             if topic not in channels:
                 text, _ = store.generate_msgdef(kind, ros_version=2)
@@ -120,10 +121,6 @@ def write_mcap(tracks: Tracks, path: Path) -> None:
 
 def _seconds(ns: NDArray[np.int64]) -> Array:
     return np.asarray(ns * 1e-9, dtype=np.float64)
-
-
-def _log_time(entry: tuple[int, str, Any]) -> int:
-    return entry[0]
 
 
 def _rotated(quat_wxyz: Array, vector: Array) -> Array:

@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, bump, euler_attitude, product
-from wrenchgap.plant.wrench_model import cross
+from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, bump, composed, euler_attitude, product
 
 
 @dataclass(frozen=True)
@@ -88,15 +86,7 @@ class Excited(Trajectory):
         """Base and excitation together."""
         base = self.base.at(time)
         e, de, dde = self.excitation.at(time)
-        quat_e, omega_e, omega_dot_e = euler_attitude(e[:, 3:], de[:, 3:], dde[:, 3:])
-        omega_base = so3.rotate_inverse(quat_e, base.omega_D)
-        omega_dot = so3.rotate_inverse(quat_e, base.omega_dot_D) - cross(omega_e, omega_base) + omega_dot_e
-        return Reference(
-            time,
-            base.position_E + e[:, :3],
-            base.velocity_E + de[:, :3],
-            base.acceleration_E + dde[:, :3],
-            so3.multiply(base.quat_ED, quat_e),
-            omega_base + omega_e,
-            omega_dot,
-        )
+        deflection = euler_attitude(e[:, 3:], de[:, 3:], dde[:, 3:])
+        attitude = composed((base.quat_ED, base.omega_D, base.omega_dot_D), deflection)
+        p, v, a = base.position_E + e[:, :3], base.velocity_E + de[:, :3], base.acceleration_E + dde[:, :3]
+        return Reference(time, p, v, a, *attitude)

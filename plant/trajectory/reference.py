@@ -10,9 +10,13 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Index, rows
+from wrenchgap.plant.wrench_model import cross
 
 Profile = tuple[Array, Array, Array]
 """A value and its first and second derivative with respect to time, all of one shape."""
+
+Rotation = tuple[Array, Array, Array]
+"""Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""
 
 E_Z = np.array([0.0, 0.0, 1.0])
 
@@ -107,7 +111,7 @@ def cosine(phase: Profile, multiple: float) -> Profile:
     return c, -multiple * s * dp, -multiple * s * ddp - multiple**2 * c * dp**2
 
 
-def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
+def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> Rotation:
     """quat_ED, omega_D, omega_dot_D of R_ED = Rz(yaw) Ry(pitch) Rx(roll) from (roll, pitch, yaw) profiles (N, 3).
 
     omega_D = roll' e_x + Rx^T (pitch' e_y + Ry^T yaw' e_z), and its derivative term by term.
@@ -127,6 +131,15 @@ def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> tuple[A
     axes = np.eye(3)
     roll, pitch, yaw = (so3.exp(angles[:, [k]] * axes[k]) for k in range(3))
     return so3.multiply(yaw, so3.multiply(pitch, roll)), omega, omega_dot
+
+
+def composed(first: Rotation, second: Rotation) -> Rotation:
+    """R_1 R_2 with its rate and the derivative of that, both in the frame of the product."""
+    quat_1, omega_1, omega_dot_1 = first
+    quat_2, omega_2, omega_dot_2 = second
+    carried = so3.rotate_inverse(quat_2, omega_1)
+    omega_dot = so3.rotate_inverse(quat_2, omega_dot_1) - cross(omega_2, carried) + omega_dot_2
+    return so3.multiply(quat_1, quat_2), carried + omega_2, omega_dot
 
 
 def attitude_of_thrust(force_E: Array, yaw: Array) -> Array:
