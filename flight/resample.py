@@ -198,7 +198,7 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
         tilt_cmd=None if actuators is None else on.held(actuators, actuators.tilt),
         rotor_speed_cmd=None if actuators is None else on.held(actuators, actuators.rotor_speed),
         position_E=None if odometry is None else on.measured(odometry, odometry.position_E),
-        velocity_E=None if odometry is None else on.velocity(odometry),
+        velocity_E=None if odometry is None else on.measured(odometry, _velocity_E(odometry, on.run(odometry))),
         quat_EB=None if odometry is None else on.attitude(odometry),
         voltage=None if flight.battery is None else np.interp(time, flight.battery.time, flight.battery.voltage),
     )
@@ -232,9 +232,6 @@ class _Grid:
         quat = so3.continuous(odometry.quat_EB[run])
         filtered = so3.normalise(self._anti_aliased(odometry.time[run], quat))
         return so3.interpolate(self.time, odometry.time[run], filtered)
-
-    def velocity(self, odometry: OdometrySeries) -> Array:
-        return self.measured(odometry, _velocity_E(odometry, self.run(odometry)))
 
     def inertial(self, odometry: OdometrySeries | None) -> tuple[Array, Array]:
         """omega_B and the specific force R_EB^T (dv_E/dt + g e_z) that an IMU at the odometry's origin would read."""

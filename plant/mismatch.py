@@ -124,13 +124,10 @@ class LinearMismatch:
 
     def __post_init__(self) -> None:
         count = len(output_indices(self.outputs))
-        for name, value, shape in (
-            ("offset", self.offset, (count,)),
-            ("gain", self.gain, (count, len(AXES))),
-            ("sigma", self.sigma, (count,)),
-        ):
-            if np.shape(value) != shape:
-                raise ModelError(f"linear mismatch: {name} has shape {np.shape(value)}, expected {shape}")
+        for name, shape in {"offset": (count,), "gain": (count, len(AXES)), "sigma": (count,)}.items():
+            got = np.shape(getattr(self, name))
+            if got != shape:
+                raise ModelError(f"linear mismatch: {name} has shape {got}, expected {shape}")
 
     @property
     def input_groups(self) -> tuple[str, ...]:

@@ -31,23 +31,18 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects import (
     AnyEffect,
     BodyEffect,
-    CommandEffect,
     Effect,
     Parameter,
-    SensorEffect,
     Source,
-    ThrustEffect,
-    WrenchEffect,
     catalogue,
     find,
     forget,
     register,
     sources,
 )
-from wrenchgap.plant.own_effect_trial import Trial, Wrong, vehicles
+from wrenchgap.plant.own_effect_trial import PLACES, Trial, Wrong, vehicles
 from wrenchgap.plant.vehicle import Vehicle
 
-PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
 PAGE = "see docs/effects/your-own.md"
 _PREFIX = "wrenchgap_own_effect_"
 
@@ -121,10 +116,10 @@ def _run(code: Any, path: Path) -> ModuleType:
 
 def _is_meant(cls: type, path: Path) -> bool:
     """Whether a class is an effect to be used; an abstract one without a name is a base of others."""
-    if issubclass(cls, Effect) and not issubclass(cls, PLACES):
+    if issubclass(cls, Effect) and not issubclass(cls, tuple(PLACES)):
         listed = ", ".join(c.__name__ for c in PLACES)
         raise ModelError(f"{path}:{_line_of(cls, path)}: {cls.__name__} subclasses Effect; subclass one of {listed}")
-    if not issubclass(cls, PLACES):
+    if not issubclass(cls, tuple(PLACES)):
         return False
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing and "name" in vars(cls):
@@ -204,7 +199,7 @@ class _File:
         if unlike:
             self.fail(f"changes {unlike} although all parameters are zero; zero must mean no effect", "apply")
         whole = self.shapes(trial, typical)
-        if trial.steps is not None:
+        if trial.place is not BodyEffect:
             single = self.call("apply", lambda: trial.one_by_one(typical))
             if not all(np.allclose(a, b, rtol=1e-6, atol=1e-9) for a, b in zip(whole, single, strict=True)):
                 self.fail("gives other results for one sample at a time than for all at once", "apply")

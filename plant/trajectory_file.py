@@ -119,16 +119,11 @@ def dumps(file: TrajectoryFile) -> str:
         document.add(tomlkit.comment(line))
     document["schema"] = SCHEMA
     plan = file.trajectory
-    head = tomlkit.table()
     attitude = next(word for word, flag in ATTITUDES.items() if flag == plan.follows_thrust)
     values = {"name": file.name, "vehicle": file.vehicle, "duration": plan.duration, "home": list(plan.home)}
-    head.update({**values, "attitude": attitude})
-    document["trajectory"] = head
+    document["trajectory"] = {**values, "attitude": attitude}
     if plan.moves:
-        listed = tomlkit.aot()
-        for move in plan.moves:
-            listed.append(tomlkit.item(_keys(move)))
-        document["moves"] = listed
+        document["moves"] = [_keys(move) for move in plan.moves]
     if file.purpose:
         document["purpose"] = dict(file.purpose)
     return tomlkit.dumps(document)
