@@ -208,13 +208,8 @@ def _check(truth: Vehicle, believed: Vehicle, length: float) -> None:
 
 def _digest(flight: Flight) -> str:
     """A hash of what was flown, for a flight that has no file."""
-    assert flight.commanded is not None
-    assert flight.desired is not None
-    assert flight.imu is not None
-    assert flight.odometry is not None
     digest = hashlib.sha256()
-    wrenches = (flight.desired.wrench_B, flight.commanded.wrench_B)
-    readings = (flight.imu.omega_B, flight.imu.specific_force_B, flight.odometry.position_E, flight.odometry.quat_EB)
-    for array in (*wrenches, *readings):
-        digest.update(np.ascontiguousarray(array).tobytes())
+    readings = [("imu", "omega_B"), ("imu", "specific_force_B"), ("odometry", "position_E"), ("odometry", "quat_EB")]
+    for role, name in [("desired", "wrench_B"), ("commanded", "wrench_B"), *readings]:
+        digest.update(np.ascontiguousarray(getattr(getattr(flight, role), name)).tobytes())
     return digest.hexdigest()

@@ -478,6 +478,12 @@ class Stall(Hidden):
 # ---------------------------------------------------------------- forces
 
 
+def _drag(world: Engine, areas: tuple[float, float, float], airspeed_E: Array) -> None:
+    R = world.R_EB
+    v = R.T @ airspeed_E
+    world.push(R @ (-0.5 * AIR * np.array(areas) * np.abs(v) * v), world.position_E + 0.03 * R[:, 2])
+
+
 @hidden("body_drag")
 class BodyDrag(Hidden):
     """Three flat plates, -1/2 rho A_k |v_k| v_k along each body axis, acting 30 mm above O."""
@@ -488,7 +494,6 @@ class BodyDrag(Hidden):
     area_x: float = 0.15
     area_y: float = 0.15
     area_z: float = 0.25
-    wind_E: ClassVar[Array] = np.zeros(3)
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
@@ -497,10 +502,7 @@ class BodyDrag(Hidden):
 
     def push(self, world: Engine) -> None:
         """Through the air."""
-        R = world.R_EB
-        v = R.T @ (world.velocity_E - self.wind_E)
-        force = -0.5 * AIR * np.array((self.area_x, self.area_y, self.area_z)) * np.abs(v) * v
-        world.push(R @ force, world.position_E + 0.03 * R[:, 2])
+        _drag(world, (self.area_x, self.area_y, self.area_z), world.velocity_E)
 
 
 @hidden("wind")
@@ -521,9 +523,7 @@ class Wind(Hidden):
         """Gusts of a quarter of the speed, 5 and 9 s."""
         gust = 1 + 0.15 * np.sin(2 * np.pi * world.time / 9.1) + 0.1 * np.sin(2 * np.pi * world.time / 5.3 + 1)
         wind = self.speed * gust * np.array((np.cos(self.heading), np.sin(self.heading), 0.0))
-        plates = BodyDrag(0.12, 0.12, 0.20)
-        plates.wind_E = wind  # type: ignore[misc]
-        plates.push(world)
+        _drag(world, (0.12, 0.12, 0.20), world.velocity_E - wind)
 
 
 @hidden("paddle")

@@ -36,10 +36,9 @@ ROWS = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.PAPERS, m.GP, m.ON_A_LINE
 
 @dataclass(frozen=True)
 class Unseen:
-    """The two unseen flights of a seed, as records, and from when on they count [s]."""
+    """The two unseen flights of a seed, as records by name, and from when on they count [s]."""
 
-    smooth: Record
-    excited: Record
+    parts: dict[str, Record]
 
     def errors(self, known: Knowledge, method: Method | None) -> dict[str, Array]:
         """Mean and standard deviation (3,) of the absolute torque error on both; of the nominal model without one."""
@@ -68,14 +67,9 @@ class Unseen:
             found |= {f"{name} 95": share.within_95, f"{name} 3 sigma": share.within_3_sigma}
         return found
 
-    @property
-    def parts(self) -> dict[str, Record]:
-        """By name."""
-        return {"smooth": self.smooth, "excited": self.excited}
-
     def counts(self, record: Record) -> NDArray[np.bool_]:
         """Samples that count: the last 10 s, or all after the first 2."""
-        return np.asarray(record.time >= (VALIDATION - 10.0 if record is self.smooth else 2.0))
+        return np.asarray(record.time >= (VALIDATION - 10.0 if record is self.parts["smooth"] else 2.0))
 
 
 def knowledge(seed: int, number: int = 0, seconds: float = TRAINING, excitation: float = 1.0) -> Knowledge:
@@ -88,11 +82,11 @@ def knowledge(seed: int, number: int = 0, seconds: float = TRAINING, excitation:
 def unseen(seed: int) -> Unseen:
     """Flights that are not learnt from."""
     plant = vehicle()
-    smooth, excited = (
-        fly(plant, named("pitch", VALIDATION, size, seed + 100), seed + 100 + int(size), name="unseen")
-        for size in (0.0, 1.0)
-    )
-    return Unseen(*(as_log(f, plant).records[0] for f in (smooth, excited)))
+    parts = {}
+    for name, size in (("smooth", 0.0), ("excited", 1.0)):
+        asked = named("pitch", VALIDATION, size, seed + 100)
+        parts[name] = as_log(fly(plant, asked, seed + 100 + int(size), name="unseen"), plant).records[0]
+    return Unseen(parts)
 
 
 def one(seed: int, quick: bool) -> dict[str, Any]:
@@ -105,7 +99,7 @@ def one(seed: int, quick: bool) -> dict[str, Any]:
             r.name: {str(c): flights.coverage(known, r, c) for c in (False, True)} for r in rows if r.gp is not None
         },
         "named": [] if quick else list(known.explanation.effects),
-        "figure": _traces(known, flights.smooth) if seed == 0 else None,
+        "figure": _traces(known, flights.parts["smooth"]) if seed == 0 else None,
     }
 
 

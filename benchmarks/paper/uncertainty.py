@@ -45,9 +45,7 @@ def _gp(training: str, mean: str, words: str) -> Build:
 
     def build(learnt: Learnt) -> Compensator:
         known = learnt[training]
-        settings = known.settings
-        if words != ON:
-            settings = replace(settings, filter_uncertain=False)
+        settings = replace(known.settings, filter_uncertain=words == ON)
         if words == UNBOUNDED:
             settings = replace(settings, correction_max=(np.inf,) * 6)
         return Compensator(known.gp(mean=mean), settings)
