@@ -96,14 +96,8 @@ def _unpacked(file: Path, path: Path) -> Flight:
             values = {name.partition(".")[2]: archive[name] for name in archive.files if name.startswith(f"{role}.")}
             gaps = tuple(Gap(*gap) for gap in said["gaps"])
             series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **values)
-    return Flight(
-        name=about["name"],
-        path=path,
-        content_hash=about["content_hash"],
-        start_ns=about["start_ns"],
-        notes=tuple(about["notes"]),
-        **series,
-    )
+    known = {key: about[key] for key in ("name", "content_hash", "start_ns")}
+    return Flight(path=path, notes=tuple(about["notes"]), **known, **series)
 
 
 @lru_cache(maxsize=1)

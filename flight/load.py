@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,11 +16,13 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import SERIES, ActuatorSeries, Array, Flight, Gap, OdometrySeries, ReferenceSeries
+from wrenchgap.flight.flight import SERIES, ActuatorSeries, Array, Flight, OdometrySeries, ReferenceSeries, Series
 from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
 from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
+
+AnySeries = TypeVar("AnySeries", bound=Series)
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""
@@ -160,7 +162,11 @@ class _Builder:
         if part is None:
             return None
         values = (part.values[:, c] for c in columns)
-        return SERIES[role](*self._series(part), *values, gaps=self._gaps(part), dropped=part.dropped)
+        return self._made(SERIES[role], part.source.topic, part, *values)
+
+    def _made(self, kind: type[AnySeries], topic: str, part: _Part, *values: Array | None) -> AnySeries:
+        time = self._seconds(part.stamps)
+        return kind(topic, time, *values, gaps=gaps_of(time), dropped=part.dropped)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
@@ -176,14 +182,9 @@ class _Builder:
                 f"{speed.source.topic} does not say whether its rotor speeds are commanded or measured; "
                 "they are taken as commanded."
             )
-        return ActuatorSeries(
-            self._topics(*(part for part in ("tilt", "rotor_speed") if part in self.parts)),
-            self._seconds(main.stamps),
-            empty if tilt is None else tilt.values,
-            empty if speed is None else speed.values,
-            gaps=self._gaps(main),
-            dropped=main.dropped,
-        )
+        topic = self._topics(*(part for part in ("tilt", "rotor_speed") if part in self.parts))
+        values = (empty if part is None else part.values for part in (tilt, speed))
+        return self._made(ActuatorSeries, topic, main, *values)
 
     def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part, _Part]:
         """Two topics of commands at the stamps of the first; each with the other's nearest sample."""
@@ -208,15 +209,8 @@ class _Builder:
             return None
         quat_EB = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
         motion = self._motion(pose, quat_EB, "twist", "B")
-        return OdometrySeries(
-            self._topics("pose", "twist"),
-            self._seconds(pose.stamps),
-            pose.values[:, :3],
-            quat_EB,
-            *motion,
-            gaps=self._gaps(pose),
-            dropped=pose.dropped,
-        )
+        topics = self._topics("pose", "twist")
+        return self._made(OdometrySeries, topics, pose, pose.values[:, :3], quat_EB, *motion)
 
     def reference(self) -> ReferenceSeries | None:
         """The reference, with velocity and acceleration in E and rates in D."""
@@ -226,18 +220,9 @@ class _Builder:
         quat_ED = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
         velocity_E, omega_D = self._motion(pose, quat_ED, "reference_twist", "D")
         acceleration_E, omega_dot_D = self._acceleration(pose, quat_ED, velocity_E)
-        return ReferenceSeries(
-            self._topics("reference_pose", "reference_twist"),
-            self._seconds(pose.stamps),
-            pose.values[:, :3],
-            quat_ED,
-            velocity_E,
-            omega_D,
-            acceleration_E,
-            omega_dot_D,
-            gaps=self._gaps(pose),
-            dropped=pose.dropped,
-        )
+        values = (pose.values[:, :3], quat_ED, velocity_E, omega_D, acceleration_E, omega_dot_D)
+        topics = self._topics("reference_pose", "reference_twist")
+        return self._made(ReferenceSeries, topics, pose, *values)
 
     def _motion(self, pose: _Part, quat: Array, name: str, frame: str) -> tuple[Array | None, Array | None]:
         """velocity_E and omega in the body frame at the pose's stamps; `frame` is the body frame's letter."""
@@ -307,14 +292,8 @@ class _Builder:
         sources = self.assignment.sources
         return " + ".join(dict.fromkeys(sources[part].topic for part in parts if part in sources))
 
-    def _series(self, part: _Part) -> tuple[str, Array]:
-        return part.source.topic, self._seconds(part.stamps)
-
     def _seconds(self, stamps: Stamps) -> Array:
         return np.asarray((stamps - self.start_ns) / 1e9)
-
-    def _gaps(self, part: _Part) -> tuple[Gap, ...]:
-        return gaps_of(self._seconds(part.stamps))
 
     def _note(self, text: str) -> None:
         if text not in self.notes:
