@@ -32,7 +32,6 @@ from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model_file import load
 
-MODEL = Path(__file__).parents[1] / "models" / "tilt_hexarotor.toml"
 SETTLE = 3.0
 """Seconds at the start that do not count: the references fade in."""
 WORTH_IT = 5e-3
@@ -75,7 +74,7 @@ def learnt(effect: str, seed: int, points: int, integral: float) -> tuple[Gaussi
     """A torque GP from the log of a training flight, and the parameters that were hidden."""
     recorded, truth = fly(effect, None, "train", seed=seed, integral=integral)
     with tempfile.TemporaryDirectory() as folder:
-        model = load(MODEL)
+        model = load("tilt_hexarotor")
         opened = open_flight(write(recorded, Path(folder) / "train.mcap"), model)
     return learn_process([opened], model, TORQUE, FitSettings(points=points)).gp, truth.parameters[effect]
 

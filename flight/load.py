@@ -1,7 +1,5 @@
 """From a log file to a `Flight`: roles, one clock, clean series in SI and in the frames of `flight.flight`."""
 
-# Long because one builder turns the parts of all roles into series, and every role has a method of its own.
-
 from __future__ import annotations
 
 from collections import Counter

@@ -25,7 +25,7 @@ Values = dict[str, float]
 def run(case: Case, model: Model) -> Row:
     """Fly, explain, judge."""
     recorded, truth = fly(
-        case.flown,
+        case.effects,
         case.sizes or None,
         case.trajectory,
         case.seconds,
@@ -125,7 +125,7 @@ def _unseen(case: Case, found: Explanation, model: Model) -> Row | None:
         return None
     trajectory = UNSEEN[case.trajectory]
     seed = case.seed
-    recorded, _ = fly(case.flown, case.sizes, trajectory, 25.0, seed, pair_split=case.split)
+    recorded, _ = fly(case.effects, case.sizes, trajectory, 25.0, seed, pair_split=case.split)
     compared = compare(open_flights(recorded, model), model, found.model)
     before, after = (compared.evaluations[k].pooled.rms for k in (0, -1))
     out: Row = {"trajectory": trajectory, "before": before.tolist(), "after": after.tolist()}

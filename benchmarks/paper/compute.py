@@ -28,6 +28,7 @@ from wrenchgap.plant.trajectory import named
 
 PAPER = (7.5, 24.0)
 POINTS = (100, 200)
+RECORDED = ("solve_time", "iterations", "correction")
 
 
 class ByGPy:
@@ -67,11 +68,8 @@ class ByGPy:
 def solve(compensator: Any, wrenches: Array, states: list[State]) -> tuple[Array, Array, Array]:
     """Times [ms] (N,), evaluations of the model (N,), corrections (N, 6) of consecutive solves."""
     results = [compensator.step(w, s) for w, s in zip(wrenches, states, strict=True)]
-    return (
-        1e3 * np.array([r.solve_time for r in results]),
-        np.array([r.iterations for r in results]),
-        np.array([r.correction for r in results]),
-    )
+    times, counts, corrections = (np.array([getattr(r, k) for r in results]) for k in RECORDED)
+    return 1e3 * times, counts, corrections
 
 
 def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:

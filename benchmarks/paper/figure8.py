@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from benchmarks.paper.figures import error_figure
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import Plant, vehicle
-from benchmarks.paper.running import ROOT, Output, Report, change, falls, in_parallel, main, mrad, percent, table
+from benchmarks.paper.running import Output, Report, change, falls, in_parallel, main, mrad, percent, table
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.plant.model_file import load
@@ -32,7 +31,6 @@ PAPER = (0.945, 0.879, 0.837)
 ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH)
 ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE)
 QUICK = (m.PD, m.LINEAR, m.GP)
-MODEL = ROOT / "models" / "tilt_hexarotor.toml"
 HIDDEN = (
     ("com_offset", "tilt_offset", "weak_rotor"),
     ("com_offset", "wake", "payload"),
@@ -60,7 +58,7 @@ def own(method: Method, known: Knowledge | None, length: float) -> tuple[Array, 
 def engine_knowledge(effects: Sequence[str], seed: int) -> tuple[Knowledge, Any]:
     """What is learnt from the engine's training flight, and what was hidden."""
     flight, truth = engine.fly(effects, None, "train", seed=seed, integral=0.0)
-    model = load(Path(MODEL))
+    model = load("tilt_hexarotor")
     return Knowledge(model, (opened(flight, model),), POINTS), truth.parameters
 
 
