@@ -14,27 +14,24 @@ import argparse
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.engine import CONTROL_RATE, Truth, fly
 from benchmarks.hidden_effects.trajectories import TRAJECTORIES, reference
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import so3, write
 from wrenchgap.flight.errors import WrenchgapError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model_file import load
 
-Array = NDArray[np.float64]
-
-MODEL = Path(__file__).parents[1] / "models" / "tilt_hexarotor.toml"
 SETTLE = 3.0
 """Seconds at the start that do not count: the references fade in."""
 WORTH_IT = 5e-3
@@ -73,13 +70,11 @@ def attitude_error(truth: Truth) -> Array:
     return np.asarray(np.abs(error[truth.time >= SETTLE]).mean(axis=0))
 
 
-def learnt(
-    effect: str, seed: int, points: int, size: float | None = None, integral: float = 0.0
-) -> tuple[GaussianProcess, Mapping[str, Any]]:
+def learnt(effect: str, seed: int, points: int, integral: float) -> tuple[GaussianProcess, Mapping[str, Any]]:
     """A torque GP from the log of a training flight, and the parameters that were hidden."""
-    recorded, truth = fly(effect, size, "train", seed=seed, integral=integral)
+    recorded, truth = fly(effect, None, "train", seed=seed, integral=integral)
     with tempfile.TemporaryDirectory() as folder:
-        model = load(MODEL)
+        model = load("tilt_hexarotor")
         opened = open_flight(write(recorded, Path(folder) / "train.mcap"), model)
     return learn_process([opened], model, TORQUE, FitSettings(points=points)).gp, truth.parameters[effect]
 
@@ -91,16 +86,14 @@ def outcome(
     trajectory: str = "figure8",
     seconds: float | None = None,
     points: int = 200,
-    size: float | None = None,
     train_integral: float = 0.0,
-    settings: Settings | None = None,
 ) -> Outcome:
     """Train, learn, and fly `trajectory` with another seed with and without compensation; same noise for all.
 
     `seconds` shortens the unseen flights; `train_integral` is the controller's on the training flight.
     """
-    gp, hidden = learnt(effect, seed, points, size, train_integral)
-    compensator = Compensator(gp, replace(settings or Settings(), dt=1.0 / CONTROL_RATE))
+    gp, hidden = learnt(effect, seed, points, train_integral)
+    compensator = Compensator(gp, Settings(dt=1.0 / CONTROL_RATE))
     steps = []
 
     def compensate(wrench_des: Array, state: Array) -> Array:

@@ -59,15 +59,14 @@ def joined(parts):
     return replace(parts[0], **{name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays})
 
 
-class Clock:
-    """Wall and CPU seconds since it was made, the CPU of finished workers included."""
+def clock():
+    """Wall and CPU seconds, the CPU of finished workers included."""
+    return np.array((time.perf_counter(), sum(os.times()[:4])))
 
-    def __init__(self):
-        self.wall, self.cpu = time.perf_counter(), sum(os.times()[:4])
 
-    def read(self):
-        """Both."""
-        return {"wall_s": time.perf_counter() - self.wall, "cpu_s": sum(os.times()[:4]) - self.cpu}
+def since(start):
+    """What has passed, by name."""
+    return dict(zip(("wall_s", "cpu_s"), (clock() - start).tolist(), strict=True))
 
 
 def main():
@@ -83,18 +82,18 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         path = flight.write(long_flight(options.minutes, options.hide or HIDDEN), Path(folder) / "long.mcap")
         size = path.stat().st_size
-        clock = Clock()
+        start = clock()
         opened = open_flight(path, model)
-        reading = clock.read()
+        reading = since(start)
     jobs = 1 if options.profile else options.jobs
     profiler = cProfile.Profile()
-    clock = Clock()
+    start = clock()
     with progress("explaining") as report:
         if options.profile:
             profiler.enable()
         found = explain([opened], model, jobs=jobs, progress=report)
         profiler.disable()
-    explaining = clock.read()
+    explaining = since(start)
     ratio = explaining["cpu_s"] / reading["cpu_s"]
     samples = sum(map(len, opened.records))
     print(f"log: {options.minutes} min, {size / 1e6:.0f} MB, {samples} compared samples, {jobs} at work")
@@ -105,14 +104,8 @@ def main():
         pstats.Stats(profiler).sort_stats("tottime").print_stats(options.profile)
         pstats.Stats(profiler).sort_stats("cumtime").print_stats(options.profile)
     if options.json:
-        body = {
-            "minutes": options.minutes,
-            "jobs": jobs,
-            "reading": reading,
-            "explaining": explaining,
-            "ratio_cpu": ratio,
-        }
-        body |= {"verdict": found.verdict, "effects": list(found.effects)}
+        body = {"minutes": options.minutes, "jobs": jobs, "reading": reading, "explaining": explaining}
+        body |= {"ratio_cpu": ratio, "verdict": found.verdict, "effects": list(found.effects)}
         options.json.write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
 
 

@@ -218,8 +218,8 @@ def print_one(name, r):
 
 def masses(flights):
     """The ratio of the masses over all flights and both axes, weighted by what each says of itself."""
-    ratio = np.array([a["mass_ratio"] for r in flights.values() for a in r["across"].values()])
-    std = np.array([a["mass_ratio_std"] for r in flights.values() for a in r["across"].values()])
+    every = [a for r in flights.values() for a in r["across"].values()]
+    ratio, std = (np.array([a[key] for a in every]) for key in ("mass_ratio", "mass_ratio_std"))
     weight = 1.0 / std**2
     mean = float(weight @ ratio / weight.sum())
     inflated = max(1.0, float(np.sqrt(weight @ (ratio - mean) ** 2 / (len(ratio) - 1))))

@@ -26,7 +26,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.effects.effect import CommandEffect, SensorEffect
 from wrenchgap.plant.mismatch import output_indices
-from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.state import Commands, State, joined
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
@@ -156,7 +156,7 @@ class PhysicsHere:
         for k in range(len(commands.wrench_B)):
             held, _ = model.command(commands.take(np.full(count, k)), state, self.dt, self.memory)
             found.append(_last(held, count - ahead))
-        return Commands.joined(found)
+        return joined(found)
 
 
 def _last(held: Commands, back: float) -> Commands:

@@ -21,30 +21,10 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_path
 
-from wrenchgap.flight.flight import (
-    ActuatorSeries,
-    BatterySeries,
-    Flight,
-    Gap,
-    ImuSeries,
-    OdometrySeries,
-    ReferenceSeries,
-    Series,
-    WrenchSeries,
-)
+from wrenchgap.flight.flight import SERIES, Flight, Gap
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.load import load as read
 
-TYPES: dict[str, type[Series]] = {
-    "commanded": WrenchSeries,
-    "desired": WrenchSeries,
-    "actuators": ActuatorSeries,
-    "imu": ImuSeries,
-    "odometry": OdometrySeries,
-    "reference": ReferenceSeries,
-    "battery": BatterySeries,
-}
-"""What plays each role."""
 BYTES = 2_000_000_000
 """Of all kept flights together; the oldest go first."""
 UNREADABLE = (OSError, zipfile.BadZipFile, KeyError, ValueError, TypeError)
@@ -115,15 +95,9 @@ def _unpacked(file: Path, path: Path) -> Flight:
         for role, said in about["roles"].items():
             values = {name.partition(".")[2]: archive[name] for name in archive.files if name.startswith(f"{role}.")}
             gaps = tuple(Gap(*gap) for gap in said["gaps"])
-            series[role] = TYPES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **values)
-    return Flight(
-        name=about["name"],
-        path=path,
-        content_hash=about["content_hash"],
-        start_ns=about["start_ns"],
-        notes=tuple(about["notes"]),
-        **series,
-    )
+            series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **values)
+    known = {key: about[key] for key in ("name", "content_hash", "start_ns")}
+    return Flight(path=path, notes=tuple(about["notes"]), **known, **series)
 
 
 @lru_cache(maxsize=1)

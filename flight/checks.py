@@ -16,7 +16,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.flight import Array, Flight, Series
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.stamps import jitter
+from wrenchgap.flight.stamps import interpolated, jitter
 
 DEGREES = 180.0 / np.pi
 
@@ -87,7 +87,7 @@ def _up(flight: Flight) -> Iterator[Check]:
         )
     if flight.odometry is None:
         return
-    force_B = _at(flight.odometry.time, flight.imu.time, flight.imu.specific_force_B)
+    force_B = interpolated(flight.odometry.time, flight.imu.time, flight.imu.specific_force_B)
     mean_E = np.median(so3.rotate(flight.odometry.quat_EB, force_B), axis=0)
     size = float(np.linalg.norm(mean_E))
     angle = float(np.degrees(np.arccos(np.clip(mean_E[2] / max(size, 1e-9), -1, 1))))
@@ -107,7 +107,7 @@ def _gyro(flight: Flight) -> Iterator[Check]:
         return
     time, quat_EB = flight.odometry.time, flight.odometry.quat_EB
     truth = angular_velocity(time, quat_EB)
-    omega_B = smooth(time, _at(time, flight.imu.time, flight.imu.omega_B))
+    omega_B = smooth(time, interpolated(time, flight.imu.time, flight.imu.omega_B))
     if float(np.sqrt(np.mean(truth**2))) < 0.02:
         yield Check("gyroscope", "ok", "The attitude hardly moves: the gyroscope's unit cannot be checked.")
         return
@@ -214,10 +214,6 @@ def _dropped(flight: Flight) -> Iterator[Check]:
         if lost > 0.01 * (lost + len(series.time)):
             listed = ", ".join(f"{count} {reason}" for reason, count in series.dropped.items())
             yield Check("left out", "warn", f"{role}: {lost} of {lost + len(series.time)} samples ({listed}).")
-
-
-def _at(time: Array, knots: Array, values: Array) -> Array:
-    return np.stack([np.interp(time, knots, column) for column in values.T], axis=1)
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[Check]], ...] = (

@@ -103,7 +103,8 @@ def clock_map(log_time_ns: Stamps, header_ns: Stamps) -> ClockMap:
         ends = np.array([x[0], x[-1]])
         return ClockMap(int(log_time_ns[0]), int(header_ns[0]), ends, offset + rate * ends, rate)
     window = np.floor((x - x[0]) / EDGE_WINDOW).astype(int)
-    best = [members[np.argmax(residual[members])] for members in _groups(window)]
+    groups = np.split(np.arange(len(x)), np.flatnonzero(np.diff(window)) + 1)
+    best = [members[np.argmax(residual[members])] for members in groups]
     log_knots, knots = x[best], np.maximum.accumulate(y[best])
     keep = np.concatenate(([True], (np.diff(knots) > 0) & (np.diff(log_knots) > 0)))
     return ClockMap(int(log_time_ns[0]), int(header_ns[0]), log_knots[keep], knots[keep], rate)
@@ -226,9 +227,3 @@ def _line(x: Array, y: Array) -> tuple[float, float, NDArray[np.bool_]]:
         residual = np.abs(y - intercept - slope * x)
         inliers = residual <= 5.0 * np.median(residual) + 1e-6
     return slope, intercept, inliers
-
-
-def _groups(labels: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Indices of equal neighbours in ascending labels."""
-    cuts = np.flatnonzero(np.diff(labels)) + 1
-    return np.split(np.arange(len(labels)), cuts)

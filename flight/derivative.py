@@ -14,7 +14,8 @@ def smooth(time: Array, values: Array, window: float = 0.15, derivative: int = 0
 
     Stamps may jitter: the derivative is taken with respect to the index and divided by that of the time.
     """
-    points = _odd(window / float(np.median(np.diff(time))), len(time))
+    odd = 2 * round(window / float(np.median(np.diff(time))) / 2) + 1
+    points = min(odd, len(time) - 1 + len(time) % 2)
     if points < 5:
         return np.gradient(values, time, axis=0) if derivative else values
     smoothed = savgol_filter(values, points, 3, deriv=derivative, axis=0)
@@ -33,9 +34,3 @@ def angular_velocity(time: Array, quat_EB: Array, window: float = 0.15) -> Array
     steps = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
     path = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
     return smooth(time, path, window, derivative=1)
-
-
-def _odd(points: float, available: int) -> int:
-    """An odd number of points, no more than there are."""
-    count = 2 * round(points / 2) + 1
-    return min(count, available - 1 + available % 2)

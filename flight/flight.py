@@ -18,9 +18,6 @@ Array = NDArray[np.float64]
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Order of a wrench's six components, everywhere."""
 
-ROLES = ("commanded", "desired", "actuators", "imu", "odometry", "reference", "battery")
-"""What a topic can mean: see `Flight` for each."""
-
 
 @dataclass(frozen=True)
 class Gap:
@@ -106,6 +103,20 @@ class BatterySeries(Series):
     """`voltage` (N,) [V]."""
 
     voltage: Array
+
+
+SERIES: dict[str, type[Series]] = {
+    "commanded": WrenchSeries,
+    "desired": WrenchSeries,
+    "actuators": ActuatorSeries,
+    "imu": ImuSeries,
+    "odometry": OdometrySeries,
+    "reference": ReferenceSeries,
+    "battery": BatterySeries,
+}
+"""What plays each role."""
+ROLES = tuple(SERIES)
+"""What a topic can mean: see `Flight` for each."""
 
 
 @dataclass(frozen=True)

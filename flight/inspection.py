@@ -12,9 +12,9 @@ from wrenchgap.flight.checks import Check, checks
 from wrenchgap.flight.clocks import Relation, relation
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.formats import Log, Table, read_log
-from wrenchgap.flight.load import build
-from wrenchgap.flight.roles import Assignment, merged_topics, propose, selection
+from wrenchgap.flight.formats import Log, Table
+from wrenchgap.flight.load import assigned, build
+from wrenchgap.flight.roles import ROLE_PARTS, Assignment
 from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
 
 
@@ -73,45 +73,32 @@ def inspect(
 ) -> Inspection:
     """Look at a log; arguments as for `load`, but one in which no topic plays a role is reported as well.
 
-    Raises
-    ------
-    LogError
-        The file is no log or cannot be read.
-    UsageError
-        `topics` is not understood.
+    Raises LogError where the file is no log or cannot be read, UsageError where `topics` is not understood.
     """
-    path = Path(path)
-    log = read_log(path, selection({**(preferred or {}), **(topics or {})}))
-    assignment = propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
-    flight, problem = _flight(log, assignment)
-    found = checks(flight) if flight is not None else (Check("roles", "bad", problem),)
+    log, assignment = assigned(path, topics, preferred)
+    flight: Flight | None = None
+    try:
+        flight = build(log, assignment)[0]
+        found = checks(flight)
+    except LogError as error:
+        found = (Check("roles", "bad", str(error)),)
     first = min(int(table.log_time_ns[0]) for table in log.tables.values())
     last = max(int(table.log_time_ns[-1]) for table in log.tables.values())
     return Inspection(
-        path=path,
+        path=log.path,
         format=log.format,
         size=log.size,
         content_hash=log.content_hash,
         start_ns=first if flight is None else flight.start_ns,
-        duration=(last - first) * 1e-9 if flight is None else _duration(flight),
+        duration=(last - first) * 1e-9
+        if flight is None
+        else max(float(series.time[-1]) for series in flight.series().values()),
         topics=tuple(_topic(table, assignment, flight) for table in log.tables.values()),
         mapping=assignment.as_topics(),
         checks=(*found, *_clock_checks(log, assignment)),
         notes=log.notes if flight is None else flight.notes,
         flight=flight,
     )
-
-
-def _flight(log: Log, assignment: Assignment) -> tuple[Flight | None, str]:
-    try:
-        return build(log, assignment)[0], ""
-    except LogError as error:
-        return None, str(error)
-
-
-def _duration(flight: Flight) -> float:
-    """Seconds from the first to the last used sample."""
-    return max((float(series.time[-1]) for series in flight.series().values()), default=0.0)
 
 
 def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> TopicReport:
@@ -121,6 +108,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
     gaps = gaps_of(time)
     several = len(time) > 2 and time[-1] > time[0]
     clock = _relation(table)
+    series = [] if flight is None else flight.series().values()
     return TopicReport(
         topic=table.topic,
         type=table.type,
@@ -132,7 +120,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
         header_offset=None if clock is None else clock.offset,
         header_rate=None if clock is None else clock.rate,
         header_jitter=None if clock is None else clock.residual,
-        dropped=_dropped(table.topic, assignment, flight),
+        dropped=next((dict(s.dropped) for s in series if s.topic.split(" + ")[0] == table.topic), {}),
         plays=_plays(table.topic, assignment),
         could_play=tuple(part for part, others in assignment.candidates.items() if table.topic in others),
         problem=table.problem,
@@ -146,21 +134,12 @@ def _relation(table: Table) -> Relation | None:
 def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
     """Roles; the part as well where a role has several topics."""
     played = []
-    for role in assignment.roles_of(topic):
-        parts = [part for part in assignment.parts_of(topic) if part in assignment.parts_in(role)]
-        others = assignment.topics_in(role) - {topic}
-        played.append(f"{role} ({', '.join(parts)})" if others else role)
+    for role, parts in ROLE_PARTS.items():
+        topics = {part: assignment.sources[part].topic for part in parts if part in assignment.sources}
+        own = [part for part, other in topics.items() if other == topic]
+        if own:
+            played.append(role if set(topics.values()) == {topic} else f"{role} ({', '.join(own)})")
     return tuple(played)
-
-
-def _dropped(topic: str, assignment: Assignment, flight: Flight | None) -> dict[str, int]:
-    if flight is None:
-        return {}
-    played = flight.series()
-    for role in assignment.roles_of(topic):
-        if role in played and topic in played[role].topic.split(" + ")[:1]:
-            return dict(played[role].dropped)
-    return {}
 
 
 def _clock_checks(log: Log, assignment: Assignment) -> tuple[Check, ...]:

@@ -1,13 +1,12 @@
 """From a log file to a `Flight`: roles, one clock, clean series in SI and in the frames of `flight.flight`."""
 
-# Long because one builder turns the parts of all roles into series, and every role has a method of its own.
-
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,21 +14,13 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import (
-    ActuatorSeries,
-    Array,
-    BatterySeries,
-    Flight,
-    Gap,
-    ImuSeries,
-    OdometrySeries,
-    ReferenceSeries,
-    WrenchSeries,
-)
+from wrenchgap.flight.flight import SERIES, ActuatorSeries, Array, Flight, OdometrySeries, ReferenceSeries, Series
 from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
-from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, nearest
+from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
+
+AnySeries = TypeVar("AnySeries", bound=Series)
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""
@@ -53,17 +44,18 @@ def load(
     (see `flight.roles`). `preferred` is the same, but passed over where the log lacks the topic: the mapping of a
     model file, which serves logs of several kinds. What was assumed, repaired or left out is in the flight's `notes`.
 
-    Raises
-    ------
-    LogError
-        The file is no log, cannot be read, or plays no role at all.
-    UsageError
-        `topics` is not understood.
+    Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
+    understood.
     """
-    path = Path(path)
-    log = read_log(path, selection({**(preferred or {}), **(topics or {})}))
-    mapping = merged_topics(topics, preferred, log.tables)
-    return build(log, propose(log.tables, mapping, str(path)))[0]
+    return build(*assigned(path, topics, preferred))[0]
+
+
+def assigned(
+    path: str | Path, topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None
+) -> tuple[Log, Assignment]:
+    """A log, and who plays what in it; arguments and errors as of `load`."""
+    log = read_log(Path(path), selection({**(preferred or {}), **(topics or {})}))
+    return log, propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
 
 
 def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
@@ -82,24 +74,20 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
     if not builder.parts:
         raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     flight = Flight(
-        name=_name(log.path),
+        name=log.path.name if log.path.is_dir() else log.path.name.removesuffix(log.path.suffix),
         path=log.path,
         content_hash=log.content_hash,
         start_ns=builder.start_ns,
-        commanded=builder.wrench("commanded"),
-        desired=builder.wrench("desired"),
+        commanded=builder.one("commanded", slice(None)),
+        desired=builder.one("desired", slice(None)),
         actuators=builder.actuators(),
-        imu=builder.imu(),
+        imu=builder.one("imu", slice(3), slice(3, None)),
         odometry=builder.odometry(),
         reference=builder.reference(),
-        battery=builder.battery(),
+        battery=builder.one("battery", 0),
     )
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return replace(flight, notes=notes), timing
-
-
-def _name(path: Path) -> str:
-    return path.name if path.is_dir() else path.name.removesuffix(path.suffix)
 
 
 @dataclass
@@ -166,28 +154,17 @@ class _Builder:
             return None
         return _Part(source, stamps[keep], values[keep], counted)
 
-    def wrench(self, name: str) -> WrenchSeries | None:
-        """The commanded or desired wrench."""
-        part = self.parts.get(name)
+    def one(self, role: str, *columns: int | slice) -> Any:
+        """The series of a role of one part, whose `columns` are its fields."""
+        part = self.parts.get(role)
         if part is None:
             return None
-        return WrenchSeries(*self._series(part), part.values, gaps=self._gaps(part), dropped=part.dropped)
+        values = (part.values[:, c] for c in columns)
+        return self._made(SERIES[role], part.source.topic, part, *values)
 
-    def imu(self) -> ImuSeries | None:
-        """Gyroscope and accelerometer."""
-        part = self.parts.get("imu")
-        if part is None:
-            return None
-        omega_B, force_B = part.values[:, :3], part.values[:, 3:]
-        return ImuSeries(*self._series(part), omega_B, force_B, gaps=self._gaps(part), dropped=part.dropped)
-
-    def battery(self) -> BatterySeries | None:
-        """The battery's voltage."""
-        part = self.parts.get("battery")
-        if part is None:
-            return None
-        voltage = part.values[:, 0]
-        return BatterySeries(*self._series(part), voltage, gaps=self._gaps(part), dropped=part.dropped)
+    def _made(self, kind: type[AnySeries], topic: str, part: _Part, *values: Array | None) -> AnySeries:
+        time = self._seconds(part.stamps)
+        return kind(topic, time, *values, gaps=gaps_of(time), dropped=part.dropped)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
@@ -198,23 +175,14 @@ class _Builder:
         if tilt is not None and speed is not None and not np.array_equal(tilt.stamps, speed.stamps):
             main, tilt, speed = self._joined_commands(tilt, speed)
         empty = np.zeros((len(main.stamps), 0))
-        words = main.source.topic if tilt is None or speed is None else _both(tilt.source, speed.source)
-        self._say_whose_speeds(speed)
-        return ActuatorSeries(
-            words,
-            self._seconds(main.stamps),
-            empty if tilt is None else tilt.values,
-            empty if speed is None else speed.values,
-            gaps=self._gaps(main),
-            dropped=main.dropped,
-        )
-
-    def _say_whose_speeds(self, speed: _Part | None) -> None:
         if speed is not None and not says_command(speed.source.topic, self.log.tables[speed.source.topic].type):
             self._note(
                 f"{speed.source.topic} does not say whether its rotor speeds are commanded or measured; "
                 "they are taken as commanded."
             )
+        topic = self._topics(*(part for part in ("tilt", "rotor_speed") if part in self.parts))
+        values = (empty if part is None else part.values for part in (tilt, speed))
+        return self._made(ActuatorSeries, topic, main, *values)
 
     def _joined_commands(self, first: _Part, second: _Part) -> tuple[_Part, _Part, _Part]:
         """Two topics of commands at the stamps of the first; each with the other's nearest sample."""
@@ -239,15 +207,8 @@ class _Builder:
             return None
         quat_EB = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
         motion = self._motion(pose, quat_EB, "twist", "B")
-        return OdometrySeries(
-            self._topics("pose", "twist"),
-            self._seconds(pose.stamps),
-            pose.values[:, :3],
-            quat_EB,
-            *motion,
-            gaps=self._gaps(pose),
-            dropped=pose.dropped,
-        )
+        topics = self._topics("pose", "twist")
+        return self._made(OdometrySeries, topics, pose, pose.values[:, :3], quat_EB, *motion)
 
     def reference(self) -> ReferenceSeries | None:
         """The reference, with velocity and acceleration in E and rates in D."""
@@ -257,18 +218,9 @@ class _Builder:
         quat_ED = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
         velocity_E, omega_D = self._motion(pose, quat_ED, "reference_twist", "D")
         acceleration_E, omega_dot_D = self._acceleration(pose, quat_ED, velocity_E)
-        return ReferenceSeries(
-            self._topics("reference_pose", "reference_twist"),
-            self._seconds(pose.stamps),
-            pose.values[:, :3],
-            quat_ED,
-            velocity_E,
-            omega_D,
-            acceleration_E,
-            omega_dot_D,
-            gaps=self._gaps(pose),
-            dropped=pose.dropped,
-        )
+        values = (pose.values[:, :3], quat_ED, velocity_E, omega_D, acceleration_E, omega_dot_D)
+        topics = self._topics("reference_pose", "reference_twist")
+        return self._made(ReferenceSeries, topics, pose, *values)
 
     def _motion(self, pose: _Part, quat: Array, name: str, frame: str) -> tuple[Array | None, Array | None]:
         """velocity_E and omega in the body frame at the pose's stamps; `frame` is the body frame's letter."""
@@ -332,21 +284,14 @@ class _Builder:
         """Values of another topic at the pose's stamps: the same rows, or interpolated (no further than its ends)."""
         if len(pose.stamps) == len(other.stamps) and np.array_equal(pose.stamps, other.stamps):
             return other.values
-        x, knots = self._seconds(pose.stamps), self._seconds(other.stamps)
-        return np.stack([np.interp(x, knots, column) for column in other.values.T], axis=1)
+        return interpolated(self._seconds(pose.stamps), self._seconds(other.stamps), other.values)
 
     def _topics(self, *parts: str) -> str:
         sources = self.assignment.sources
         return " + ".join(dict.fromkeys(sources[part].topic for part in parts if part in sources))
 
-    def _series(self, part: _Part) -> tuple[str, Array]:
-        return part.source.topic, self._seconds(part.stamps)
-
     def _seconds(self, stamps: Stamps) -> Array:
         return np.asarray((stamps - self.start_ns) / 1e9)
-
-    def _gaps(self, part: _Part) -> tuple[Gap, ...]:
-        return gaps_of(self._seconds(part.stamps))
 
     def _note(self, text: str) -> None:
         if text not in self.notes:
@@ -378,7 +323,3 @@ def _absent_half(values: Array, name: str) -> list[int]:
     if PART_QUANTITY[name] not in ("twist", "acceleration"):
         return []
     return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]
-
-
-def _both(first: Source, second: Source) -> str:
-    return " + ".join(dict.fromkeys((first.topic, second.topic)))

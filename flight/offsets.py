@@ -175,7 +175,8 @@ def offset(
     none = Offset(first.name, second.name)
     moving = (np.ptp(first.values, axis=0) > 0) & (np.ptp(second.values, axis=0) > 0)
     if not moving.any():
-        return replace(none, problem=Problem.STILL, about=_still(first, second))
+        still = second if (np.ptp(first.values, axis=0) > 0).any() else first
+        return replace(none, problem=Problem.STILL, about=still.name)
     first, second = (
         replace(s, values=s.values[:, moving], axes=tuple(np.array(s.axes)[moving])) for s in (first, second)
     )
@@ -189,10 +190,6 @@ def offset(
         least = 0.5 * (FEWEST_BLOCKS + 1) * SHORTEST_BLOCK
         return replace(none, problem=Problem.SHORT, about=f"{least:g} s")
     return pair.estimate(none)
-
-
-def _still(first: Signal, second: Signal) -> str:
-    return first.name if not (np.ptp(first.values, axis=0) > 0).any() else second.name
 
 
 @dataclass(frozen=True)
@@ -265,21 +262,16 @@ class _Pair:
         total = sum(b - a for a, b in common)
         self.length = float(np.clip(total / 8.0, SHORTEST_BLOCK, BLOCK_SECONDS))
         self.reach = 0.25 * self.length
-        starts = [self._starts(a, b) for a, b in common]
-        every = np.asarray(np.concatenate(starts) if starts else np.zeros(0), dtype=np.float64)
+        every = np.zeros(0)
+        for a, b in common:  # blocks overlap by half and fill the interval
+            count = max(int((b - a) / (0.5 * self.length) + 1e-9) - 1, 0)
+            every = np.append(every, np.linspace(a, b - self.length, count))
         if len(every) > MOST_BLOCKS:  # spread, in pairs of neighbours
             every = every[np.linspace(0, len(every) - 1, MOST_BLOCKS).astype(int)]
         self.starts = every
         lowest = max(1, int(np.ceil(band[0] * self.length - 1e-9)))
         self.harmonics = np.arange(lowest, int(np.floor(band[1] * self.length + 1e-9)) + 1)
         self.omega = np.asarray(2.0 * np.pi * self.harmonics / self.length, dtype=np.float64)
-
-    def _starts(self, start: float, stop: float) -> Array:
-        """Starts of blocks that overlap by half and fill an interval."""
-        count = int((stop - start) / (0.5 * self.length) + 1e-9) - 1
-        if count < 1:
-            return np.zeros(0)
-        return np.asarray(np.linspace(start, stop - self.length, count))
 
     def estimate(self, none: Offset) -> Offset:
         """Search, align, and say how sure."""

@@ -25,7 +25,7 @@ from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.stamps import nominal_period
+from wrenchgap.flight.stamps import interpolated, nominal_period
 
 MAXIMUM_RATE = 250.0  # Hz
 ANTI_ALIAS_RATIO = 1.3  # a series faster than this many grid rates is low-passed first
@@ -77,17 +77,15 @@ def resample(
     used where the log plays them. Without an IMU, rates and specific force come from the odometry. Stretches shorter
     than `minimum_duration` [s] are left out and counted.
 
-    Raises
-    ------
-    LogError
-        The log lacks a required role, or no stretch is long enough.
+    Raises LogError where the log lacks a required role, or no stretch is long enough.
     """
     _check_requirements(flight, require)
     notes: list[str] = []
     grid_rate = _grid_rate(flight, rate)
     series = _used_series(flight, require, grid_rate, notes)
     if "imu" not in series:
-        source = _rate_source(series["odometry"])
+        known = flight.odometry is not None and flight.odometry.omega_B is not None
+        source = "odometry's twist" if known else "differentiated attitude"
         notes.append(
             f"{flight.name}: no IMU; rates come from the {source}, specific force from differentiated velocity."
         )
@@ -200,7 +198,7 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
         tilt_cmd=None if actuators is None else on.held(actuators, actuators.tilt),
         rotor_speed_cmd=None if actuators is None else on.held(actuators, actuators.rotor_speed),
         position_E=None if odometry is None else on.measured(odometry, odometry.position_E),
-        velocity_E=None if odometry is None else on.velocity(odometry),
+        velocity_E=None if odometry is None else on.measured(odometry, _velocity_E(odometry, on.run(odometry))),
         quat_EB=None if odometry is None else on.attitude(odometry),
         voltage=None if flight.battery is None else np.interp(time, flight.battery.time, flight.battery.voltage),
     )
@@ -227,16 +225,13 @@ class _Grid:
 
     def measured(self, series: Series, values: Array) -> Array:
         run = self.run(series)
-        return _interpolate(self.time, series.time[run], self._anti_aliased(series.time[run], values[run]))
+        return interpolated(self.time, series.time[run], self._anti_aliased(series.time[run], values[run]))
 
     def attitude(self, odometry: OdometrySeries) -> Array:
         run = self.run(odometry)
         quat = so3.continuous(odometry.quat_EB[run])
         filtered = so3.normalise(self._anti_aliased(odometry.time[run], quat))
         return so3.interpolate(self.time, odometry.time[run], filtered)
-
-    def velocity(self, odometry: OdometrySeries) -> Array:
-        return self.measured(odometry, _velocity_E(odometry, self.run(odometry)))
 
     def inertial(self, odometry: OdometrySeries | None) -> tuple[Array, Array]:
         """omega_B and the specific force R_EB^T (dv_E/dt + g e_z) that an IMU at the odometry's origin would read."""
@@ -247,7 +242,7 @@ class _Grid:
         acceleration_E = smooth(time, _velocity_E(odometry, run)[run], FORCE_WINDOW, derivative=1)
         force_B = so3.rotate_inverse(quat_EB, acceleration_E + np.array([0.0, 0.0, GRAVITY]))
         at = self.time
-        return tuple(_interpolate(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
+        return tuple(interpolated(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
 
     def _anti_aliased(self, time: Array, values: Array) -> Array:
         native = 1.0 / float(np.median(np.diff(time)))
@@ -264,14 +259,8 @@ def held_mean(time: Array, stamps: Array, values: Array, period: float, window: 
     """
     knots = np.append(stamps, stamps[-1] + period)
     integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values * np.diff(knots)[:, None], axis=0)))
-    upper, lower = (_interpolate(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
+    upper, lower = (interpolated(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
     return np.asarray((upper - lower) / window)
-
-
-def _interpolate(time: Array, knots: Array, values: Array) -> Array:
-    if not values.shape[1]:
-        return np.zeros((len(time), 0))
-    return np.stack([np.interp(time, knots, column) for column in values.T], axis=1)
 
 
 def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:
@@ -281,8 +270,3 @@ def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:
     velocity: NDArray[np.float64] = np.zeros_like(odometry.position_E)
     velocity[run] = smooth(odometry.time[run], odometry.position_E[run], FORCE_WINDOW, derivative=1)
     return velocity
-
-
-def _rate_source(series: Series) -> str:
-    known = isinstance(series, OdometrySeries) and series.omega_B is not None
-    return "odometry's twist" if known else "differentiated attitude"

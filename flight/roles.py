@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
-from wrenchgap.flight.formats import Table
+from wrenchgap.flight.formats import Selection, Table
 from wrenchgap.flight.topic_names import TYPES, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
@@ -85,23 +85,6 @@ class Assignment:
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def parts_of(self, topic: str) -> tuple[str, ...]:
-        """Parts that a topic plays."""
-        return tuple(part for part, source in self.sources.items() if source.topic == topic)
-
-    def roles_of(self, topic: str) -> tuple[str, ...]:
-        """Roles to which a topic contributes."""
-        parts = set(self.parts_of(topic))
-        return tuple(role for role in ROLES if parts & set(ROLE_PARTS[role]))
-
-    def parts_in(self, role: str) -> tuple[str, ...]:
-        """Parts of a role that are played."""
-        return tuple(part for part in ROLE_PARTS[role] if part in self.sources)
-
-    def topics_in(self, role: str) -> set[str]:
-        """Topics that play a role together."""
-        return {self.sources[part].topic for part in self.parts_in(role)}
-
     def as_topics(self) -> dict[str, str]:
         """The assignment in the syntax of overrides, for a model file."""
         return {part: str(source) for part, source in self.sources.items()}
@@ -129,28 +112,17 @@ def _is_none(value: str) -> bool:
     return value.strip().lower() in ("none", "")
 
 
-def selection(topics: Mapping[str, str]) -> _Selection:
+def selection(topics: Mapping[str, str]) -> Selection:
     """What to decode of a log: topics that offer something, and those that are named."""
-    return _Selection(frozenset(_topic_of(value) for value in topics.values()))
-
-
-@dataclass(frozen=True)
-class _Selection:
-    named: frozenset[str]
-
-    def __call__(self, topic: str, kind: str, fields: list[str]) -> bool:
-        return topic in self.named or bool(quantities(kind, fields))
+    named = {_topic_of(value) for value in topics.values()}
+    return lambda topic, kind, fields: topic in named or bool(quantities(kind, fields))
 
 
 def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None, where: str = "log") -> Assignment:
     """Choose a topic for every part that the log can play; `topics` overrides by role or by part.
 
-    Raises
-    ------
-    UsageError
-        An override names no role.
-    LogError
-        An override names a topic that the log lacks, or one that cannot play the role.
+    Raises UsageError where an override names no role, LogError where it names a topic that the log lacks, or one that
+    cannot play the role.
     """
     named = _overrides(topics or {}, tables, where)
     proposer = _Proposer(tables, {part: source for part, source in named.items() if source is not None})

@@ -18,12 +18,8 @@ def shifted(flight: Flight, shifts: Mapping[str, float]) -> Flight:
     """The flight with the stamps of some topics moved by seconds (positive: later); named by role or topic.
 
     The shifts are kept in `Flight.shifts` and said in its notes. To undo that the odometry lags the IMU by 12 ms, move
-    it by -0.012.
-
-    Raises
-    ------
-    UsageError
-        No such role or topic in this flight, a role of commands, or a shift that is not a sensible number of seconds.
+    it by -0.012. Raises UsageError for a role or topic that this flight lacks, a role of commands, or a shift that is
+    not a sensible number of seconds.
     """
     moved: dict[str, Series] = {}
     notes = []

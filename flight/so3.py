@@ -7,9 +7,8 @@ scalar first. Readers convert to this order; nothing inside uses another.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 
 def normalise(quat_wxyz: Array) -> Array:

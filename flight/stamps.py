@@ -78,6 +78,12 @@ def nearest(wanted: Stamps, stamps: Stamps) -> NDArray[np.intp]:
     return right - (wanted - stamps[right - 1] < stamps[right] - wanted)
 
 
+def interpolated(time: Array, knots: Array, values: Array) -> Array:
+    """Columns (K, C) at `knots` (K,), linear in between, at `time` (N,); held beyond the ends."""
+    columns = [np.interp(time, knots, column) for column in values.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(time), 0))
+
+
 def away_from_gaps(time: Array, margin: float = 0.3) -> NDArray[np.bool_]:
     """Samples at which a smoothed derivative means something."""
     inside = (time > time[0] + margin) & (time < time[-1] - margin)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +26,7 @@ from rosbags.typesys.store import Typestore
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import (
-    ActuatorSeries,
-    Array,
-    BatterySeries,
-    Flight,
-    ImuSeries,
-    OdometrySeries,
-    ReferenceSeries,
-    WrenchSeries,
-)
+from wrenchgap.flight.flight import Array, Flight, ReferenceSeries
 from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
 
 PROVENANCE = "wrenchgap"
@@ -59,13 +50,13 @@ class Named:
 
 @dataclass(frozen=True)
 class _Topic:
-    """N messages of one type: stamps (N,) [ns], numeric fields by dotted name, texts by dotted name."""
+    """N messages of one type at `time` (N,) [s since the start]; numeric fields and texts by dotted name."""
 
     name: str
     type: str
-    stamps: NDArray[np.int64]
+    time: Array
     fields: Fields
-    texts: dict[str, str]
+    texts: dict[str, str] = field(default_factory=lambda: {"header.frame_id": "base_link"})
 
 
 def write(
@@ -77,14 +68,12 @@ def write(
 ) -> Path:
     """Write a flight, additional series and provenance; an existing file is only replaced with `force`.
 
-    Raises
-    ------
-    UsageError
-        The file exists, its folder does not, its name does not end in .mcap, or two series claim one topic.
+    Raises UsageError: the file exists, its folder does not, its name does not end in .mcap, or two series claim one
+    topic.
     """
     path = Path(path)
     _check_target(path, force)
-    topics = [*_flight_topics(flight), *(_named_topic(named, flight.start_ns) for named in extra)]
+    topics = [*_flight_topics(flight), *map(_named_topic, extra)]
     names = [topic.name for topic in topics]
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
@@ -92,7 +81,7 @@ def write(
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as stream:
-            _write(stream, topics, dict(metadata or {}))
+            _write(stream, topics, flight.start_ns, dict(metadata or {}))
         os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
     finally:
         partial.unlink(missing_ok=True)
@@ -117,7 +106,7 @@ def _check_target(path: Path, force: bool) -> None:
         raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
 
 
-def _write(stream: Any, topics: list[_Topic], metadata: dict[str, str]) -> None:
+def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str, str]) -> None:
     writer = Writer(stream, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library=PROVENANCE)
     store = _typestore()
@@ -128,9 +117,10 @@ def _write(stream: Any, topics: list[_Topic], metadata: dict[str, str]) -> None:
             definition = store.generate_msgdef(topic.type, ros_version=2)[0].encode()
             schemas[topic.type] = writer.register_schema(topic.type, "ros2msg", definition)
         channels.append(writer.register_channel(topic.name, "cdr", schemas[topic.type]))
-    payloads = [_payloads(topic, store) for topic in topics]
-    for number, index in _in_order([topic.stamps for topic in topics]):
-        stamp = int(topics[number].stamps[index])
+    stamps = [np.asarray(start_ns + np.round(np.asarray(t.time) * 1e9).astype(np.int64)) for t in topics]
+    payloads = [_payloads(topic, s, store) for topic, s in zip(topics, stamps, strict=True)]
+    for number, index in _in_order(stamps):
+        stamp = int(stamps[number][index])
         writer.add_message(channels[number], stamp, payloads[number][index].tobytes(), stamp, index)
     if metadata:
         writer.add_metadata(PROVENANCE, metadata)
@@ -147,16 +137,16 @@ def _in_order(stamps: list[NDArray[np.int64]]) -> Iterator[tuple[int, int]]:
     yield from zip(number[order].tolist(), index[order].tolist(), strict=True)
 
 
-def _payloads(topic: _Topic, store: Typestore) -> NDArray[np.uint8]:
+def _payloads(topic: _Topic, stamps: NDArray[np.int64], store: Typestore) -> NDArray[np.uint8]:
     """CDR messages (N, length): one is serialised, the numbers of the others are put in its places."""
     lengths = {name: v.shape[1] for name, v in topic.fields.items() if isinstance(v, np.ndarray) and v.ndim == 2}
     blank = _blank(topic.type, store, topic.texts, lengths)
     template = bytes(store.serialize_cdr(blank, topic.type))
-    rows = np.tile(np.frombuffer(template, dtype=np.uint8), (len(topic.stamps), 1))
+    rows = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     layout = layout_of(template, topic.type, store.fielddefs)
     fields: dict[str, Any] = dict(topic.fields)
     if "header.stamp.sec" in layout:
-        fields["header.stamp.sec"], fields["header.stamp.nanosec"] = np.divmod(topic.stamps, 1_000_000_000)
+        fields["header.stamp.sec"], fields["header.stamp.nanosec"] = np.divmod(stamps, 1_000_000_000)
     for name, values in fields.items():
         offset, dtype, count = layout[name]
         filled = np.empty((len(rows), count), dtype=dtype)
@@ -190,115 +180,79 @@ def _typestore() -> Typestore:
 
 
 def _flight_topics(flight: Flight) -> Iterator[_Topic]:
-    start_ns = flight.start_ns
-    for series, name in ((flight.commanded, "/command/wrench"), (flight.desired, "/desired/wrench")):
-        if series is not None:
-            yield _wrench(series, name, start_ns)
-    if flight.actuators is not None:
-        yield _actuators(flight.actuators, start_ns)
-    if flight.imu is not None:
-        yield _imu(flight.imu, start_ns)
-    if flight.odometry is not None:
-        yield _odometry(flight.odometry, start_ns)
+    for wrench, name in ((flight.commanded, "/command/wrench"), (flight.desired, "/desired/wrench")):
+        if wrench is not None:
+            yield _wrench(name, wrench.time, wrench.wrench_B)
+    if (sent := flight.actuators) is not None:
+        fields: Fields = {"position": sent.tilt, "velocity": sent.rotor_speed}
+        yield _Topic("/command/actuators", "actuator_msgs/msg/Actuators", sent.time, fields)
+    if (imu := flight.imu) is not None:
+        fields = _xyz("angular_velocity", imu.omega_B) | _xyz("linear_acceleration", imu.specific_force_B)
+        no_orientation = np.tile([-1.0, *[0.0] * 8], (len(imu.time), 1))  # as the message's definition asks
+        fields |= {"orientation.w": 1.0, "orientation_covariance": no_orientation}
+        yield _Topic("/imu", "sensor_msgs/msg/Imu", imu.time, fields)
+    if (seen := flight.odometry) is not None:
+        twist = (seen.velocity_E, seen.omega_B)
+        yield _moving("/odometry", seen.time, (seen.position_E, seen.quat_EB), twist, "base_link")
     if flight.reference is not None:
-        yield from _reference(flight.reference, start_ns)
-    if flight.battery is not None:
-        yield _battery(flight.battery, start_ns)
+        yield from _reference(flight.reference)
+    if (battery := flight.battery) is not None:
+        unknown = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+        fields = {"voltage": battery.voltage} | dict.fromkeys(unknown, np.nan) | {"present": 1.0}
+        yield _Topic("/battery", "sensor_msgs/msg/BatteryState", battery.time, fields, {})
 
 
-def _stamps(time: Array, start_ns: int) -> NDArray[np.int64]:
-    return np.asarray(start_ns + np.round(np.asarray(time) * 1e9).astype(np.int64))
-
-
-def _xyz(prefix: str, values: Array | None, length: int) -> Fields:
-    known = np.full((length, 3), np.nan) if values is None else values
-    return {f"{prefix}.{axis}": known[:, i] for i, axis in enumerate("xyz")}
+def _xyz(prefix: str, values: Array) -> Fields:
+    return {f"{prefix}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
 
 
 def _quaternion(prefix: str, quat_wxyz: Array) -> Fields:
     return {f"{prefix}.{axis}": quat_wxyz[:, i] for i, axis in enumerate("wxyz")}
 
 
-def _wrench(series: WrenchSeries, name: str, start_ns: int) -> _Topic:
-    force, torque = series.wrench_B[:, :3], series.wrench_B[:, 3:]
-    fields = _xyz("wrench.force", force, 0) | _xyz("wrench.torque", torque, 0)
-    stamps = _stamps(series.time, start_ns)
-    return _Topic(name, "geometry_msgs/msg/WrenchStamped", stamps, fields, {"header.frame_id": "base_link"})
+def _wrench(name: str, time: Array, wrench_B: Array) -> _Topic:
+    fields = _xyz("wrench.force", wrench_B[:, :3]) | _xyz("wrench.torque", wrench_B[:, 3:])
+    return _Topic(name, "geometry_msgs/msg/WrenchStamped", time, fields)
 
 
-def _actuators(series: ActuatorSeries, start_ns: int) -> _Topic:
-    fields: Fields = {"position": series.tilt, "velocity": series.rotor_speed}
-    stamps = _stamps(series.time, start_ns)
-    texts = {"header.frame_id": "base_link"}
-    return _Topic("/command/actuators", "actuator_msgs/msg/Actuators", stamps, fields, texts)
-
-
-def _imu(series: ImuSeries, start_ns: int) -> _Topic:
-    fields = _xyz("angular_velocity", series.omega_B, 0) | _xyz("linear_acceleration", series.specific_force_B, 0)
-    no_orientation = np.tile([-1.0, *[0.0] * 8], (len(series.time), 1))  # as the message's definition asks
-    fields |= {"orientation.w": 1.0, "orientation_covariance": no_orientation}
-    stamps = _stamps(series.time, start_ns)
-    return _Topic("/imu", "sensor_msgs/msg/Imu", stamps, fields, {"header.frame_id": "base_link"})
-
-
-def _odometry(series: OdometrySeries, start_ns: int) -> _Topic:
-    return _moving(
-        "/odometry",
-        _stamps(series.time, start_ns),
-        (series.position_E, series.quat_EB),
-        (series.velocity_E, series.omega_B),
-        "base_link",
-    )
-
-
-def _reference(series: ReferenceSeries, start_ns: int) -> Iterator[_Topic]:
-    stamps = _stamps(series.time, start_ns)
+def _reference(series: ReferenceSeries) -> Iterator[_Topic]:
     pose, twist = (series.position_E, series.quat_ED), (series.velocity_E, series.omega_D)
-    yield _moving("/reference", stamps, pose, twist, "reference")
-    if series.acceleration_E is None and series.omega_dot_D is None:
+    yield _moving("/reference", series.time, pose, twist, "reference")
+    linear, angular = series.acceleration_E, series.omega_dot_D
+    if linear is None and angular is None:
         return
-    linear = None if series.acceleration_E is None else so3.rotate_inverse(series.quat_ED, series.acceleration_E)
-    fields = _xyz("accel.linear", linear, len(stamps)) | _xyz("accel.angular", series.omega_dot_D, len(stamps))
+    unknown = np.full((len(series.time), 3), np.nan)
+    linear_D = unknown if linear is None else so3.rotate_inverse(series.quat_ED, linear)
+    fields = _xyz("accel.linear", linear_D) | _xyz("accel.angular", unknown if angular is None else angular)
     texts = {"header.frame_id": "reference"}
-    yield _Topic("/reference/acceleration", "geometry_msgs/msg/AccelStamped", stamps, fields, texts)
+    yield _Topic("/reference/acceleration", "geometry_msgs/msg/AccelStamped", series.time, fields, texts)
 
 
 def _moving(
-    name: str,
-    stamps: NDArray[np.int64],
-    pose: tuple[Array, Array],
-    twist: tuple[Array | None, Array | None],
-    child: str,
+    name: str, time: Array, pose: tuple[Array, Array], twist: tuple[Array | None, Array | None], child: str
 ) -> _Topic:
     """Odometry with the twist in the child frame, or a bare pose where no velocity is known."""
     position_E, quat = pose
     velocity_E, omega = twist
+    texts = {"header.frame_id": "world"}
     if velocity_E is None and omega is None:
-        fields = _xyz("pose.position", position_E, 0) | _quaternion("pose.orientation", quat)
-        return _Topic(name, "geometry_msgs/msg/PoseStamped", stamps, fields, {"header.frame_id": "world"})
-    linear = None if velocity_E is None else so3.rotate_inverse(quat, velocity_E)
-    fields = _xyz("pose.pose.position", position_E, 0) | _quaternion("pose.pose.orientation", quat)
-    fields |= _xyz("twist.twist.linear", linear, len(stamps)) | _xyz("twist.twist.angular", omega, len(stamps))
-    return _Topic(name, "nav_msgs/msg/Odometry", stamps, fields, {"header.frame_id": "world", "child_frame_id": child})
+        fields = _xyz("pose.position", position_E) | _quaternion("pose.orientation", quat)
+        return _Topic(name, "geometry_msgs/msg/PoseStamped", time, fields, texts)
+    unknown = np.full((len(time), 3), np.nan)
+    linear = unknown if velocity_E is None else so3.rotate_inverse(quat, velocity_E)
+    fields = _xyz("pose.pose.position", position_E) | _quaternion("pose.pose.orientation", quat)
+    fields |= _xyz("twist.twist.linear", linear) | _xyz("twist.twist.angular", unknown if omega is None else omega)
+    return _Topic(name, "nav_msgs/msg/Odometry", time, fields, texts | {"child_frame_id": child})
 
 
-def _battery(series: BatterySeries, start_ns: int) -> _Topic:
-    unknown = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
-    fields: Fields = {"voltage": series.voltage} | dict.fromkeys(unknown, np.nan) | {"present": 1.0}
-    return _Topic("/battery", "sensor_msgs/msg/BatteryState", _stamps(series.time, start_ns), fields, {})
-
-
-def _named_topic(named: Named, start_ns: int) -> _Topic:
-    stamps = _stamps(named.time, start_ns)
-    values = np.asarray(named.values, dtype=float)
-    if len(values) != len(stamps):
-        raise UsageError(f"series {named.topic}: {len(values)} values at {len(stamps)} times; expected as many")
-    texts = {"header.frame_id": "base_link"}
+def _named_topic(named: Named) -> _Topic:
+    name, time, values = named.topic, named.time, np.asarray(named.values, dtype=float)
+    if len(values) != len(time):
+        raise UsageError(f"series {name}: {len(values)} values at {len(time)} times; expected as many")
     if values.ndim == 1:
-        return _Topic(named.topic, "std_msgs/msg/Float64", stamps, {"data": values}, {})
+        return _Topic(name, "std_msgs/msg/Float64", time, {"data": values}, {})
     if values.shape[1] == 3:
-        return _Topic(named.topic, "geometry_msgs/msg/Vector3Stamped", stamps, _xyz("vector", values, 0), texts)
+        return _Topic(name, "geometry_msgs/msg/Vector3Stamped", time, _xyz("vector", values))
     if values.shape[1] == 6:
-        fields = _xyz("wrench.force", values[:, :3], 0) | _xyz("wrench.torque", values[:, 3:], 0)
-        return _Topic(named.topic, "geometry_msgs/msg/WrenchStamped", stamps, fields, texts)
-    return _Topic(named.topic, "std_msgs/msg/Float64MultiArray", stamps, {"data": values}, {})
+        return _wrench(name, time, values)
+    return _Topic(name, "std_msgs/msg/Float64MultiArray", time, {"data": values}, {})

@@ -15,12 +15,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = None) -> Actuation:

@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
-
-Array = NDArray[np.float64]
 
 HOLD_THRUST, HOLD_SHARE = 0.2, 0.05
 """Arm thrust [N], and share of an arm's thrust in hover, below which the tilt direction is meaningless and the angle
@@ -102,7 +101,9 @@ class Allocation:
                 thrust = unknowns[:, column]
                 column += 1
             thrust_over_cf[:, group] = (thrust / rotors.c_f[group].sum())[:, None]
-        tilt = _unwrap(_hold(raw_tilt, weak, previous_tilt), previous_tilt)
+        tilt = _hold(raw_tilt, weak, previous_tilt)
+        before = tilt[:0] if previous_tilt is None else previous_tilt[None]
+        tilt = np.unwrap(np.vstack((before, tilt)), axis=0)[len(before) :]
         tilt, rate_limited = _limit_rate(tilt, arms.tilt_rate_max, previous_tilt, dt)
         in_range = np.clip(tilt, arms.tilt_min, arms.tilt_max)
         speed = np.sqrt(np.maximum(thrust_over_cf, 0.0))
@@ -124,13 +125,6 @@ def _hold(tilt: Array, weak: NDArray[np.bool_], previous: Array | None) -> Array
     padded = np.vstack((start, tilt))
     index = np.where(np.vstack((np.zeros(weak.shape[1], dtype=bool), weak)), 0, np.arange(len(padded))[:, None])
     return np.asarray(np.take_along_axis(padded, np.maximum.accumulate(index, axis=0), axis=0)[1:])
-
-
-def _unwrap(tilt: Array, previous: Array | None) -> Array:
-    """Angles without jumps of 2 pi, continuing `previous` (A,)."""
-    if previous is None:
-        return np.asarray(np.unwrap(tilt, axis=0))
-    return np.asarray(np.unwrap(np.vstack((previous, tilt)), axis=0)[1:])
 
 
 def _limit_rate(tilt: Array, rate_max: Array, previous: Array | None, dt: float | None) -> tuple[Array, int]:

@@ -23,16 +23,14 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
-from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.state import Commands, State, joined
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import WrenchModel
-
-Array = NDArray[np.float64]
 
 LOST_POSITION, LOST_ATTITUDE = 5.0, np.radians(100.0)
 """Errors [m], [rad] beyond which control counts as lost and the flight ends."""
@@ -143,7 +141,7 @@ def fly(
     table = rows[:count]
     known = None if voltage is None else voltage[:count]
     state = State(clock.time[:count], table[:, :3], table[:, 3:7], table[:, 7:10], table[:, 10:], known)
-    return Flown(clock, state, Commands.joined(sent), wrenches[:count], disturbances[:count], over)
+    return Flown(clock, state, joined(sent), wrenches[:count], disturbances[:count], over)
 
 
 def loss_of_control(state: State, reference: Reference) -> Lost | None:

@@ -22,16 +22,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory.reference import Reference, attitude_of_thrust, yaw_of
 from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
 from wrenchgap.plant.wrench_model import cross
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -182,24 +180,17 @@ class Controller:
         self.body = vehicle.body
         self.along_z = pushes_along_z_only(vehicle)
         self.integral = np.zeros(3)
-        self.frozen = False
 
     def step(self, state: State, reference: Reference, dt: float) -> Array:
         """Desired wrench (6,) in B from the state and reference now (N = 1); q advances by `dt` [s]."""
         wrench, error = evaluate(self.gains, self.body, state, reference, self.integral[None, :], along_z=self.along_z)
-        if not self.frozen:
-            limit = self.gains.integral_limit
-            self.integral = np.minimum(np.maximum(self.integral + dt * error[0], -limit), limit)
+        limit = self.gains.integral_limit
+        self.integral = np.minimum(np.maximum(self.integral + dt * error[0], -limit), limit)
         return np.asarray(wrench[0])
 
     def reset(self, integral: Array | None = None) -> None:
-        """Start over from q = `integral` (3,) [rad s], zero by default, and let it move."""
+        """Start over from q = `integral` (3,) [rad s], zero by default."""
         self.integral = np.zeros(3) if integral is None else np.asarray(integral, dtype=float)
-        self.frozen = False
-
-    def freeze(self) -> None:
-        """Hold q where it is, e.g. while a compensator removes the offset that it had learned."""
-        self.frozen = True
 
 
 def integrate_error(gains: ControllerGains, error: Array, dt: float, start: Array | None = None) -> Array:

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.controller import Controller, ControllerGains
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.trajectory import Reference
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import about_origin
-
-Array = NDArray[np.float64]
 
 
 class Correction(Protocol):

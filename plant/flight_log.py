@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import (
     ActuatorSeries,
+    Array,
     BatterySeries,
     Flight,
     ImuSeries,
@@ -22,8 +22,6 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import read_imu
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference
-
-Array = NDArray[np.float64]
 
 
 def as_flight(
@@ -54,7 +52,6 @@ def as_flight(
     if flown.state.voltage is not None:
         voltage = flown.state.voltage[:: flown.clock.per_command]
         battery = BatterySeries("/battery", time[::battery_every], voltage[::battery_every])
-    asked = reference.take(slice(0, count))
     return Flight(
         name=name,
         path=Path(name) if path is None else path,
@@ -67,16 +64,7 @@ def as_flight(
         odometry=OdometrySeries(
             "/odometry", pose.time, pose.position_E, so3.continuous(pose.quat_EB), pose.velocity_E, pose.omega_B
         ),
-        reference=ReferenceSeries(
-            "/reference",
-            time,
-            asked.position_E,
-            asked.quat_ED,
-            asked.velocity_E,
-            asked.omega_D,
-            asked.acceleration_E,
-            asked.omega_dot_D,
-        ),
+        reference=ReferenceSeries("/reference", **(vars(reference.take(slice(0, count))) | {"time": time})),
         battery=battery,
         notes=notes,
     )

@@ -13,6 +13,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effect_values import with_hidden
 from wrenchgap.plant.model import Model
@@ -40,18 +41,8 @@ class Plan:
     hidden: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Ready:
-    """A plan that has been checked."""
-
-    truth: Model
-    believed: Model
-    trajectory: Trajectory
-    physics_rate: float
-
-
-def prepare(plan: Plan) -> Ready:
-    """Resolve names and values; raises UsageError or ModelError, each with what is available."""
+def prepare(plan: Plan) -> tuple[Model, Model, Trajectory]:
+    """True and believed vehicle, and trajectory; raises UsageError or ModelError, each with what is available."""
     if not (math.isfinite(plan.excitation) and plan.excitation >= 0):
         raise UsageError(f"--excitation {plan.excitation:g}: expected a number that is not negative; 1 is usual")
     if plan.seed < 0:
@@ -65,7 +56,8 @@ def prepare(plan: Plan) -> Ready:
         size = (believed.controller.integral or 0.3) if plan.integral else 0.0
         believed = replace(believed, controller=replace(believed.controller, integral=size))
     truth = with_hidden(plan.believed, plan.hidden)
-    return Ready(truth, believed, trajectory, physics_rate(believed))
+    physics_rate(believed)  # raises where the rates do not fit
+    return truth, believed, trajectory
 
 
 def trajectory_file(plan: Plan) -> TrajectoryFile | None:
@@ -76,32 +68,20 @@ def trajectory_file(plan: Plan) -> TrajectoryFile | None:
     file = load(Path(text))
     if plan.duration is not None or plan.excitation:
         option = "--duration" if plan.duration is not None else "--excitation"
-        raise UsageError(f"{option}: {file_name(text)} sets its own duration and excitation; leave {option} out")
+        raise UsageError(f"{option}: {Path(text).name} sets its own duration and excitation; leave {option} out")
     if pushes_along_z_only(plan.believed.vehicle) and not file.trajectory.follows_thrust:
         raise UsageError(
-            f"{file_name(text)}: asks for an attitude of its own, but {plan.believed.vehicle.name} can only push along "
+            f"{Path(text).name}: asks for an attitude of its own, but {plan.believed.vehicle.name} can only push along "
             "its z axis; design a flight for it with `wrenchgap design`"
         )
     return file
 
 
-def file_name(text: str) -> str:
-    """The last part of a path."""
-    return Path(text).name
-
-
 def fly(plan: Plan, *, name: str = "simulation", progress: Callable[[float], None] | None = None) -> Flight:
     """The flight of a plan; the same plan gives the same flight."""
-    ready = prepare(plan)
-    return simulate(
-        ready.truth,
-        ready.believed,
-        ready.trajectory,
-        rng=np.random.default_rng(plan.seed),
-        physics_rate=ready.physics_rate,
-        progress=progress,
-        name=name,
-    )
+    truth, believed, trajectory = prepare(plan)
+    rng, rate = np.random.default_rng(plan.seed), physics_rate(believed)
+    return simulate(truth, believed, trajectory, rng=rng, physics_rate=rate, progress=progress, name=name)
 
 
 def provenance(plan: Plan) -> dict[str, str]:
@@ -135,7 +115,7 @@ def summary(flown: Flight) -> Summary:
     assert flown.odometry is not None
     assert flown.reference is not None
     odometry, reference = flown.odometry, flown.reference
-    want = np.stack([np.interp(odometry.time, reference.time, p) for p in reference.position_E.T], axis=1)
+    want = interpolated(odometry.time, reference.time, reference.position_E)
     quat_ED = so3.interpolate(odometry.time, reference.time, reference.quat_ED)
     error = so3.log(so3.multiply(so3.conjugate(quat_ED), odometry.quat_EB))
     return Summary(

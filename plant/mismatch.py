@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.state import State
-
-Array = NDArray[np.float64]
 
 
 class MismatchModel(Protocol):
@@ -126,13 +124,10 @@ class LinearMismatch:
 
     def __post_init__(self) -> None:
         count = len(output_indices(self.outputs))
-        for name, value, shape in (
-            ("offset", self.offset, (count,)),
-            ("gain", self.gain, (count, len(AXES))),
-            ("sigma", self.sigma, (count,)),
-        ):
-            if np.shape(value) != shape:
-                raise ModelError(f"linear mismatch: {name} has shape {np.shape(value)}, expected {shape}")
+        for name, shape in {"offset": (count,), "gain": (count, len(AXES)), "sigma": (count,)}.items():
+            got = np.shape(getattr(self, name))
+            if got != shape:
+                raise ModelError(f"linear mismatch: {name} has shape {got}, expected {shape}")
 
     @property
     def input_groups(self) -> tuple[str, ...]:

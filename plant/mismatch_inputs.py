@@ -18,15 +18,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order
 from wrenchgap.plant.state import State
-
-Array = NDArray[np.float64]
 
 PAST_SECONDS = 0.05
 """Time constant of `past` [s]: between the 15 and 90 ms of tilt servos."""

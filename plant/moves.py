@@ -22,19 +22,28 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trajectory.excitation import Multisine
-from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, cosine, euler_attitude, quintic, sine
+from wrenchgap.plant.trajectory.reference import (
+    Profile,
+    Reference,
+    Rotation,
+    Trajectory,
+    bump,
+    composed,
+    cosine,
+    euler_attitude,
+    product,
+    quintic,
+    scaled,
+    sine,
+)
 from wrenchgap.plant.trajectory.shapes import Flat
-from wrenchgap.plant.wrench_model import cross
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
-Rotation = tuple[Array, Array, Array]
-"""Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""
 
 SHAKEN = ("x", "y", "z", "roll", "pitch", "yaw")
 """Axes of a shake, in the order of `Multisine`."""
@@ -46,6 +55,8 @@ class Move:
     """What a move has: `start` and `duration` [s]. A subclass names its `kind` and checks its values."""
 
     kind: ClassVar[str]
+    twice: ClassVar[str] = ""
+    """The length [s] that comes twice within the duration, at the beginning and at the end."""
 
     start: float
     duration: float
@@ -60,19 +71,16 @@ class Move:
                 f"{self.kind}: starts at {self.start:g} s and lasts {self.duration:g} s; a move starts at 0 s or later "
                 "and lasts longer than 0 s"
             )
+        if self.twice and not 0.0 < getattr(self, self.twice) <= 0.5 * self.duration + 1e-9:
+            raise UsageError(
+                f"{self.kind}: {self.twice} is {getattr(self, self.twice):g} s; it comes twice within "
+                f"{self.duration:g} s, so expected more than 0 s and at most {0.5 * self.duration:g} s"
+            )
 
     @property
     def stop(self) -> float:
         """When it ends [s]."""
         return self.start + self.duration
-
-    def _fits(self, name: str) -> None:
-        length = float(getattr(self, name))
-        if not 0.0 < length <= 0.5 * self.duration + 1e-9:
-            raise UsageError(
-                f"{self.kind}: {name} is {length:g} s; it comes twice within {self.duration:g} s, so expected more "
-                f"than 0 s and at most {0.5 * self.duration:g} s"
-            )
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,7 @@ class Tilt(Move):
     `sweep` [rad]; the heading stays.
     """
 
-    kind = "tilt"
+    kind, twice = "tilt", "ramp"
 
     angle: float
     azimuth: float = 0.0
@@ -92,20 +100,17 @@ class Tilt(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._fits("ramp")
         if not 0.0 < self.angle <= np.pi:
             raise UsageError(f"tilt: angle is {np.degrees(self.angle):g} deg, expected more than 0 and at most 180 deg")
 
     def lean(self, time: Array) -> Profile:
         """The tilt s."""
-        up, down = quintic(time, self.start, self.ramp), quintic(time, self.stop - self.ramp, self.ramp)
-        value, rate, change = (self.angle * (a - b) for a, b in zip(up, down, strict=True))
-        return value, rate, change
+        return scaled(bump(time, self.start, self.stop, self.ramp), self.angle)
 
     def direction(self, time: Array) -> Profile:
         """The azimuth phi."""
         held = max(self.duration - 2.0 * self.ramp, 1e-6)
-        value, rate, change = (self.sweep * p for p in quintic(time, self.start + self.ramp, held))
+        value, rate, change = scaled(quintic(time, self.start + self.ramp, held), self.sweep)
         return self.azimuth + value, rate, change
 
 
@@ -119,28 +124,21 @@ class Turn(Move):
 
     def yaw(self, time: Array) -> Profile:
         """The yaw that this turn adds."""
-        value, rate, change = (self.angle * p for p in quintic(time, self.start, self.duration))
-        return value, rate, change
+        return scaled(quintic(time, self.start, self.duration), self.angle)
 
 
 @dataclass(frozen=True)
 class Shift(Move):
     """Goes `by` (3,) [m] in E within `ramp` [s], stays, and comes back within `ramp`."""
 
-    kind = "shift"
+    kind, twice = "shift", "ramp"
 
     by: Vector
     ramp: float = 2.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._fits("ramp")
-
     def position(self, time: Array) -> Profile:
         """Displacement (N, 3) in E."""
-        there, back = quintic(time, self.start, self.ramp), quintic(time, self.stop - self.ramp, self.ramp)
-        value, rate, change = (np.outer(a - b, self.by) for a, b in zip(there, back, strict=True))
-        return value, rate, change
+        return scaled(bump(time, self.start, self.stop, self.ramp), np.array(self.by))
 
 
 @dataclass(frozen=True)
@@ -150,7 +148,7 @@ class Swing(Move):
     w fades in and out within `fade` [s]. Two swings with phases a quarter apart make a circle.
     """
 
-    kind = "swing"
+    kind, twice = "swing", "fade"
 
     by: Vector
     period: float
@@ -159,7 +157,6 @@ class Swing(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._fits("fade")
         if self.period <= 0.0:
             raise UsageError(f"swing: period is {self.period:g} s, expected more than 0 s")
 
@@ -168,9 +165,9 @@ class Swing(Move):
         rate = 2.0 * np.pi / self.period
         angle = (rate * (time - self.start), np.full_like(time, rate), np.zeros_like(time))
         s, c = sine(angle, 1.0), cosine(angle, 1.0)
-        waves = [np.cos(self.phase) * a + np.sin(self.phase) * b for a, b in zip(s, c, strict=True)]
-        value, slope, change = _faded((waves[0], waves[1], waves[2]), self, time, self.fade)
-        return np.outer(value, self.by), np.outer(slope, self.by), np.outer(change, self.by)
+        value, slope, change = (np.cos(self.phase) * a + np.sin(self.phase) * b for a, b in zip(s, c, strict=True))
+        window = bump(time, self.start, self.stop, self.fade)
+        return scaled(product(window, (value, slope, change)), np.array(self.by))
 
 
 @dataclass(frozen=True)
@@ -180,7 +177,7 @@ class Shake(Move):
     Deflections up to `size` [m] on x, y, z of E and up to `angle` [rad] on roll, pitch, yaw; flat in velocity.
     """
 
-    kind = "shake"
+    kind, twice = "shake", "fade"
 
     size: float
     angle: float
@@ -192,7 +189,6 @@ class Shake(Move):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._fits("fade")
         unknown = [a for a in self.axes if a not in SHAKEN]
         if unknown:
             raise UsageError(f"shake: no axis is called {unknown[0]!r}; available: {', '.join(SHAKEN)}")
@@ -221,14 +217,6 @@ def _multisine(
     duration: float, size: float, angle: float, band: tuple[float, float], fade: float, seed: int
 ) -> Multisine:
     return Multisine(duration, size, angle, band, fade=fade, seed=seed)
-
-
-def _faded(wave: Profile, move: Move, time: Array, fade: float) -> Profile:
-    """A wave (N,) times the window that opens and closes within `fade` at the ends of the move."""
-    opening, closing = quintic(time, move.start, fade), quintic(time, move.stop - fade, fade)
-    w, dw, ddw = (a - b for a, b in zip(opening, closing, strict=True))
-    e, de, dde = wave
-    return w * e, w * de + dw * e, w * dde + 2.0 * dw * de + ddw * e
 
 
 KINDS: dict[str, type[Move]] = {cls.kind: cls for cls in (Tilt, Turn, Shift, Swing, Shake)}
@@ -307,12 +295,3 @@ def about(axis: Array, angle: Profile) -> Rotation:
     """Rotation about a fixed axis (3,) by a profile (N,) [rad]."""
     value, rate, change = (part[:, None] * axis for part in angle)
     return so3.exp(value), rate, change
-
-
-def composed(first: Rotation, second: Rotation) -> Rotation:
-    """R_1 R_2 with its rate and the derivative of that, both in the frame of the product."""
-    quat_1, omega_1, omega_dot_1 = first
-    quat_2, omega_2, omega_dot_2 = second
-    carried = so3.rotate_inverse(quat_2, omega_1)
-    omega_dot = so3.rotate_inverse(quat_2, omega_dot_1) - cross(omega_2, carried) + omega_dot_2
-    return so3.multiply(quat_1, quat_2), carried + omega_2, omega_dot

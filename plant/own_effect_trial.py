@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import (
@@ -21,13 +21,21 @@ from wrenchgap.plant.effects import (
     ThrustEffect,
     WrenchEffect,
 )
-from wrenchgap.plant.state import Commands, Motion, Rates, State
+from wrenchgap.plant.state import Commands, Motion, Rates, State, rows
 from wrenchgap.plant.vehicle import Body, Vehicle
-
-Array = NDArray[np.float64]
 
 SAMPLES = 6
 """How many samples the checks use."""
+
+
+PLACES: dict[type, tuple[type, tuple[str, ...]]] = {
+    CommandEffect: (Commands, ("wrench_B", "tilt", "rotor_speed")),
+    BodyEffect: (Body, ("mass", "inertia", "com_B")),
+    SensorEffect: (Motion, ("omega_B", "omega_dot_B", "specific_force_B")),
+    ThrustEffect: (np.ndarray, ("the thrusts",)),
+    WrenchEffect: (np.ndarray, ("the added wrench",)),
+}
+"""What `apply` returns at each place, and what its arrays are called."""
 
 
 class Wrong(Exception):
@@ -39,6 +47,7 @@ class Trial:
 
     def __init__(self, effect: AnyEffect, vehicle: Vehicle) -> None:
         self.effect = effect
+        self.place = next(place for place in PLACES if isinstance(effect, place))
         self.vehicle = vehicle
         self.state, self.commands, self.motion = _flight(vehicle)
         self.context = Context(vehicle, self.state)
@@ -48,61 +57,48 @@ class Trial:
             self.actuation = replace(actuation(vehicle, self.commands), rates=Rates(a, a, r))
 
     @property
-    def steps(self) -> range | None:
-        """The samples one by one; None where the effect does not depend on samples."""
-        return None if isinstance(self.effect, BodyEffect) else range(SAMPLES)
-
-    @property
     def results(self) -> tuple[str, ...]:
         """Names of the arrays that `apply` returns."""
-        if isinstance(self.effect, CommandEffect):
-            return ("wrench_B", "tilt", "rotor_speed")[: 3 if self.vehicle.has_rotors else 1]
-        if isinstance(self.effect, BodyEffect):
-            return ("mass", "inertia", "com_B")
-        if isinstance(self.effect, SensorEffect):
-            return ("omega_B", "omega_dot_B", "specific_force_B")
-        return ("the thrusts",) if isinstance(self.effect, ThrustEffect) else ("the added wrench",)
+        _, names = PLACES[self.place]
+        return names[:1] if self.place is CommandEffect and not self.vehicle.has_rotors else names
 
     def unchanged(self) -> tuple[Array, ...]:
         """What no effect returns."""
-        if isinstance(self.effect, WrenchEffect):
+        if self.place is WrenchEffect:
             return (np.zeros((SAMPLES, 6)),)
-        if isinstance(self.effect, ThrustEffect):
-            assert self.actuation is not None
-            return (self.actuation.thrust,)
-        whole: Any = {CommandEffect: self.commands, BodyEffect: self.vehicle.body, SensorEffect: self.motion}
-        kind = next(k for k in whole if isinstance(self.effect, k))
-        return self.arrays((whole[kind], None) if kind is CommandEffect else whole[kind])
+        given = self.arguments(np.zeros(0))[0]
+        if self.place is ThrustEffect:
+            return (given.thrust,)
+        return self.arrays((given, None) if self.place is CommandEffect else given)
 
-    def arguments(self, theta: Array, rows: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
+    def arguments(self, theta: Array, at: slice = slice(None), memory: Any = None) -> tuple[Any, ...]:
         """Arguments of `apply` for some of the samples."""
-        context = Context(self.vehicle, _rows(self.state, rows))
-        act = None if self.actuation is None else _rows(self.actuation, rows)
-        if isinstance(self.effect, CommandEffect):
-            return (_rows(self.commands, rows), theta, context, 0.01, memory)
-        if isinstance(self.effect, BodyEffect):
+        context = Context(self.vehicle, self.state.take(at))
+        if self.place is CommandEffect:
+            return (self.commands.take(at), theta, context, 0.01, memory)
+        if self.place is BodyEffect:
             return (self.vehicle.body, theta)
-        if isinstance(self.effect, SensorEffect):
-            return (_rows(self.motion, rows), theta, context)
-        if isinstance(self.effect, ThrustEffect):
-            return (act, theta, context)
-        return (act, self.commands.wrench_B[rows], theta, context)
+        if self.place is SensorEffect:
+            return (rows(self.motion, at), theta, context)
+        act = self.actuation
+        if act is not None:
+            act = replace(rows(act, at), rates=rows(act.rates, at))
+        return (
+            (act, theta, context) if self.place is ThrustEffect else (act, self.commands.wrench_B[at], theta, context)
+        )
 
     def arrays(self, returned: Any) -> tuple[Array, ...]:
         """The arrays of what `apply` returned; raises Wrong where it is something else."""
-        if isinstance(self.effect, CommandEffect):
-            if not (isinstance(returned, tuple) and len(returned) == 2 and isinstance(returned[0], Commands)):
-                raise Wrong(f"returned {type(returned).__name__}, expected (Commands, memory)")
-            return tuple(np.asarray(getattr(returned[0], name), dtype=float) for name in self.results)
-        wanted: Any = {BodyEffect: Body, SensorEffect: Motion}
-        for kind, cls in wanted.items():
-            if isinstance(self.effect, kind):
-                if not isinstance(returned, cls):
-                    raise Wrong(f"returned {type(returned).__name__}, expected {cls.__name__}")
-                return tuple(np.asarray(getattr(returned, name), dtype=float) for name in self.results)
-        if not isinstance(returned, np.ndarray):
-            raise Wrong(f"returned {type(returned).__name__}, expected an array")
-        return (np.asarray(returned, dtype=float),)
+        kind, words = PLACES[self.place][0], type(returned).__name__
+        if self.place is CommandEffect:
+            if not (isinstance(returned, tuple) and len(returned) == 2 and isinstance(returned[0], kind)):
+                raise Wrong(f"returned {words}, expected (Commands, memory)")
+            returned = returned[0]
+        elif not isinstance(returned, kind):
+            raise Wrong(f"returned {words}, expected {'an array' if kind is np.ndarray else kind.__name__}")
+        if kind is np.ndarray:
+            return (np.asarray(returned, dtype=float),)
+        return tuple(np.asarray(getattr(returned, name), dtype=float) for name in self.results)
 
     def one_by_one(self, theta: Array) -> tuple[Array, ...]:
         """The arrays when samples come one at a time, as in a simulation."""
@@ -110,22 +106,10 @@ class Trial:
         parts = []
         for k in range(SAMPLES):
             returned = self.effect.apply(*self.arguments(theta, slice(k, k + 1), memory))
-            if isinstance(self.effect, CommandEffect):
+            if self.place is CommandEffect:
                 memory = cast(Any, returned)[1]
             parts.append(self.arrays(returned))
         return tuple(np.concatenate(columns) for columns in zip(*parts, strict=True))
-
-
-def _rows(item: Any, rows: slice) -> Any:
-    """Some samples of a dataclass of arrays."""
-    changed = {}
-    for field in fields(item):
-        value = getattr(item, field.name)
-        if isinstance(value, np.ndarray):
-            changed[field.name] = value[rows]
-        elif isinstance(value, Rates):
-            changed[field.name] = _rows(value, rows)
-    return replace(item, **changed)
 
 
 @cache

@@ -25,31 +25,24 @@ from types import ModuleType
 from typing import Any, NoReturn, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects import (
     AnyEffect,
     BodyEffect,
-    CommandEffect,
     Effect,
     Parameter,
-    SensorEffect,
     Source,
-    ThrustEffect,
-    WrenchEffect,
     catalogue,
     find,
     forget,
     register,
     sources,
 )
-from wrenchgap.plant.own_effect_trial import Trial, Wrong, vehicles
+from wrenchgap.plant.own_effect_trial import PLACES, Trial, Wrong, vehicles
 from wrenchgap.plant.vehicle import Vehicle
 
-Array = NDArray[np.float64]
-
-PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
 PAGE = "see docs/effects/your-own.md"
 _PREFIX = "wrenchgap_own_effect_"
 
@@ -123,10 +116,10 @@ def _run(code: Any, path: Path) -> ModuleType:
 
 def _is_meant(cls: type, path: Path) -> bool:
     """Whether a class is an effect to be used; an abstract one without a name is a base of others."""
-    if issubclass(cls, Effect) and not issubclass(cls, PLACES):
+    if issubclass(cls, Effect) and not issubclass(cls, tuple(PLACES)):
         listed = ", ".join(c.__name__ for c in PLACES)
         raise ModelError(f"{path}:{_line_of(cls, path)}: {cls.__name__} subclasses Effect; subclass one of {listed}")
-    if not issubclass(cls, PLACES):
+    if not issubclass(cls, tuple(PLACES)):
         return False
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing and "name" in vars(cls):
@@ -135,7 +128,6 @@ def _is_meant(cls: type, path: Path) -> bool:
 
 
 def _line_of(cls: type, path: Path) -> int:
-    """The line on which a class begins."""
     text = path.read_text(encoding="utf-8").splitlines()
     pattern = re.compile(rf"\s*class\s+{re.escape(cls.__name__)}\b")
     return next((n for n, line in enumerate(text, 1) if pattern.match(line)), 1)
@@ -176,7 +168,6 @@ class _File:
             raise ModelError(f"{said} (in a trial of {self.cls.__name__}.{method})") from None
 
     def checked(self) -> AnyEffect:
-        """The effect, if all is well."""
         for attribute, pattern in (("name", r"[a-z][a-z0-9_]*"), ("excited_by", r"(?s).+")):
             value = getattr(self.cls, attribute, None)
             if not isinstance(value, str) or not re.fullmatch(pattern, value):
@@ -203,18 +194,18 @@ class _File:
         zero = np.zeros(len(parameters))
         typical = np.array([min(max(p.start or p.scale, p.low), p.high) for p in parameters])
         trial = Trial(effect, vehicle)
-        unlike = self.compare(trial, zero, trial.unchanged())
+        pairs = zip(trial.results, self.shapes(trial, zero), trial.unchanged(), strict=True)
+        unlike = ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12))
         if unlike:
             self.fail(f"changes {unlike} although all parameters are zero; zero must mean no effect", "apply")
         whole = self.shapes(trial, typical)
-        if trial.steps is not None:
+        if trial.place is not BodyEffect:
             single = self.call("apply", lambda: trial.one_by_one(typical))
             if not all(np.allclose(a, b, rtol=1e-6, atol=1e-9) for a, b in zip(whole, single, strict=True)):
                 self.fail("gives other results for one sample at a time than for all at once", "apply")
         return True
 
     def check_parameters(self, parameters: Any) -> None:
-        """Names, ranges and sizes."""
         if not isinstance(parameters, tuple) or not parameters or not all(isinstance(p, Parameter) for p in parameters):
             self.fail(f"returned {parameters!r}, expected a tuple of one Parameter or more", "parameters")
         names = [p.name for p in parameters]
@@ -234,12 +225,6 @@ class _File:
                     f"parameter {p.name}: got scale {p.scale:g}, expected a typical size above zero", "parameters"
                 )
 
-    def compare(self, trial: Trial, theta: Array, expected: tuple[Array, ...]) -> str:
-        """Names of the arrays that `apply` changes."""
-        got = self.shapes(trial, theta)
-        pairs = zip(trial.results, got, expected, strict=True)
-        return ", ".join(name for name, a, b in pairs if not np.allclose(a, b, rtol=1e-9, atol=1e-12))
-
     def shapes(self, trial: Trial, theta: Array) -> tuple[Array, ...]:
         """The arrays that `apply` returns, of the right shapes and finite; nothing it was given has changed."""
         given = trial.arguments(theta)
@@ -256,7 +241,6 @@ class _File:
 
 
 def _same(first: Any, second: Any) -> bool:
-    """Whether two arguments hold the same numbers."""
     if isinstance(first, np.ndarray):
         return bool(np.array_equal(first, second))
     if isinstance(first, tuple):

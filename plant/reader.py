@@ -173,7 +173,6 @@ def check_schema(document: Mapping[str, Any], schema: int, error: type[Wrenchgap
 
 
 def _line(found: ErrorDetails, where: str, page: str) -> str:
-    """One error as one line."""
     kind, context = found["type"], found.get("ctx", {})
     place = (*found["loc"], context["key"]) if kind == "unknown" else found["loc"]
     path = where

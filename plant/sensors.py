@@ -16,14 +16,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import Motion, State
 from wrenchgap.plant.wrench_model import cross
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,19 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.plant.closed_loop import Clock, Flown, fly, watch
 from wrenchgap.plant.flight_computer import Compensating, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_pose
-from wrenchgap.plant.state import Commands, Motion, State
+from wrenchgap.plant.state import Commands, Motion, State, joined
 from wrenchgap.plant.trajectory import Reference, Trajectory
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel
 
-Array = NDArray[np.float64]
 Feedback = Literal["measured", "true"]
 
 START_NS = 1_700_000_000_000_000_000
@@ -121,10 +119,11 @@ def simulate(
     sensing = _sensing(noise, clock, physics_rate, rng)
     reference = trajectory.at(clock.time[:: clock.per_command])
     computer = FlightComputer(believed.controller, believed.vehicle, compensator, integral=integral)
+    r = reference.sample(0)
     avionics = _Avionics(truth.wrench_model, computer, reference, sensing, feedback)
     flown = fly(
         truth.wrench_model,
-        _on(reference.sample(0)) if initial is None else initial,
+        State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial,
         clock,
         avionics.command,
         disturbance=None if disturbance is None else lambda n, now: disturbance(float(now.time[0])),
@@ -152,7 +151,6 @@ def _sensing(noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.rand
 
 
 def _logged(name: str, truth: Model, flown: Flown, avionics: _Avionics) -> Flight:
-    """The flight as its log tells it."""
     computer, sensing = avionics.computer, avionics.sensing
     lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
     limits = [
@@ -167,7 +165,7 @@ def _logged(name: str, truth: Model, flown: Flown, avionics: _Avionics) -> Fligh
         np.array(computer.desired),
         avionics.reference,
         start_ns=START_NS,
-        pose=State.joined(avionics.poses),
+        pose=joined(avionics.poses),
         imu_every=sensing.per_imu,
         imu_errors=sensing.errors,
         battery_every=max(round(0.1 / sensing.period), 1),
@@ -183,11 +181,6 @@ def physics_rate(model: Model) -> float:
         raise UsageError(f"rates of controller and sensors are {rates} Hz; the simulation needs whole numbers")
     common = math.lcm(*(round(rate) for rate in rates))
     return float(common * math.ceil(PHYSICS_RATE / common))
-
-
-def _on(reference: Reference) -> State:
-    """The state (N = 1) that follows a reference exactly."""
-    return State(reference.time, reference.position_E, reference.quat_ED, reference.velocity_E, reference.omega_D)
 
 
 def _divide(physics_rate: float, rate: float, what: str) -> int:
@@ -215,13 +208,8 @@ def _check(truth: Vehicle, believed: Vehicle, length: float) -> None:
 
 def _digest(flight: Flight) -> str:
     """A hash of what was flown, for a flight that has no file."""
-    assert flight.commanded is not None
-    assert flight.desired is not None
-    assert flight.imu is not None
-    assert flight.odometry is not None
     digest = hashlib.sha256()
-    wrenches = (flight.desired.wrench_B, flight.commanded.wrench_B)
-    readings = (flight.imu.omega_B, flight.imu.specific_force_B, flight.odometry.position_E, flight.odometry.quat_EB)
-    for array in (*wrenches, *readings):
-        digest.update(np.ascontiguousarray(array).tobytes())
+    readings = [("imu", "omega_B"), ("imu", "specific_force_B"), ("odometry", "position_E"), ("odometry", "quat_EB")]
+    for role, name in [("desired", "wrench_B"), ("commanded", "wrench_B"), *readings]:
+        digest.update(np.ascontiguousarray(getattr(getattr(flight, role), name)).tobytes())
     return digest.hexdigest()

@@ -6,16 +6,32 @@ Every array has the sample axis first. O is the body origin; wrenches in this mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]
+Arrays = TypeVar("Arrays")
+"""A dataclass of arrays (N, ...) over the same samples; what is not known is None."""
+
+
+def rows(item: Arrays, index: Index) -> Arrays:
+    """Some of the samples, in the order of `index`."""
+    taken = {name: value[index] for name, value in vars(item).items() if isinstance(value, np.ndarray)}
+    return replace(item, **taken)  # type: ignore[type-var]
+
+
+def joined(parts: Sequence[Arrays]) -> Arrays:
+    """One after the other; what one of them does not know, the whole does not."""
+    columns = {name: [getattr(part, name) for part in parts] for name in vars(parts[0])}
+    whole = {n: None if any(v is None for v in c) else np.concatenate(c) for n, c in columns.items()}
+    return replace(parts[0], **whole)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)
@@ -30,21 +46,7 @@ class Commands:
 
     def take(self, index: Index) -> Commands:
         """Some of the samples, in the order of `index`."""
-        tilt, speed = self.tilt, self.rotor_speed
-        return Commands(
-            self.wrench_B[index], None if tilt is None else tilt[index], None if speed is None else speed[index]
-        )
-
-    @staticmethod
-    def joined(parts: Sequence[Commands]) -> Commands:
-        """One after the other; all have actuators, or none."""
-        tilts = [c.tilt for c in parts if c.tilt is not None]
-        speeds = [c.rotor_speed for c in parts if c.rotor_speed is not None]
-        return Commands(
-            np.concatenate([c.wrench_B for c in parts]),
-            np.concatenate(tilts) if tilts else None,
-            np.concatenate(speeds) if speeds else None,
-        )
+        return rows(self, index)
 
 
 @dataclass(frozen=True)
@@ -62,27 +64,7 @@ class State:
 
     def take(self, index: Index) -> State:
         """Some of the samples, in the order of `index`."""
-        return State(
-            self.time[index],
-            self.position_E[index],
-            self.quat_EB[index],
-            self.velocity_E[index],
-            self.omega_B[index],
-            None if self.voltage is None else self.voltage[index],
-        )
-
-    @staticmethod
-    def joined(parts: Sequence[State]) -> State:
-        """One after the other; the voltage is known where it is in all."""
-        voltages = [s.voltage for s in parts if s.voltage is not None]
-        return State(
-            np.concatenate([s.time for s in parts]),
-            np.concatenate([s.position_E for s in parts]),
-            np.concatenate([s.quat_EB for s in parts]),
-            np.concatenate([s.velocity_E for s in parts]),
-            np.concatenate([s.omega_B for s in parts]),
-            np.concatenate(voltages) if len(voltages) == len(parts) else None,
-        )
+        return rows(self, index)
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import OdometrySeries
+from wrenchgap.flight.flight import Array, OdometrySeries
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def deviation(state: State, odometry: OdometrySeries, dt: float) -> Deviation:
     """From the odometry's samples within a flight whose states (N) are `dt` [s] apart, linear in between."""
     recorded = during(odometry, state.time)
     stamps = recorded.time
-    position = np.stack([np.interp(stamps, state.time, c) for c in state.position_E.T], axis=-1)
+    position = interpolated(stamps, state.time, state.position_E)
     quat = so3.interpolate(stamps, state.time, state.quat_EB)
     angle = np.degrees(np.linalg.norm(so3.log(so3.multiply(so3.conjugate(recorded.quat_EB), quat)), axis=-1))
     distance = np.linalg.norm(position - recorded.position_E, axis=-1)

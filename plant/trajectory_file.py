@@ -20,10 +20,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from pydantic import Field
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.moves import KINDS, Move, Moves
 from wrenchgap.plant.reader import (
     Number,
@@ -38,8 +38,6 @@ from wrenchgap.plant.reader import (
     toml,
     values_of,
 )
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 PAGE = "docs/design-flights.md"
@@ -121,16 +119,11 @@ def dumps(file: TrajectoryFile) -> str:
         document.add(tomlkit.comment(line))
     document["schema"] = SCHEMA
     plan = file.trajectory
-    head = tomlkit.table()
     attitude = next(word for word, flag in ATTITUDES.items() if flag == plan.follows_thrust)
     values = {"name": file.name, "vehicle": file.vehicle, "duration": plan.duration, "home": list(plan.home)}
-    head.update({**values, "attitude": attitude})
-    document["trajectory"] = head
+    document["trajectory"] = {**values, "attitude": attitude}
     if plan.moves:
-        listed = tomlkit.aot()
-        for move in plan.moves:
-            listed.append(tomlkit.item(_keys(move)))
-        document["moves"] = listed
+        document["moves"] = [_keys(move) for move in plan.moves]
     if file.purpose:
         document["purpose"] = dict(file.purpose)
     return tomlkit.dumps(document)
@@ -165,7 +158,6 @@ def _keys(move: Move) -> dict[str, Any]:
 
 
 def _move(item: dict[str, Any], number: int) -> Move:
-    """One move of the file."""
     where, kind = f"moves[{number}]", item.get("kind")
     if kind not in KINDS:
         raise UsageError(f"{where}.kind: got {kind!r}, available: {', '.join(KINDS)}")

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.gravity import GRAVITY as GRAVITY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.effects.effect import (
     AnyEffect,
@@ -39,8 +39,6 @@ from wrenchgap.plant.effects.effect import (
 )
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, Rates, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -226,15 +224,3 @@ class WrenchModel:
     def predict(self, commands: Commands, state: State, dt: float) -> Array:
         """Predicted measured wrench (N, 6) of consecutive samples `dt` [s] apart, unfiltered."""
         return self.report(self.actuate(commands, state, dt)[0], state)
-
-
-__all__ = [
-    "ModelEffect",
-    "Provenance",
-    "WrenchModel",
-    "about_com",
-    "about_origin",
-    "cross",
-    "forward_dynamics",
-    "measured_wrench",
-]

@@ -53,7 +53,7 @@ def main() -> None:
                 tab.locator(".mantine-Notification-closeButton").first.click()
                 for name, arrange in VIEWS.items():
                     arrange(page, tab)
-                    settled(tab)
+                    tab.wait_for_timeout(4000)  # until the browser has drawn what it was sent
                     saved(tab.screenshot(), folder / f"{name}.png")
                 browser.close()
         finally:
@@ -132,11 +132,6 @@ VIEWS: dict[str, Callable[[Page, Any], None]] = {
     "viewer_compensation": compensated,
     "viewer_compared": compared,
 }
-
-
-def settled(tab: Any) -> None:
-    """Wait until the browser has drawn what it was sent: some frames after everything has arrived."""
-    tab.wait_for_timeout(4000)
 
 
 def saved(png: bytes, path: Path) -> None:

@@ -13,11 +13,9 @@ from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
-
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 ARMS, ROTORS = 6, 12
 MASS = 4.0
@@ -65,13 +63,8 @@ class Airframe:
         """Mass and principal inertia about O of the hull alone, so that hull and arms add up to the stated totals."""
         radial, tangential, vertical = self.arm_inertia
         point = self.arm_mass * ARM_LENGTH**2
-        arms = np.array(
-            [
-                3 * (radial + tangential + point),  # sum over 60 deg steps of cos^2 is 3, and of sin^2
-                3 * (radial + tangential + point),
-                6 * (vertical + point),
-            ]
-        )
+        level = 3 * (radial + tangential + point)  # sum over 60 deg steps of cos^2 is 3, and of sin^2
+        arms = np.array([level, level, 6 * (vertical + point)])
         mass = self.mass - ARMS * self.arm_mass - sum(m for m, _ in self.ballast) - self.extra_hull_mass
         return mass, np.array(INERTIA) - arms - self.hull_inertia_less
 

@@ -10,11 +10,9 @@ Control law of Zhang et al., RA-L 2020, and the pseudo-inverse allocation of six
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.airframe import ARM_LENGTH, AZIMUTH, C_F, GRAVITY, INERTIA, KAPPA, MASS, SPEED_MAX, TWIST
-
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
 
 POSITION_GAINS = (0.707, 3.5)  # damping ratio, natural frequency [rad/s]
 ATTITUDE_DAMPING = np.array([1.3, 1.3, 0.74])
@@ -42,14 +40,7 @@ class Autopilot:
         self._lateral = np.stack((s / 3, -c / 3, zero, zero, zero, -one / (6 * L)), 1)
         self._vertical = np.stack((zero, zero, one / 6, s / (3 * L), -c / (3 * L), zero), 1)
 
-    def wrench(
-        self,
-        p: Array,
-        R: Array,
-        v: Array,
-        omega: Array,
-        reference: tuple[Array, Array, Array, Array, Array, Array],
-    ) -> Array:
+    def wrench(self, p: Array, R: Array, v: Array, omega: Array, reference: tuple[Array, ...]) -> Array:
         """Desired wrench (6,) in B. `p`, `v` in E, `omega` in B; reference: p, v, a (E), R_ED, omega_D, omega_dot_D."""
         p_D, v_D, a_D, R_D, omega_D, omega_dot_D = reference
         zeta, w = POSITION_GAINS

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from benchmarks.hidden_effects.engine import ALWAYS
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.confidence import FAR, SUREST, features
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 RIDGE = 0.5
 

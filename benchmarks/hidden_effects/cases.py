@@ -73,11 +73,6 @@ class Case:
         """In the effects' own units."""
         return tuple(HIDDEN[e].size * s for e, s in zip(self.effects, self.scales, strict=True))
 
-    @property
-    def flown(self) -> str | list[str]:
-        """For `engine.fly`."""
-        return list(self.effects) or "none"
-
 
 def _one(effect: str, kind: Kind, scale: float, seed: int) -> Case:
     hidden = HIDDEN[effect]

@@ -8,7 +8,7 @@ a size and a seed, and overrides what it touches:
     start    once, when the flight begins
     command  tilt (6,) [rad] and rotor speed (12,) [rad/s] commands, every physics step
     thrust   the twelve thrusts [N], every physics step
-    push     forces and torques, through `World.push` and `World.twist`, every physics step
+    push     forces and torques, through `Engine.push` and `Engine.twist`, every physics step
 
 `answers` are the names of the project's catalogue that are right for it, best first; `("unknown",)` for what is not
 in it. `unit` says what a plain `size` means; `size` is the default. `shows_on` is the trajectory that excites the
@@ -22,10 +22,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self, TypeVar
+from typing import ClassVar, Self, TypeVar, dataclass_transform
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hidden_effects.airframe import (
     C_F,
@@ -38,127 +37,26 @@ from benchmarks.hidden_effects.airframe import (
     TWIST,
     Airframe,
 )
+from benchmarks.hidden_effects.world import Engine, Hidden
+from wrenchgap.flight.flight import Array
 
-Array = NDArray[np.float64]
+H = TypeVar("H", bound=Hidden)
 AIR = 1.2
 """Density [kg/m^3]."""
 DISC = np.pi * RADIUS**2
 HOVER_THRUST = MASS * GRAVITY / 12
 
 
-class World(Protocol):
-    """What an effect may look at and push during the flight. Rotor arrays (12,), arm arrays (6,), frames E and B."""
-
-    step: float
-    speed: Array
-    airframe: Airframe
-
-    @property
-    def time(self) -> float:
-        """Seconds since the start."""
-        ...
-
-    @property
-    def tilt(self) -> Array:
-        """(6,) true tilt."""
-        ...
-
-    @property
-    def tilt_rate(self) -> Array:
-        """(6,) true tilt rate."""
-        ...
-
-    @property
-    def R_EB(self) -> Array:
-        """(3, 3)."""
-        ...
-
-    @property
-    def position_E(self) -> Array:
-        """(3,) of O."""
-        ...
-
-    @property
-    def velocity_E(self) -> Array:
-        """(3,) of O."""
-        ...
-
-    @property
-    def omega_B(self) -> Array:
-        """(3,)."""
-        ...
-
-    @property
-    def hubs_E(self) -> Array:
-        """(12, 3) rotor hubs."""
-        ...
-
-    @property
-    def normals_E(self) -> Array:
-        """(12, 3) thrust directions."""
-        ...
-
-    @property
-    def hub_velocity_E(self) -> Array:
-        """(12, 3)."""
-        ...
-
-    def push(self, force_E: Array, at_E: Array) -> None:
-        """Push the hull with forces (3,) or (n, 3), at points of the same shape."""
-        ...
-
-    def twist(self, torque_E: Array) -> None:
-        """Twist the hull."""
-        ...
-
-    def twist_arms(self, torques_E: Array) -> None:
-        """Twist the six arms, (6, 3)."""
-        ...
-
-
-class Hidden:
-    """Base of every hidden effect: does nothing."""
-
-    answers: ClassVar[tuple[str, ...]] = ()
-    unit: ClassVar[str] = ""
-    size: ClassVar[float] = 1.0
-    shows_on: ClassVar[str] = "train"
-    needs_split: ClassVar[bool] = False
-
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """The effect at `size`, with whatever else is free drawn from `rng`."""
-        raise NotImplementedError
-
-    def build(self, airframe: Airframe) -> None:
-        """Change the airframe in place."""
-
-    def start(self, world: World) -> None:
-        """Prepare for one flight."""
-
-    def command(self, world: World, tilt: Array, speed: Array) -> tuple[Array, Array]:
-        """What the actuators receive."""
-        return tilt, speed
-
-    def thrust(self, world: World, thrust: Array) -> Array:
-        """What the rotors really give."""
-        return thrust
-
-    def push(self, world: World) -> None:
-        """Other forces."""
-
-
-H = TypeVar("H", bound=Hidden)
-
 HIDDEN: dict[str, type[Hidden]] = {}
 """Every hidden effect by name."""
 
 
+@dataclass_transform()
 def hidden(name: str) -> Callable[[type[H]], type[H]]:
-    """Class decorator: register under `name`."""
+    """Class decorator: make a dataclass, register under `name`."""
 
     def register(cls: type[H]) -> type[H]:
-        HIDDEN[name] = cls
+        HIDDEN[name] = dataclass(cls)
         return cls
 
     return register
@@ -173,16 +71,10 @@ def _vector(xyz: Array) -> tuple[float, float, float]:
     return float(xyz[0]), float(xyz[1]), float(xyz[2])
 
 
-# ---------------------------------------------------------------- mass properties
-
-
-@hidden("com_offset")
 @dataclass
-class ComOffset(Hidden):
-    """The hull (frame, battery, computer) sits beside the middle: r_total = r_hull m_hull / m."""
+class Vector(Hidden):
+    """Base of what is a vector of length `size`, drawn in any direction."""
 
-    answers = ("com_offset",)
-    unit, size = "m, distance of the centre of mass from O", 0.009
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
@@ -192,13 +84,28 @@ class ComOffset(Hidden):
         """Any direction."""
         return cls(*_vector(size * _direction(rng)))
 
+    @property
+    def xyz(self) -> Array:
+        """(3,)."""
+        return np.array((self.x, self.y, self.z))
+
+
+# ---------------------------------------------------------------- mass properties
+
+
+@hidden("com_offset")
+class ComOffset(Vector):
+    """The hull (frame, battery, computer) sits beside the middle: r_total = r_hull m_hull / m."""
+
+    answers = ("com_offset",)
+    unit, size = "m, distance of the centre of mass from O", 0.009
+
     def build(self, airframe: Airframe) -> None:
         """Shift the hull; nothing else moves, and the mass stays."""
-        airframe.hull_shift = airframe.hull_shift + np.array((self.x, self.y, self.z)) * MASS / airframe.hull()[0]
+        airframe.hull_shift = airframe.hull_shift + self.xyz * MASS / airframe.hull()[0]
 
 
 @hidden("inertia")
-@dataclass
 class Inertia(Hidden):
     """Pairs of masses at +-0.28 m on the body axes, taken from the middle: dJ = (sy + sz, sx + sz, sx + sy)."""
 
@@ -224,7 +131,6 @@ class Inertia(Hidden):
 
 
 @hidden("mass")
-@dataclass
 class Mass(Hidden):
     """The vehicle is heavier than weighed; the addition sits at O."""
 
@@ -232,18 +138,12 @@ class Mass(Hidden):
     unit, size = "relative", 0.04
     relative: float = 0.04
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
     def build(self, airframe: Airframe) -> None:
         """Heavier hull."""
         airframe.mass *= 1 + self.relative
 
 
 @hidden("payload")
-@dataclass
 class Payload(Hidden):
     """A box strapped rigidly under the hull: mass, centre of mass and inertia together."""
 
@@ -266,18 +166,12 @@ class Payload(Hidden):
 
 
 @hidden("heavy_arms")
-@dataclass
 class HeavyArms(Hidden):
     """More inertia about the tilt axes: arms and hull exchange more angular momentum. The total stays as stated."""
 
     answers = ("arm_reaction",)
     unit, size = "kg m^2 per arm", 2e-3
     added: float = 2e-3
-
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
 
     def build(self, airframe: Airframe) -> None:
         """Like a disc across the arm: half as much about y and z."""
@@ -289,7 +183,6 @@ class HeavyArms(Hidden):
 
 
 @hidden("servo_lag")
-@dataclass
 class ServoLag(Hidden):
     """A softer position loop in every servo."""
 
@@ -297,18 +190,12 @@ class ServoLag(Hidden):
     unit, size = "s, more than the ideal 15 ms", 0.045
     added: float = 0.045
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
     def build(self, airframe: Airframe) -> None:
         """Lower the loop gain 1/tau."""
         airframe.servo_tau += self.added
 
 
 @hidden("motor_lag")
-@dataclass
 class MotorLag(Hidden):
     """Rotors with inertia, driven by the torque that would hold the commanded speed: dOmega ~ Omega_cmd^2 - Omega^2."""
 
@@ -316,18 +203,12 @@ class MotorLag(Hidden):
     unit, size = "s at hover speed", 0.04
     tau: float = 0.04
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
     def build(self, airframe: Airframe) -> None:
         """The engine integrates the speeds."""
         airframe.motor_tau = self.tau
 
 
 @hidden("command_delay")
-@dataclass
 class CommandDelay(Hidden):
     """A queue between controller and actuators."""
 
@@ -335,23 +216,17 @@ class CommandDelay(Hidden):
     unit, size = "s", 0.025
     delay: float = 0.025
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def start(self, world: World) -> None:
+    def start(self, world: Engine) -> None:
         """An empty queue gives the first command at once."""
         self._queue: deque[tuple[Array, Array]] = deque(maxlen=round(self.delay / world.step) + 1)
 
-    def command(self, world: World, tilt: Array, speed: Array) -> tuple[Array, Array]:
+    def command(self, world: Engine, tilt: Array, speed: Array) -> tuple[Array, Array]:
         """The oldest in the queue."""
         self._queue.append((tilt, speed))
         return self._queue[0]
 
 
 @hidden("tilt_offset")
-@dataclass
 class TiltOffset(Hidden):
     """Rotor pairs mounted turned about their arms [rad]."""
 
@@ -372,7 +247,6 @@ class TiltOffset(Hidden):
 
 
 @hidden("backlash")
-@dataclass
 class Backlash(Hidden):
     """Real play: a servo turns a gear, the arm follows only where the gap closes; friction holds it in between."""
 
@@ -391,7 +265,6 @@ class Backlash(Hidden):
 
 
 @hidden("droop")
-@dataclass
 class Droop(Hidden):
     """Servos that give way under load: the arm turns by an angle proportional to its pair's thrust."""
 
@@ -404,7 +277,7 @@ class Droop(Hidden):
         """As told."""
         return cls(float(np.deg2rad(size)))
 
-    def command(self, world: World, tilt: Array, speed: Array) -> tuple[Array, Array]:
+    def command(self, world: Engine, tilt: Array, speed: Array) -> tuple[Array, Array]:
         """Soft under thrust, all the same way round."""
         load = (speed**2).reshape(6, 2).sum(1) / (2 * HOVER_SPEED**2)
         return tilt - self.angle * load, speed
@@ -414,7 +287,6 @@ class Droop(Hidden):
 
 
 @hidden("weak_rotor")
-@dataclass
 class WeakRotor(Hidden):
     """One damaged rotor gives less thrust and less drag torque."""
 
@@ -428,7 +300,7 @@ class WeakRotor(Hidden):
         """Any rotor."""
         return cls(int(rng.integers(12)), size)
 
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Scale one."""
         out = thrust.copy()
         out[self.rotor] *= 1 - self.loss
@@ -436,7 +308,6 @@ class WeakRotor(Hidden):
 
 
 @hidden("thin_air")
-@dataclass
 class ThinAir(Hidden):
     """All rotors in air of another density."""
 
@@ -444,18 +315,12 @@ class ThinAir(Hidden):
     unit, size = "relative density that is missing", 0.08
     missing: float = 0.08
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Thrust and drag torque go with density."""
         return thrust * (1 - self.missing)
 
 
 @hidden("coaxial_loss")
-@dataclass
 class CoaxialLoss(Hidden):
     """The lower rotor works in the upper's slipstream: loses size * 2 r / (1 + r), r = T_up / T_low."""
 
@@ -463,12 +328,7 @@ class CoaxialLoss(Hidden):
     unit, size = "fraction of the lower thrust at equal speeds", 0.15
     loss: float = 0.15
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """More when the upper works harder."""
         out = thrust.copy()
         up, low = thrust[0::2], thrust[1::2]
@@ -477,7 +337,6 @@ class CoaxialLoss(Hidden):
 
 
 @hidden("wake")
-@dataclass
 class Wake(Hidden):
     """Rotor pairs in their neighbours' wake, a smooth top hat that widens downstream.
 
@@ -490,12 +349,7 @@ class Wake(Hidden):
     unit, size = "k, fraction lost in the middle of an equal neighbour's wake", 0.22
     k: float = 0.22
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Every pair against every other."""
         hubs = world.hubs_E
         centre = 0.5 * (hubs[0::2] + hubs[1::2])
@@ -514,7 +368,6 @@ class Wake(Hidden):
 
 
 @hidden("blockage")
-@dataclass
 class Blockage(Hidden):
     """Wakes that blow on the booms of other arms: each boom is three pieces at 0.12, 0.20 and 0.28 m from O.
 
@@ -526,12 +379,7 @@ class Blockage(Hidden):
     unit, size = "share of a pair's thrust that presses on a boom squarely in its wake", 0.15
     share: float = 0.15
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Six wakes on eighteen pieces."""
         centre = 0.5 * (world.hubs_E[0::2] + world.hubs_E[1::2])
         axis = world.normals_E[0::2]
@@ -547,7 +395,6 @@ class Blockage(Hidden):
 
 
 @hidden("ground")
-@dataclass
 class Ground(Hidden):
     """Rotors near the floor gain thrust: T (1 + size exp(-z / 2R)), each at its own height."""
 
@@ -556,18 +403,12 @@ class Ground(Hidden):
     shows_on = "low"
     gain: float = 0.3
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """By the hub's height."""
         return thrust * (1 + self.gain * np.exp(-np.maximum(world.hubs_E[:, 2], 0.0) / (2 * RADIUS)))
 
 
 @hidden("battery")
-@dataclass
 class Battery(Hidden):
     """A battery that empties, with inner resistance: thrust goes with (V / V_full)^1.5; V is recorded."""
 
@@ -577,16 +418,11 @@ class Battery(Hidden):
     FULL: ClassVar[float] = 25.2
     RESISTANCE: ClassVar[float] = 0.012
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def start(self, world: World) -> None:
+    def start(self, world: Engine) -> None:
         """Full."""
         self._charge, self.voltage = 1.0, self.FULL
 
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Current goes with induced power, sum T^1.5."""
         load = float((np.maximum(thrust, 0.0) ** 1.5).sum()) / (12 * HOVER_THRUST**1.5)
         self._charge -= world.step / 60 * load
@@ -595,7 +431,6 @@ class Battery(Hidden):
 
 
 @hidden("inflow")
-@dataclass
 class Inflow(Hidden):
     """Axial speed changes thrust as in momentum theory at fixed power: T (sqrt(1 + u^2) - u), u = size v_n / 2 v_i."""
 
@@ -603,12 +438,7 @@ class Inflow(Hidden):
     unit, size = "strength (1: momentum theory)", 1.0
     strength: float = 1.0
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Per rotor, with the speed of its own hub."""
         climb = (world.hub_velocity_E * world.normals_E).sum(1)
         u = 0.5 * self.strength * climb / np.sqrt(np.maximum(thrust, 0.3) / (2 * AIR * DISC))
@@ -616,7 +446,6 @@ class Inflow(Hidden):
 
 
 @hidden("edgewise")
-@dataclass
 class Edgewise(Hidden):
     """Fresh air from the side lifts: T (1 + size v_t^2 / (v_t^2 + 4 v_i^2))."""
 
@@ -625,12 +454,7 @@ class Edgewise(Hidden):
     shows_on = "fast"
     gain: float = 0.4
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Per rotor."""
         v, n = world.hub_velocity_E, world.normals_E
         v_t2 = (v**2).sum(1) - (v * n).sum(1) ** 2
@@ -639,7 +463,6 @@ class Edgewise(Hidden):
 
 
 @hidden("stall")
-@dataclass
 class Stall(Hidden):
     """Blades that stall: thrust flattens above hover, and is a little more below it. Not in the catalogue."""
 
@@ -647,12 +470,7 @@ class Stall(Hidden):
     unit, size = "relative loss at full speed", 0.25
     loss: float = 0.25
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """Linear in the thrust itself."""
         return np.asarray(thrust * (1 - self.loss * (thrust - HOVER_THRUST) / (C_F * SPEED_MAX**2 - HOVER_THRUST)))
 
@@ -660,8 +478,13 @@ class Stall(Hidden):
 # ---------------------------------------------------------------- forces
 
 
+def _drag(world: Engine, areas: tuple[float, float, float], airspeed_E: Array) -> None:
+    R = world.R_EB
+    v = R.T @ airspeed_E
+    world.push(R @ (-0.5 * AIR * np.array(areas) * np.abs(v) * v), world.position_E + 0.03 * R[:, 2])
+
+
 @hidden("body_drag")
-@dataclass
 class BodyDrag(Hidden):
     """Three flat plates, -1/2 rho A_k |v_k| v_k along each body axis, acting 30 mm above O."""
 
@@ -671,23 +494,18 @@ class BodyDrag(Hidden):
     area_x: float = 0.15
     area_y: float = 0.15
     area_z: float = 0.25
-    wind_E: ClassVar[Array] = np.zeros(3)
 
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
         """Another side, a larger bottom."""
         return cls(size, size * float(rng.uniform(0.7, 1.3)), size * float(rng.uniform(1.3, 1.9)))
 
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Through the air."""
-        R = world.R_EB
-        v = R.T @ (world.velocity_E - self.wind_E)
-        force = -0.5 * AIR * np.array((self.area_x, self.area_y, self.area_z)) * np.abs(v) * v
-        world.push(R @ force, world.position_E + 0.03 * R[:, 2])
+        _drag(world, (self.area_x, self.area_y, self.area_z), world.velocity_E)
 
 
 @hidden("wind")
-@dataclass
 class Wind(Hidden):
     """A steady wind with slow gusts on plates of 0.12, 0.12, 0.2 m^2."""
 
@@ -701,17 +519,14 @@ class Wind(Hidden):
         """From anywhere."""
         return cls(size, float(rng.uniform(-np.pi, np.pi)))
 
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Gusts of a quarter of the speed, 5 and 9 s."""
         gust = 1 + 0.15 * np.sin(2 * np.pi * world.time / 9.1) + 0.1 * np.sin(2 * np.pi * world.time / 5.3 + 1)
         wind = self.speed * gust * np.array((np.cos(self.heading), np.sin(self.heading), 0.0))
-        plates = BodyDrag(0.12, 0.12, 0.20)
-        plates.wind_E = wind  # type: ignore[misc]
-        plates.push(world)
+        _drag(world, (0.12, 0.12, 0.20), world.velocity_E - wind)
 
 
 @hidden("paddle")
-@dataclass
 class Paddle(Hidden):
     """Turning is braked: torque -size omega sqrt(|omega|^2 + 0.3^2)."""
 
@@ -719,19 +534,13 @@ class Paddle(Hidden):
     unit, size = "Nm s^2", 0.05
     brake: float = 0.05
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Between linear and quadratic."""
         w = world.omega_B
         world.twist(world.R_EB @ (-self.brake * w * np.sqrt(w @ w + 0.09)))
 
 
 @hidden("flapping")
-@dataclass
 class Flapping(Hidden):
     """Discs lean back in edgewise flow: in-plane force -T tan(a), a = size v_t / (Omega R)."""
 
@@ -739,12 +548,7 @@ class Flapping(Hidden):
     unit, size = "rad per unit advance ratio", 2.0
     slope: float = 2.0
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """At the hubs."""
         v, n = world.hub_velocity_E, world.normals_E
         edge = v - (v * n).sum(1, keepdims=True) * n
@@ -752,7 +556,6 @@ class Flapping(Hidden):
 
 
 @hidden("tether")
-@dataclass
 class Tether(Hidden):
     """A long elastic line from a point of the hull to a far anchor: MuJoCo's spatial tendon."""
 
@@ -783,28 +586,18 @@ class Tether(Hidden):
 
 
 @hidden("fan")
-@dataclass
-class Fan(Hidden):
+class Fan(Vector):
     """A steady force fixed in E on the hull's middle."""
 
     answers = ("constant_wrench", "tether", "wind")
     unit, size = "N", 0.8
-    x: float = 0.8
-    y: float = 0.0
-    z: float = 0.0
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """Any direction."""
-        return cls(*_vector(size * _direction(rng)))
-
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Always the same."""
-        world.push(np.array((self.x, self.y, self.z)), world.position_E)
+        world.push(self.xyz, world.position_E)
 
 
 @hidden("jet")
-@dataclass
 class Jet(Hidden):
     """A steady push fixed to the hull, off its middle: force and torque constant in B."""
 
@@ -818,14 +611,13 @@ class Jet(Hidden):
         """Any direction, 0.2 m off."""
         return cls(_vector(size * _direction(rng)), _vector(0.2 * _direction(rng)))
 
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """In body axes."""
         R = world.R_EB
         world.push(R @ np.array(self.force), world.position_E + R @ np.array(self.at))
 
 
 @hidden("drag_torque")
-@dataclass
 class DragTorque(Hidden):
     """Blades with another torque-to-thrust ratio; shows only where the two rotors of a pair differ."""
 
@@ -834,18 +626,12 @@ class DragTorque(Hidden):
     needs_split = True
     relative: float = 0.3
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
     def build(self, airframe: Airframe) -> None:
         """More twist per thrust."""
         airframe.kappa *= 1 + self.relative
 
 
 @hidden("gyroscopic")
-@dataclass
 class Gyroscopic(Hidden):
     """Rotors with angular momentum h = -s J_r Omega n: the arm feels -omega x h and -s' J_r dOmega."""
 
@@ -854,16 +640,11 @@ class Gyroscopic(Hidden):
     needs_split = True
     inertia: float = 6e-5
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def start(self, world: World) -> None:
+    def start(self, world: Engine) -> None:
         """Turning."""
         self._last: Array | None = None
 
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Pairs nearly cancel."""
         n = world.normals_E
         spin = -self.inertia * TWIST
@@ -880,8 +661,7 @@ class Gyroscopic(Hidden):
 
 
 @hidden("imu_turned")
-@dataclass
-class ImuTurned(Hidden):
+class ImuTurned(Vector):
     """The IMU is mounted turned by a small rotation vector [rad]."""
 
     answers = ("imu_misalignment",)
@@ -893,39 +673,29 @@ class ImuTurned(Hidden):
     @classmethod
     def draw(cls, size: float, rng: np.random.Generator) -> Self:
         """About any axis."""
-        return cls(*_vector(np.deg2rad(size) * _direction(rng)))
+        return super().draw(np.deg2rad(size), rng)
 
     def build(self, airframe: Airframe) -> None:
         """Turn its site."""
-        airframe.imu_rotvec = np.array((self.x, self.y, self.z))
+        airframe.imu_rotvec = self.xyz
 
 
 @hidden("imu_moved")
-@dataclass
-class ImuMoved(Hidden):
+class ImuMoved(Vector):
     """The IMU is not at O [m]."""
 
     answers = ("imu_lever_arm",)
     unit, size = "m", 0.04
-    x: float = 0.03
-    y: float = 0.0
-    z: float = 0.03
-
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """Anywhere."""
-        return cls(*_vector(size * _direction(rng)))
 
     def build(self, airframe: Airframe) -> None:
         """Move its site."""
-        airframe.imu_position = np.array((self.x, self.y, self.z))
+        airframe.imu_position = self.xyz
 
 
 # ---------------------------------------------------------------- not in the catalogue
 
 
 @hidden("slung_load")
-@dataclass
 class SlungLoad(Hidden):
     """A mass on a light rod from a ball joint under the hull: a pendulum, carried in addition to the stated mass."""
 
@@ -948,7 +718,6 @@ class SlungLoad(Hidden):
 
 
 @hidden("slosh")
-@dataclass
 class Slosh(Hidden):
     """A part of the hull's mass moves on springs in the plane z = 0 (a half-filled tank)."""
 
@@ -977,7 +746,6 @@ class Slosh(Hidden):
 
 
 @hidden("compass")
-@dataclass
 class Compass(Hidden):
     """A magnet in the hull and a field in the room: torque m_B x R^T b_E, which depends on heading and attitude."""
 
@@ -993,7 +761,7 @@ class Compass(Hidden):
         """A field from anywhere, the magnet along body x."""
         return cls(size, float(rng.uniform(-np.pi, np.pi)), float(rng.uniform(-0.8, 0.8)))
 
-    def push(self, world: World) -> None:
+    def push(self, world: Engine) -> None:
         """Magnet along body x."""
         i = self.inclination
         field = np.array((np.cos(i) * np.cos(self.heading), np.cos(i) * np.sin(self.heading), np.sin(i)))
@@ -1001,7 +769,6 @@ class Compass(Hidden):
 
 
 @hidden("resonance")
-@dataclass
 class Resonance(Hidden):
     """A weakly damped mast: part of the hull's mass on a sprung ball joint. Held still it would change nothing."""
 
@@ -1033,7 +800,6 @@ class Resonance(Hidden):
 
 
 @hidden("ringing")
-@dataclass
 class Ringing(Hidden):
     """Servos whose velocity loop is too slow for their position loop: they overshoot and ring at some hertz."""
 
@@ -1041,18 +807,12 @@ class Ringing(Hidden):
     unit, size = "s, time constant of the velocity loop", 0.10
     inner: float = 0.10
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
     def build(self, airframe: Airframe) -> None:
         """Damping ratio sqrt(outer / inner) / 2."""
         airframe.servo_inner_tau = self.inner
 
 
 @hidden("heating")
-@dataclass
 class Heating(Hidden):
     """Motors that lose thrust as they warm up: T (1 - size (1 - exp(-t / 12 s))), no voltage recorded."""
 
@@ -1060,11 +820,6 @@ class Heating(Hidden):
     unit, size = "relative loss when hot", 0.08
     loss: float = 0.08
 
-    @classmethod
-    def draw(cls, size: float, rng: np.random.Generator) -> Self:
-        """As told."""
-        return cls(size)
-
-    def thrust(self, world: World, thrust: Array) -> Array:
+    def thrust(self, world: Engine, thrust: Array) -> Array:
         """By time alone."""
         return np.asarray(thrust * (1 - self.loss * (1 - np.exp(-world.time / 12.0))))

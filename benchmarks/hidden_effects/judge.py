@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchmarks.hidden_effects.airframe import MASS
 from benchmarks.hidden_effects.cases import UNSEEN, Case
-from benchmarks.hidden_effects.engine import Truth, fly
-from benchmarks.hidden_effects.truths import true_values
+from benchmarks.hidden_effects.engine import ALWAYS, Truth, fly
+from benchmarks.hidden_effects.hidden import HOVER_THRUST
 from wrenchgap import compare, explain, open_flights
 from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present import explanation
 from wrenchgap.replay.present.documents import plain
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
+Values = dict[str, float]
 
 
 def run(case: Case, model: Model) -> Row:
     """Fly, explain, judge."""
     recorded, truth = fly(
-        case.flown,
+        case.effects,
         case.sizes or None,
         case.trajectory,
         case.seconds,
@@ -124,11 +125,67 @@ def _unseen(case: Case, found: Explanation, model: Model) -> Row | None:
         return None
     trajectory = UNSEEN[case.trajectory]
     seed = case.seed
-    recorded, _ = fly(case.flown, case.sizes, trajectory, 25.0, seed, pair_split=case.split)
+    recorded, _ = fly(case.effects, case.sizes, trajectory, 25.0, seed, pair_split=case.split)
     compared = compare(open_flights(recorded, model), model, found.model)
     before, after = (compared.evaluations[k].pooled.rms for k in (0, -1))
     out: Row = {"trajectory": trajectory, "before": before.tolist(), "after": after.tolist()}
     for what, axes in (("force", slice(0, 3)), ("torque", slice(3, 6))):
         b, a, n = (float(np.linalg.norm(v[axes])) for v in (before, after, compared.noise))
         out[what] = (b - a) / (b - n) if b > 1.5 * n else None
+    return out
+
+
+# What the parameters of a named effect should be, where the hidden physics has the same quantity.
+
+
+def _xyz(given: Row) -> Values:
+    return {axis: float(given[axis]) for axis in "xyz"}
+
+
+def _inertia(given: Row) -> Values:
+    x, y, z = given["sx"], given["sy"], given["sz"]
+    return {"xx": y + z, "yy": x + z, "zz": x + y, "xy": 0.0, "xz": 0.0, "yz": 0.0}
+
+
+def _rotors(given: Row) -> Values:
+    return {f"rotor_{k}": -given["loss"] if k == given["rotor"] else 0.0 for k in range(12)}
+
+
+def _jet(given: Row) -> Values:
+    force = np.array(given["force"])
+    wrench = (*force, *np.cross(given["at"], force))
+    names = [f"{kind}_{axis}" for kind in ("force", "torque") for axis in "xyz"]
+    return {name: float(value) for name, value in zip(names, wrench, strict=True)}
+
+
+TRUE: dict[tuple[str, str], Callable[[Row], Values]] = {
+    ("com_offset", "com_offset"): _xyz,
+    ("inertia", "inertia"): _inertia,
+    ("mass", "mass"): lambda g: {"added": MASS * g["relative"]},
+    ("payload", "payload"): lambda g: {"mass": g["mass"], **_xyz(g)},
+    ("heavy_arms", "arm_reaction"): lambda g: {"inertia": ALWAYS["arm_reaction"] + g["added"]},
+    ("servo_lag", "servo_lag"): lambda g: {"tau": ALWAYS["servo_lag"] + g["added"]},
+    ("motor_lag", "motor_lag"): lambda g: {"tau": g["tau"]},
+    ("command_delay", "command_delay"): lambda g: {"delay": g["delay"]},
+    ("tilt_offset", "tilt_offset"): lambda g: {f"arm_{k}": a for k, a in enumerate(g["per_arm"])},
+    ("backlash", "backlash"): lambda g: {"play": g["gap"]},
+    ("droop", "arm_twist"): lambda g: {"twist": -g["angle"] / (2 * HOVER_THRUST)},
+    ("weak_rotor", "rotor_thrust"): _rotors,
+    ("thin_air", "thrust_scale"): lambda g: {"scale": -g["missing"]},
+    ("fan", "tether"): lambda g: {f"force_{axis}": g[axis] for axis in "xyz"},
+    ("jet", "constant_wrench"): _jet,
+    ("drag_torque", "drag_torque"): lambda g: {"change": g["relative"]},
+    ("gyroscopic", "rotor_gyroscopic"): lambda g: {"inertia": g["inertia"]},
+    ("imu_turned", "imu_misalignment"): _xyz,
+    ("imu_moved", "imu_lever_arm"): _xyz,
+}
+"""(hidden effect, catalogue effect) to the true values of the latter's parameters."""
+
+
+def true_values(truth: Truth) -> dict[str, Values]:
+    """By catalogue effect: what its parameters really are on this flight, as far as that can be said."""
+    out: dict[str, Values] = {}
+    for (hidden, named), values in TRUE.items():
+        if hidden in truth.effects:
+            out[named] = values(truth.parameters[hidden])
     return out

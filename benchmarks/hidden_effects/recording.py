@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.flight import (
     ActuatorSeries,
+    Array,
     BatterySeries,
     Flight,
     ImuSeries,
@@ -28,8 +30,6 @@ from wrenchgap.flight.flight import (
     ReferenceSeries,
     WrenchSeries,
 )
-
-Array = NDArray[np.float64]
 
 START_NS = 1_700_000_000_000_000_000
 ACTUATORS = """std_msgs/Header header
@@ -108,7 +108,7 @@ def write_mcap(tracks: Tracks, path: Path) -> None:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library="wrenchgap hidden-effects engine")
         channels: dict[str, int] = {}
-        for sequence, (log_ns, topic, message) in enumerate(sorted(_messages(store.types, tracks), key=_log_time)):
+        for sequence, (log_ns, topic, message) in enumerate(sorted(_messages(store.types, tracks), key=itemgetter(0))):
             kind = message.__msgtype__
             if topic not in channels:
                 text, _ = store.generate_msgdef(kind, ros_version=2)
@@ -123,16 +123,11 @@ def _seconds(ns: NDArray[np.int64]) -> Array:
     return np.asarray(ns * 1e-9, dtype=np.float64)
 
 
-def _log_time(entry: tuple[int, str, Any]) -> int:
-    return entry[0]
-
-
 def _rotated(quat_wxyz: Array, vector: Array) -> Array:
     return np.asarray(Rotation.from_quat(quat_wxyz, scalar_first=True).apply(vector))
 
 
 def _messages(types: dict[str, Any], tracks: Tracks) -> Iterator[tuple[int, str, Any]]:
-    """Every message with its log time and topic."""
     Vector3, Point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
     Quaternion, Wrench = types["geometry_msgs/msg/Quaternion"], types["geometry_msgs/msg/Wrench"]
     WrenchStamped, Imu = types["geometry_msgs/msg/WrenchStamped"], types["sensor_msgs/msg/Imu"]

@@ -137,14 +137,8 @@ def _headline(s: dict[str, Any]) -> str:
     for what in ("force", "torque"):
         u = s["unseen"][what]
         if u["flights"]:
-            rows.append(
-                (
-                    f"removable {what} error gone on an unseen trajectory, median",
-                    "90 %",
-                    _percent(u["median"]),
-                    u["flights"],
-                )
-            )
+            label = f"removable {what} error gone on an unseen trajectory, median"
+            rows.append((label, "90 %", _percent(u["median"]), u["flights"]))
     groups = ", ".join(f"{n} of {size}" for size, n in s["group_sizes"].items()) or "none"
     text = _table(("what", "goal", "reached", "of"), [(a, b, c, str(d)) for a, b, c, d in rows])
     sizes = s["one_by_size"].values()

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
+
 Trajectory = Callable[[Array, np.random.Generator], tuple[Array, Array]]
 
 TRAJECTORIES: dict[str, tuple[Trajectory, float]] = {}

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.plants import Plant, vehicle
-from benchmarks.paper.running import Output, Report, in_parallel, main, table, triple
+from benchmarks.paper.running import Output, Report, in_parallel, main, median, table, triple
 from wrenchgap.compensate import Compensator
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.identify.learning import TORQUE, alternatives, samples
 from wrenchgap.learn.process import train
@@ -28,7 +29,6 @@ from wrenchgap.learn.process.subsample import subsample
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.trajectory import named
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 VEHICLES = (0, 1, 2)
@@ -235,28 +235,21 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     thresholds = in_parallel(partial(threshold, quick=quick), vehicles, report, "thresholds")
     return {
         "points": {
-            f"{name}, {', '.join(('command', *g))}": _median(
+            f"{name}, {', '.join(('command', *g))}": median(
                 [c for c, w in zip(counted, ways, strict=True) if w[::2] == (name, g)]
             )
             for name, _, g in dict.fromkeys((n, 0, g) for n, _, g in ways)
         },
         "inputs": {
             name: {
-                **{k: _median([one[k] for one in of]) for k in ("rms", "within_95_before", "within_95_after")},
+                **{k: median([one[k] for one in of]) for k in ("rms", "within_95_before", "within_95_after")},
                 "recommended": [one["recommended"] for one in of],
             }
             for name in dict.fromkeys(n for n, _ in cases)
             for of in [[one for one, (n, _) in zip(looked, cases, strict=True) if n == name]]
         },
-        "threshold": _median(thresholds),
+        "threshold": median(thresholds),
     }
-
-
-def _median(parts: list[Any]) -> Any:
-    """Median, leaf by leaf."""
-    if isinstance(parts[0], dict):
-        return {k: _median([p[k] for p in parts]) for k in parts[0]}
-    return np.median(np.array(parts), axis=0)
 
 
 def tables(body: dict[str, Any]) -> str:

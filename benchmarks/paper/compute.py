@@ -12,7 +12,6 @@ from typing import Any
 
 import GPy
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper import methods as m
 from benchmarks.paper.figures import time_figure
@@ -22,14 +21,14 @@ from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
 from benchmarks.paper.running import Output, Report, main, table
 from wrenchgap.compensate import Compensator
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 
-Array = NDArray[np.float64]
-
 PAPER = (7.5, 24.0)
 POINTS = (100, 200)
+RECORDED = ("solve_time", "iterations", "correction")
 
 
 class ByGPy:
@@ -69,11 +68,8 @@ class ByGPy:
 def solve(compensator: Any, wrenches: Array, states: list[State]) -> tuple[Array, Array, Array]:
     """Times [ms] (N,), evaluations of the model (N,), corrections (N, 6) of consecutive solves."""
     results = [compensator.step(w, s) for w, s in zip(wrenches, states, strict=True)]
-    return (
-        1e3 * np.array([r.solve_time for r in results]),
-        np.array([r.iterations for r in results]),
-        np.array([r.correction for r in results]),
-    )
+    times, counts, corrections = (np.array([getattr(r, k) for r in results]) for k in RECORDED)
+    return 1e3 * times, counts, corrections
 
 
 def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
@@ -111,7 +107,6 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
 
 
 def _makers(known: Knowledge, quick: bool) -> dict[str, Any]:
-    """Compensators by name."""
     makers: dict[str, Any] = {}
     for points in POINTS[: 1 if quick else 2]:
         gp = known.gp(points=points)

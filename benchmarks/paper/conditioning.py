@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper.figures import eigenvalue_figure
 from benchmarks.paper.flying import fly
@@ -27,8 +26,6 @@ from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.learn.process.store import load
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 EXCITATIONS = (0.0, 0.1, 1.0)
 POINTS = 100

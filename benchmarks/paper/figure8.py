@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.compensation_in_the_loop import attitude_error
 from benchmarks.hidden_effects import engine
@@ -20,13 +18,12 @@ from benchmarks.paper.figures import error_figure
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import Plant, vehicle
-from benchmarks.paper.running import ROOT, Output, Report, in_parallel, main, percent, table, triple
+from benchmarks.paper.running import Output, Report, change, falls, in_parallel, main, mrad, percent, table
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.plant.model_file import load
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 POINTS = 200
 TRAINING, LENGTH, SETTLE = 80.0, 40.0, 3.0
@@ -34,7 +31,6 @@ PAPER = (0.945, 0.879, 0.837)
 ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH)
 ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE)
 QUICK = (m.PD, m.LINEAR, m.GP)
-MODEL = ROOT / "models" / "tilt_hexarotor.toml"
 HIDDEN = (
     ("com_offset", "tilt_offset", "weak_rotor"),
     ("com_offset", "wake", "payload"),
@@ -62,7 +58,7 @@ def own(method: Method, known: Knowledge | None, length: float) -> tuple[Array, 
 def engine_knowledge(effects: Sequence[str], seed: int) -> tuple[Knowledge, Any]:
     """What is learnt from the engine's training flight, and what was hidden."""
     flight, truth = engine.fly(effects, None, "train", seed=seed, integral=0.0)
-    model = load(Path(MODEL))
+    model = load("tilt_hexarotor")
     return Knowledge(model, (opened(flight, model),), POINTS), truth.parameters
 
 
@@ -119,25 +115,17 @@ def tables(body: dict[str, Any]) -> str:
     base = body["own"][m.PD.name]
     rows = [["paper, GP", "-", percent(PAPER)]]
     for name, error in body["own"].items():
-        rows.append([name, _mrad(error), "-" if name == m.PD.name else percent(_falls(error, base))])
+        rows.append([name, mrad(error), "-" if name == m.PD.name else change(error, base)])
     parts = [table(["our plant, mean abs(e_R) x / y / z [mrad]", "error", "change [%]"], rows)]
     vehicles = body["engine"]
     head = ["independent engine", *(" + ".join(v["hidden"]) for v in vehicles), "mean change [%]"]
     rows = []
     for name in vehicles[0]["rows"]:
-        falls = [_falls(v["rows"][name], v["rows"][m.PD.name]) for v in vehicles]
-        errors = [_mrad(v["rows"][name]) for v in vehicles]
-        rows.append([name, *errors, "-" if name == m.PD.name else f"{-100 * float(np.mean(falls)):+.1f}"])
+        mean = float(np.mean([falls(v["rows"][name], v["rows"][m.PD.name]) for v in vehicles]))
+        errors = [mrad(v["rows"][name]) for v in vehicles]
+        rows.append([name, *errors, "-" if name == m.PD.name else f"{-100 * mean:+.1f}"])
     parts.append(table(head, rows))
     return "\n\n".join(parts)
-
-
-def _falls(error: Sequence[float], base: Sequence[float]) -> list[float]:
-    return [1.0 - a / b for a, b in zip(error, base, strict=True)]
-
-
-def _mrad(values: Any) -> str:
-    return triple([1e3 * v for v in values], 1)
 
 
 if __name__ == "__main__":

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
+
+plt.rcParams.update({"axes.grid": True, "grid.alpha": 0.3, "legend.frameon": False})
 
 AXES = ("x", "y", "z")
 GREY, BLUE, ORANGE, GREEN = "0.45", "#1f77b4", "#d95f02", "#1b9e77"
@@ -35,8 +36,7 @@ def prediction_figure(path: Path, traces: Mapping[str, Array]) -> None:
         panel.plot(t, traces["measured"][:, k], color=ORANGE, label="measured")
         panel.plot(t, centre, color=BLUE, label="predicted")
         panel.set_ylabel(f"torque {AXES[k]} [Nm]")
-        panel.grid(alpha=0.3)
-    panels[0].legend(ncols=4, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    panels[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     panels[2].set_xlabel("time [s]")
     _save(figure, path)
 
@@ -49,7 +49,7 @@ def box_figure(path: Path, errors: Mapping[str, Array]) -> None:
         panel.boxplot([errors[n][:, k] for n in names], whis=(5, 95), showfliers=False, orientation="horizontal")
         panel.set_xlabel(f"|e_R| about body {AXES[k]} [rad]")
         panel.set_yticks(range(1, len(names) + 1), names)
-        panel.grid(alpha=0.3, axis="x")
+        panel.grid(False, axis="y")
     panels[0].invert_yaxis()
     _save(figure, path)
 
@@ -61,8 +61,7 @@ def error_figure(path: Path, errors: Mapping[str, tuple[Array, Array]]) -> None:
         for (name, (t, e)), colour in zip(errors.items(), (GREY, GREEN, BLUE, ORANGE), strict=False):
             panel.plot(t, e[:, k], color=colour, label=name, lw=1.0)
         panel.set_ylabel(f"e_R {AXES[k]} [rad]")
-        panel.grid(alpha=0.3)
-    panels[0].legend(ncols=4, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    panels[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     panels[2].set_xlabel("time [s]")
     _save(figure, path)
 
@@ -82,11 +81,9 @@ def step_figure(path: Path, flights: Mapping[str, Mapping[str, Array]]) -> None:
             column[2].axhline(float(found["threshold"]), color="0.5", ls="--", lw=0.8)
         column[0].set_title(name.replace(", ", "\n"), fontsize=9)
         column[2].set_xlabel("time [s]")
-        for panel in column:
-            panel.grid(alpha=0.3)
     for panel, words in zip(panels[:, 0], ("e_R [rad]", "correction [Nm]", "sigma [Nm]"), strict=True):
         panel.set_ylabel(words)
-    panels[0][0].legend(frameon=False)
+    panels[0][0].legend()
     _save(figure, path)
 
 
@@ -98,8 +95,7 @@ def time_figure(path: Path, times: Mapping[str, Array]) -> None:
     panel.axvline(7.5, color="0.5", ls="--", lw=0.8, label="paper, mean")
     panel.axvline(24.0, color="0.5", ls=":", lw=0.8, label="paper, maximum")
     panel.set(xscale="log", yscale="log", xlabel="time of one solve [ms]", ylabel="share that takes longer")
-    panel.legend(frameon=False)
-    panel.grid(alpha=0.3)
+    panel.legend()
     _save(figure, path)
 
 
@@ -113,17 +109,6 @@ def eigenvalue_figure(path: Path, flights: Mapping[str, tuple[Array, Array]], li
         panel.axhline(limit, color=ORANGE, ls="--", lw=1.0, label="wrenchgap warns below")
         panel.set_title(name, fontsize=10)
         panel.set_xlabel("time [s]")
-        panel.grid(alpha=0.3)
     panels[0][0].set_ylabel("smallest real part")
-    panels[0][0].legend(frameon=False)
+    panels[0][0].legend()
     _save(figure, path)
-
-
-__all__: Sequence[str] = (
-    "box_figure",
-    "eigenvalue_figure",
-    "error_figure",
-    "prediction_figure",
-    "step_figure",
-    "time_figure",
-)

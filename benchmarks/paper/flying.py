@@ -7,17 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper.plants import Plant
 from wrenchgap.flight import so3
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.opening import OpenFlight, opened
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass

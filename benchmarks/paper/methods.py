@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
@@ -21,8 +21,6 @@ from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
-
-Array = NDArray[np.float64]
 
 LEAD = 0.1
 """Horizon over which physics leads the lags [s]; shorter pushes the actuators harder."""

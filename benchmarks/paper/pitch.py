@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper import methods as m
 from benchmarks.paper.figures import box_figure
@@ -18,10 +17,9 @@ from benchmarks.paper.flying import fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
-from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
+from benchmarks.paper.running import Output, Report, change, in_parallel, main, mrad, table
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 LENGTH = 100.0
 PAPER = {"without": ((0.07, 0.087, 0.051), (0.114, 0.100, 0.066)), "with": ((0.04, 0.03, 0.058), (0.050, 0.040, 0.054))}
@@ -69,18 +67,12 @@ def tables(body: dict[str, Any]) -> str:
     head = ["abs(e_R) x / y / z [mrad]", "median", "change of the median [%]", "box", "95th percentile"]
     rows = []
     for name, (median, box) in PAPER.items():
-        fall = [1.0 - a / b for a, b in zip(median, PAPER["without"][0], strict=True)]
-        share = "-" if name == "without" else percent(fall)
-        rows.append([f"paper, {name}", _mrad(median), share, _mrad(box), "-"])
+        share = "-" if name == "without" else change(median, PAPER["without"][0])
+        rows.append([f"paper, {name}", mrad(median), share, mrad(box), "-"])
     for name, row in body["rows"].items():
-        fall = [1.0 - a / b for a, b in zip(row["median"], base, strict=True)]
-        share = "-" if name == m.INTEGRAL.name else percent(fall)
-        rows.append([name, _mrad(row["median"]), share, _mrad(row["box"]), _mrad(row["percentile_95"])])
+        share = "-" if name == m.INTEGRAL.name else change(row["median"], base)
+        rows.append([name, mrad(row["median"]), share, mrad(row["box"]), mrad(row["percentile_95"])])
     return table(head, rows)
-
-
-def _mrad(values: Any) -> str:
-    return triple([1e3 * v for v in values], 1)
 
 
 if __name__ == "__main__":

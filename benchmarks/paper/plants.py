@@ -8,7 +8,7 @@ Learning never looks in here: it sees logs.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -88,11 +88,11 @@ class Plant:
     truth: Model
 
 
-@lru_cache(maxsize=2)
-def believed(integral: bool = True) -> Model:
-    """The model file with the paper's gains, with or without the attitude integral."""
+@cache
+def believed() -> Model:
+    """The model file with the paper's gains."""
     model = load(MODEL)
-    gains = replace(model.controller, integral=0.3 if integral else 0.0, integral_limit=INTEGRAL_LIMIT)
+    gains = replace(model.controller, integral=0.3, integral_limit=INTEGRAL_LIMIT)
     return replace(model, controller=gains)
 
 
@@ -108,18 +108,16 @@ def vehicle(number: int = 0) -> Plant:
     def about(values: Array) -> Array:
         return values + spread * np.abs(values).max() * rng.uniform(-1.0, 1.0, values.shape)
 
-    def effect(name: str, *values: float) -> ModelEffect:
-        return make_effect(model.vehicle, name, values)
-
-    effects = (
-        effect("com_offset", *about(COM)),
-        effect("tilt_offset", *(TILT_COMMON + about(TILT))),
-        effect("rotor_thrust", *about(THRUST)),
-        effect("rotor_interference", 0.12, 1.2),
-        effect("servo_lag", SERVO_LAG),
-        effect("backlash", PLAY),
-        effect("motor_lag", MOTOR_LAG),
-        effect("command_delay", DELAY),
-        ModelEffect(LegWake(), np.array([0.12, np.radians(42.0), np.radians(18.0)])),
-    )
-    return Plant(model, model.with_effects(effects))
+    values = {
+        "com_offset": about(COM),
+        "tilt_offset": TILT_COMMON + about(TILT),
+        "rotor_thrust": about(THRUST),
+        "rotor_interference": (0.12, 1.2),
+        "servo_lag": (SERVO_LAG,),
+        "backlash": (PLAY,),
+        "motor_lag": (MOTOR_LAG,),
+        "command_delay": (DELAY,),
+    }
+    effects = [make_effect(model.vehicle, name, theta) for name, theta in values.items()]
+    wake = ModelEffect(LegWake(), np.array([0.12, np.radians(42.0), np.radians(18.0)]))
+    return Plant(model, model.with_effects((*effects, wake)))

@@ -19,13 +19,12 @@ from benchmarks.paper.figures import prediction_figure
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
-from benchmarks.paper.running import Output, Report, in_parallel, main, percent, table, triple
+from benchmarks.paper.running import Output, Report, change, in_parallel, main, median, table, triple
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.plant.trajectory import named
-
-Array = NDArray[np.float64]
 
 POINTS = 100
 TRAINING, VALIDATION = 60.0, 20.0
@@ -37,10 +36,9 @@ ROWS = (m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.PAPERS, m.GP, m.ON_A_LINE
 
 @dataclass(frozen=True)
 class Unseen:
-    """The two unseen flights of a seed, as records, and from when on they count [s]."""
+    """The two unseen flights of a seed, as records by name, and from when on they count [s]."""
 
-    smooth: Record
-    excited: Record
+    parts: dict[str, Record]
 
     def errors(self, known: Knowledge, method: Method | None) -> dict[str, Array]:
         """Mean and standard deviation (3,) of the absolute torque error on both; of the nominal model without one."""
@@ -69,14 +67,9 @@ class Unseen:
             found |= {f"{name} 95": share.within_95, f"{name} 3 sigma": share.within_3_sigma}
         return found
 
-    @property
-    def parts(self) -> dict[str, Record]:
-        """By name."""
-        return {"smooth": self.smooth, "excited": self.excited}
-
     def counts(self, record: Record) -> NDArray[np.bool_]:
         """Samples that count: the last 10 s, or all after the first 2."""
-        return np.asarray(record.time >= (VALIDATION - 10.0 if record is self.smooth else 2.0))
+        return np.asarray(record.time >= (VALIDATION - 10.0 if record is self.parts["smooth"] else 2.0))
 
 
 def knowledge(seed: int, number: int = 0, seconds: float = TRAINING, excitation: float = 1.0) -> Knowledge:
@@ -86,14 +79,14 @@ def knowledge(seed: int, number: int = 0, seconds: float = TRAINING, excitation:
     return Knowledge(plant.believed, (as_log(flown, plant),), POINTS)
 
 
-def unseen(seed: int, number: int = 0) -> Unseen:
+def unseen(seed: int) -> Unseen:
     """Flights that are not learnt from."""
-    plant = vehicle(number)
-    smooth, excited = (
-        fly(plant, named("pitch", VALIDATION, size, seed + 100), seed + 100 + int(size), name="unseen")
-        for size in (0.0, 1.0)
-    )
-    return Unseen(*(as_log(f, plant).records[0] for f in (smooth, excited)))
+    plant = vehicle()
+    parts = {}
+    for name, size in (("smooth", 0.0), ("excited", 1.0)):
+        asked = named("pitch", VALIDATION, size, seed + 100)
+        parts[name] = as_log(fly(plant, asked, seed + 100 + int(size), name="unseen"), plant).records[0]
+    return Unseen(parts)
 
 
 def one(seed: int, quick: bool) -> dict[str, Any]:
@@ -106,7 +99,7 @@ def one(seed: int, quick: bool) -> dict[str, Any]:
             r.name: {str(c): flights.coverage(known, r, c) for c in (False, True)} for r in rows if r.gp is not None
         },
         "named": [] if quick else list(known.explanation.effects),
-        "figure": _traces(known, flights.smooth) if seed == 0 else None,
+        "figure": _traces(known, flights.parts["smooth"]) if seed == 0 else None,
     }
 
 
@@ -135,15 +128,8 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
         "seeds": len(seeds),
         "points": POINTS,
         "named_by_explain": found[0]["named"],
-        **{part: _median([f[part] for f in found]) for part in ("errors", "coverage")},
+        **{part: median([f[part] for f in found]) for part in ("errors", "coverage")},
     }
-
-
-def _median(parts: list[Any]) -> Any:
-    """Median over the seeds, leaf by leaf."""
-    if isinstance(parts[0], dict):
-        return {k: _median([p[k] for p in parts]) for k in parts[0]}
-    return np.median(np.array(parts), axis=0)
 
 
 def tables(body: dict[str, Any]) -> str:
@@ -151,10 +137,8 @@ def tables(body: dict[str, Any]) -> str:
     nominal = body["errors"]["nominal"]
 
     def cells(name: str, row: dict[str, Any]) -> list[str]:
-        falls = [1.0 - a / b for a, b in zip(row["smooth mean"], nominal["smooth mean"], strict=True)]
-        also = [1.0 - a / b for a, b in zip(row["excited mean"], nominal["excited mean"], strict=True)]
-        share = ["-", "-"] if name == "nominal" else [percent(falls), percent(also)]
-        return [name, triple(row["smooth mean"]), triple(row["smooth std"]), share[0], share[1]]
+        shares = ("-" if name == "nominal" else change(row[k], nominal[k]) for k in ("smooth mean", "excited mean"))
+        return [name, triple(row["smooth mean"]), triple(row["smooth std"]), *shares]
 
     head = ["torque error x / y / z [Nm]", "mean", "std", "change [%]", "change, excited flight [%]"]
     paper = [
@@ -163,12 +147,8 @@ def tables(body: dict[str, Any]) -> str:
     ]
     parts = [table(head, [*paper, *(cells(n, r) for n, r in body["errors"].items())])]
     rows = [
-        [
-            name,
-            *(triple(found[c][f"{flight} {what}"], 2) for flight in ("smooth", "excited") for c in ("False", "True")),
-        ]
+        [name, *(triple(found[c][f"{f} 3 sigma"], 2) for f in ("smooth", "excited") for c in ("False", "True"))]
         for name, found in body["coverage"].items()
-        for what in ("3 sigma",)
     ]
     head = ["share within 3 sigma", "as fitted", "calibrated", "excited, as fitted", "excited, calibrated"]
     parts.append(table(head, rows))

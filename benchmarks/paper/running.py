@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from rich.console import Console
@@ -59,22 +59,12 @@ class Output:
         return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
-class Experiment(Protocol):
-    """What a module of this package offers."""
+def experiment(name: str) -> Any:
+    """The module of this name.
 
-    def run(self, quick: bool, out: Output, report: Report) -> dict[str, Any]:
-        """Do it; draw the figures; return the numbers."""
-        ...
-
-    def tables(self, body: dict[str, Any]) -> str:
-        """The numbers as Markdown."""
-        ...
-
-
-def experiment(name: str) -> Experiment:
-    """The module of this name."""
-    module: Any = importlib.import_module(f"benchmarks.paper.{name}")
-    return module  # type: ignore[no-any-return]
+    Its `run(quick, out, report)` draws the figures and returns the numbers; its `tables(numbers)` makes them Markdown.
+    """
+    return importlib.import_module(f"benchmarks.paper.{name}")
 
 
 def in_parallel(function: Callable[[A], B], arguments: Sequence[A], report: Report, words: str) -> list[B]:
@@ -132,17 +122,20 @@ def plain(value: Any) -> Any:
     """Numbers with `DIGITS` significant digits, in plain types."""
     if isinstance(value, dict):
         return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(v) for v in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
+    if isinstance(value, float):
         return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
     return value
+
+
+def median(parts: list[Any]) -> Any:
+    """Median, leaf by leaf."""
+    if isinstance(parts[0], dict):
+        return {k: median([p[k] for p in parts]) for k in parts[0]}
+    return np.median(np.array(parts), axis=0)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -151,11 +144,26 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *rows))
 
 
-def triple(values: Sequence[float | None], digits: int = 3, sign: bool = False) -> str:
+def triple(values: Sequence[float | None], digits: int = 3) -> str:
     """Three numbers with slashes between them."""
-    return " / ".join("-" if v is None else f"{v:{'+' if sign else ''}.{digits}f}" for v in values)
+    return " / ".join("-" if v is None else f"{v:.{digits}f}" for v in values)
 
 
 def percent(fall: Sequence[float | None]) -> str:
     """Change of x / y / z in percent, from shares taken off."""
     return " / ".join("-" if v is None else f"{-100 * v:+.1f}" for v in fall)
+
+
+def falls(error: Sequence[float], base: Sequence[float]) -> list[float]:
+    """Shares of `base` taken off."""
+    return [1.0 - a / b for a, b in zip(error, base, strict=True)]
+
+
+def change(error: Sequence[float], base: Sequence[float]) -> str:
+    """Change from `base` in percent."""
+    return percent(falls(error, base))
+
+
+def mrad(values: Sequence[float]) -> str:
+    """Three angles [rad] in mrad."""
+    return triple([1e3 * v for v in values], 1)

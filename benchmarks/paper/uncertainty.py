@@ -14,7 +14,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import detrend
 
 from benchmarks.paper.figures import step_figure
@@ -25,8 +24,6 @@ from benchmarks.paper.prediction import knowledge
 from benchmarks.paper.running import Output, Report, in_parallel, main, table
 from wrenchgap.compensate import Compensator
 from wrenchgap.plant.trajectory import Step
-
-Array = NDArray[np.float64]
 
 VEHICLES, NOISES = 20, 5
 TRAINING, LENGTH, MOMENT = 30.0, 5.0, 1.5
@@ -48,9 +45,7 @@ def _gp(training: str, mean: str, words: str) -> Build:
 
     def build(learnt: Learnt) -> Compensator:
         known = learnt[training]
-        settings = known.settings
-        if words != ON:
-            settings = replace(settings, filter_uncertain=False)
+        settings = replace(known.settings, filter_uncertain=words == ON)
         if words == UNBOUNDED:
             settings = replace(settings, correction_max=(np.inf,) * 6)
         return Compensator(known.gp(mean=mean), settings)

@@ -84,10 +84,7 @@ def content_hash(path: Path) -> str:
 def read_log(path: Path, selection: Selection) -> Log:
     """Read a log once: columns of the topics that `selection` wants, log times of all.
 
-    Raises
-    ------
-    LogError
-        No such file, no log, or no message in it.
+    Raises LogError: no such file, no log, or no message in it.
     """
     reader = reader_of(path)
     files = reader.data_files()

@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from pathlib import Path
 from typing import ClassVar
 
 import lz4.frame
@@ -38,6 +37,7 @@ class McapReader(Reader):
     """Reads one MCAP file."""
 
     name: ClassVar[str] = "MCAP"
+    magic: ClassVar[bytes] = MAGIC
 
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
@@ -45,11 +45,6 @@ class McapReader(Reader):
     _damaged_chunks: int = 0
     _orphans: int = 0
     _broken: int = 0
-
-    @classmethod
-    def accepts(cls, path: Path, head: bytes) -> bool:
-        """Whether the file begins with MCAP's magic bytes."""
-        return head.startswith(MAGIC)
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""
@@ -97,9 +92,7 @@ class McapReader(Reader):
                 self._orphans += 1
                 return
             payload = plain_payload(body[_MESSAGE.size :]) if wanted(channel) else b""
-            batch = gathered.add(channel, log_time_ns, payload)
-            if batch is not None:
-                yield batch
+            yield from gathered.add(channel, log_time_ns, payload)
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(ReadDataStream(BytesIO(body)))
             self._schemas[schema.id] = schema
@@ -145,14 +138,13 @@ class McapReader(Reader):
     def _report(self) -> None:
         if self._cut:
             self.notes.append(f"{self.path.name} is cut short (no end record): read as far as it goes.")
-        if self._damaged_chunks:
-            self.notes.append(
-                f"{self._damaged_chunks} chunk(s) of {self.path.name} are damaged (checksum) and left out."
-            )
-        if self._broken:
-            self.notes.append(f"{self._broken} record(s) of {self.path.name} are damaged: left out.")
-        if self._orphans:
-            self.notes.append(f"{self._orphans} message(s) of {self.path.name} belong to no channel or time: left out.")
+        for count, kind, fate in (
+            (self._damaged_chunks, "chunk(s)", "are damaged (checksum) and left out."),
+            (self._broken, "record(s)", "are damaged: left out."),
+            (self._orphans, "message(s)", "belong to no channel or time: left out."),
+        ):
+            if count:
+                self.notes.append(f"{count} {kind} of {self.path.name} {fate}")
 
 
 def _unzstd(data: bytes) -> bytes:

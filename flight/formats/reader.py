@@ -55,11 +55,13 @@ class Reader(ABC):
 
     name: ClassVar[str]
     """What the format is called, for `inspect` and messages."""
+    magic: ClassVar[bytes]
+    """With what a file of this format begins."""
 
     @classmethod
-    @abstractmethod
     def accepts(cls, path: Path, head: bytes) -> bool:
         """Whether this is the format of the existing `path`, whose first bytes are `head` (b"" for a folder)."""
+        return head.startswith(cls.magic)
 
     @abstractmethod
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
@@ -99,13 +101,14 @@ class Gatherer:
     pending: dict[Channel, tuple[list[int], list[bytes]]] = field(default_factory=dict)
     total: int = 0
 
-    def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Batch | None:
-        """Keep one message; returns a batch when its channel has gathered enough."""
+    def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Iterator[Batch]:
+        """Keep one message; hands out a batch when its channel has gathered enough."""
         self.total += 1
         times, payloads = self.pending.setdefault(channel, ([], []))
         times.append(log_time_ns)
         payloads.append(payload)
-        return Batch(channel, *self.pending.pop(channel)) if len(times) >= BATCH else None
+        if len(times) >= BATCH:
+            yield Batch(channel, *self.pending.pop(channel))
 
     def flush(self) -> Iterator[Batch]:
         """Hand out what is left."""

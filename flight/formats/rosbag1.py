@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 from rosbags.interfaces import Connection
@@ -13,19 +12,13 @@ from rosbags.rosbag1 import Reader as BagReader
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line
 
-MAGIC = b"#ROSBAG V"
-
 
 @dataclass
 class Rosbag1Reader(Reader):
     """Reads one ROS 1 bag."""
 
     name: ClassVar[str] = "ROS 1 bag"
-
-    @classmethod
-    def accepts(cls, path: Path, head: bytes) -> bool:
-        """Whether the file begins as every bag does."""
-        return head.startswith(MAGIC)
+    magic: ClassVar[bytes] = b"#ROSBAG V"
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Go through the bag in order of time."""
@@ -35,9 +28,7 @@ class Rosbag1Reader(Reader):
                 channels = {connection.id: _channel(connection) for connection in bag.connections}
                 for connection, log_time_ns, payload in bag.messages():
                     channel = channels[connection.id]
-                    batch = gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
-                    if batch is not None:
-                        yield batch
+                    yield from gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
         except Exception as error:  # a damaged bag makes rosbags raise many kinds
             if not gathered.total:
                 raise LogError(

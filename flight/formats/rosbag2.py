@@ -30,7 +30,6 @@ from wrenchgap.flight.formats.reader import (
     plain_payload,
 )
 
-SQLITE_MAGIC = b"SQLite format 3\x00"
 STORAGE = {".db3": "sqlite3", ".mcap": "mcap"}
 
 
@@ -39,11 +38,7 @@ class Rosbag2SqliteReader(Reader):
     """Reads one SQLite file of a ROS 2 bag."""
 
     name: ClassVar[str] = "ROS 2 bag file (sqlite3)"
-
-    @classmethod
-    def accepts(cls, path: Path, head: bytes) -> bool:
-        """Whether the file is an SQLite database."""
-        return head.startswith(SQLITE_MAGIC)
+    magic: ClassVar[bytes] = b"SQLite format 3\x00"
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Go through the table of messages in order of log time."""
@@ -59,9 +54,7 @@ class Rosbag2SqliteReader(Reader):
                     if channel is None or not isinstance(log_time_ns, int) or not isinstance(payload, bytes):
                         broken += 1
                         continue
-                    batch = gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
-                    if batch is not None:
-                        yield batch
+                    yield from gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
             finally:
                 database.close()
         except (sqlite3.DatabaseError, UnicodeDecodeError, zstandard.ZstdError) as error:

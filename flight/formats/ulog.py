@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.reader import Batch, Reader, Wanted
-
-MAGIC = b"ULog\x01\x12\x35"
 
 
 @dataclass
@@ -21,11 +18,7 @@ class UlogReader(Reader):
     """Refuses a PX4 log."""
 
     name: ClassVar[str] = "PX4 ULog"
-
-    @classmethod
-    def accepts(cls, path: Path, head: bytes) -> bool:
-        """Whether the file begins with ULog's magic bytes."""
-        return head.startswith(MAGIC)
+    magic: ClassVar[bytes] = b"ULog\x01\x12\x35"
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Say what can be done instead."""

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.history import Snapshot, Trial, Value, Version
@@ -36,8 +36,6 @@ from wrenchgap.plant.reader import (
 from wrenchgap.plant.sensors import SensorNoise
 from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 PAGE = "docs/model-file.md"

@@ -30,17 +30,9 @@ def next_version(
     versions = list(parent.history)
     content = content_hash(parent)
     if not versions or versions[-1].content != content:
-        last = versions[-1] if versions else None
-        versions.append(
-            Version(
-                1 if last is None else last.number + 1,
-                GIVEN if last is None else BY_HAND,
-                content,
-                "" if parent.path is None else str(parent.path),
-                "" if last is None else last.content,
-                effects=parent.snapshot,
-            )
-        )
+        reason, before = (BY_HAND, versions[-1].content) if versions else (GIVEN, "")
+        number, file = versions[-1].number + 1 if versions else 1, "" if parent.path is None else str(parent.path)
+        versions.append(Version(number, reason, content, file, before, effects=parent.snapshot))
     last = versions[-1]
     made = Version(
         last.number + 1,

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import tomlkit
 
-from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.history import Version
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.reading import SCHEMA
-from wrenchgap.plant.sensors import SensorNoise
 from wrenchgap.plant.vehicle import Rotors, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
@@ -37,7 +36,6 @@ def dumps(model: Model) -> str:
 
 
 def _version_text(entry: Version) -> str:
-    """TOML of one entry."""
     texts = {
         "date": entry.date,
         "command": entry.command,
@@ -67,12 +65,10 @@ def _version_text(entry: Version) -> str:
 
 
 def _text(value: str) -> str:
-    """A TOML string."""
     return str(tomlkit.string(value).as_string())
 
 
 def _effect_text(vehicle: Vehicle, item: ModelEffect) -> str:
-    """TOML of one effect."""
     lines = ["[[effects]]", f'name = "{item.name}"', "[effects.parameters]"]
     for k, parameter in enumerate(item.effect.parameters(vehicle)):
         std = f", std = {_number(item.std[k])}" if item.std is not None else ""
@@ -102,49 +98,35 @@ def _number(value: float) -> str:
 def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     """A document for a model that was made in code."""
     v = model.vehicle
+    vehicle: dict[str, Any] = {"name": v.name, "mass": v.body.mass, "inertia": v.body.inertia.tolist()}
+    vehicle |= {"com": v.body.com_B.tolist(), "imu_position": v.imu_position_B.tolist()}
     document = tomlkit.document()
     document["schema"] = SCHEMA
-    vehicle = tomlkit.table()
-    vehicle["name"] = v.name
-    vehicle["mass"] = v.body.mass
-    vehicle["inertia"] = v.body.inertia.tolist()
-    vehicle["com"] = v.body.com_B.tolist()
-    vehicle["imu_position"] = v.imu_position_B.tolist()
+    document["vehicle"] = tomlkit.item(vehicle)
     if v.arms is not None and v.rotors is not None:
         arms = tomlkit.aot()
         for i in range(len(v.arms)):
-            arm = tomlkit.table()
-            arm["position"] = v.arms.position_B[i].tolist()
-            arm["tilt_axis"] = v.arms.axis_B[i].tolist()
-            arm["thrust_direction"] = v.arms.normal_B[i].tolist()
-            arm["tilts"] = bool(v.arms.tilts[i])
-            for key, values in (
-                ("tilt_min_deg", v.arms.tilt_min),
-                ("tilt_max_deg", v.arms.tilt_max),
-                ("tilt_rate_deg", v.arms.tilt_rate_max),
-            ):
-                arm[key] = float(np.degrees(values[i]))
+            limits = {"min": v.arms.tilt_min, "max": v.arms.tilt_max, "rate": v.arms.tilt_rate_max}
+            arm = {
+                "position": v.arms.position_B[i].tolist(),
+                "tilt_axis": v.arms.axis_B[i].tolist(),
+                "thrust_direction": v.arms.normal_B[i].tolist(),
+                "tilts": bool(v.arms.tilts[i]),
+                **{f"tilt_{key}_deg": float(np.degrees(values[i])) for key, values in limits.items()},
+            }
+            names = [item.name for item in fields(Rotors) if item.name != "arm"]
             rotors = tomlkit.array()
             for r in np.flatnonzero(v.rotors.arm == i):
                 row = tomlkit.inline_table()
-                for item in fields(Rotors):
-                    if item.name != "arm":
-                        row[item.name] = float(getattr(v.rotors, item.name)[r])
+                row.update({name: float(getattr(v.rotors, name)[r]) for name in names})
                 rotors.append(row)
-            arm["rotors"] = rotors
-            arms.append(arm)
-        vehicle["arms"] = arms
-    document["vehicle"] = vehicle
-    parts: tuple[tuple[str, ControllerGains | SensorNoise], ...] = (
-        ("controller", model.controller),
-        ("sensors", model.sensors),
-    )
-    for key, part in parts:
-        table = tomlkit.table()
-        for item in fields(part):
-            entry = getattr(part, item.name)
-            table[item.name] = list(entry) if isinstance(entry, tuple | np.ndarray) else entry
-        document[key] = table
+            table = tomlkit.item(arm)
+            table["rotors"] = rotors
+            arms.append(table)
+        document["vehicle"]["arms"] = arms
+    for key, part in (("controller", model.controller), ("sensors", model.sensors)):
+        values = {item.name: getattr(part, item.name) for item in fields(part)}
+        document[key] = {k: list(x) if isinstance(x, tuple | np.ndarray) else x for k, x in values.items()}
     if model.topics:
         document["topics"] = dict(model.topics)
     return document

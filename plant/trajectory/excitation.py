@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, euler_attitude, quintic
-from wrenchgap.plant.wrench_model import cross
-
-Array = NDArray[np.float64]
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.trajectory.reference import Profile, Reference, Trajectory, bump, composed, euler_attitude, product
 
 
 @dataclass(frozen=True)
@@ -66,10 +62,8 @@ class Multisine:
         e = np.sum(amplitude * np.cos(angle), axis=-1)
         de = np.sum(-amplitude * omega * np.sin(angle), axis=-1)
         dde = np.sum(-amplitude * omega**2 * np.cos(angle), axis=-1)
-        begin = quintic(time, 0.0, self.fade)
-        end = quintic(time, self.duration - self.fade, self.fade)
-        w, dw, ddw = ((a - b)[:, None] for a, b in zip(begin, end, strict=True))
-        return w * e, w * de + dw * e, w * dde + 2.0 * dw * de + ddw * e
+        w, dw, ddw = (part[:, None] for part in bump(time, 0.0, self.duration, self.fade))
+        return product((w, dw, ddw), (e, de, dde))
 
 
 @dataclass(frozen=True)
@@ -92,15 +86,7 @@ class Excited(Trajectory):
         """Base and excitation together."""
         base = self.base.at(time)
         e, de, dde = self.excitation.at(time)
-        quat_e, omega_e, omega_dot_e = euler_attitude(e[:, 3:], de[:, 3:], dde[:, 3:])
-        omega_base = so3.rotate_inverse(quat_e, base.omega_D)
-        omega_dot = so3.rotate_inverse(quat_e, base.omega_dot_D) - cross(omega_e, omega_base) + omega_dot_e
-        return Reference(
-            time,
-            base.position_E + e[:, :3],
-            base.velocity_E + de[:, :3],
-            base.acceleration_E + dde[:, :3],
-            so3.multiply(base.quat_ED, quat_e),
-            omega_base + omega_e,
-            omega_dot,
-        )
+        deflection = euler_attitude(e[:, 3:], de[:, 3:], dde[:, 3:])
+        attitude = composed((base.quat_ED, base.omega_D, base.omega_dot_D), deflection)
+        p, v, a = base.position_E + e[:, :3], base.velocity_E + de[:, :3], base.acceleration_E + dde[:, :3]
+        return Reference(time, p, v, a, *attitude)

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import ReferenceSeries
+from wrenchgap.flight.flight import Array, ReferenceSeries
+from wrenchgap.flight.stamps import interpolated
 from wrenchgap.plant.trajectory.reference import Reference, Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,7 @@ class Recorded(Trajectory):
     def at(self, time: Array) -> Reference:
         """Interpolated; before the first and after the last sample their values are held."""
         knots, t = self.series.time, time + self._zero
-        vectors = [np.stack([np.interp(t, knots, c) for c in column.T], axis=-1) for column in self._columns]
-        position, velocity, acceleration, omega, omega_dot = vectors
+        position, velocity, acceleration, omega, omega_dot = (interpolated(t, knots, c) for c in self._columns)
         quat = so3.interpolate(t, knots, self.series.quat_ED)
         return Reference(time, position, velocity, acceleration, quat, omega, omega_dot)
 

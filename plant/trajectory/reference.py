@@ -6,14 +6,17 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
-from wrenchgap.plant.state import Index
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.state import Index, rows
+from wrenchgap.plant.wrench_model import cross
 
-Array = NDArray[np.float64]
 Profile = tuple[Array, Array, Array]
 """A value and its first and second derivative with respect to time, all of one shape."""
+
+Rotation = tuple[Array, Array, Array]
+"""Attitude (N, 4), rate (N, 3) and its derivative (N, 3), both in the turned frame."""
 
 E_Z = np.array([0.0, 0.0, 1.0])
 
@@ -34,15 +37,7 @@ class Reference:
 
     def take(self, index: Index) -> Reference:
         """Some of the samples, in the order of `index`."""
-        return Reference(
-            self.time[index],
-            self.position_E[index],
-            self.velocity_E[index],
-            self.acceleration_E[index],
-            self.quat_ED[index],
-            self.omega_D[index],
-            self.omega_dot_D[index],
-        )
+        return rows(self, index)
 
     def sample(self, index: int) -> Reference:
         """One sample, still with the sample axis (N = 1)."""
@@ -66,6 +61,23 @@ def quintic(time: Array, start: float, length: float) -> Profile:
     rate = 30.0 * s**2 * (1.0 - s) ** 2 / length
     acceleration = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / length**2
     return value, rate, acceleration
+
+
+def bump(time: Array, start: float, stop: float, ramp: float) -> Profile:
+    """From 0 to 1 within `ramp` [s] after `start`, and back within `ramp` before `stop`."""
+    up, down = quintic(time, start, ramp), quintic(time, stop - ramp, ramp)
+    return up[0] - down[0], up[1] - down[1], up[2] - down[2]
+
+
+def scaled(profile: Profile, by: Array | float) -> Profile:
+    """A profile times a constant, or a profile (N,) along a vector (3,)."""
+    value, rate, change = (np.multiply.outer(part, by) for part in profile)
+    return value, rate, change
+
+
+def product(w: Profile, e: Profile) -> Profile:
+    """The product of two profiles."""
+    return w[0] * e[0], w[0] * e[1] + w[1] * e[0], w[0] * e[2] + 2.0 * w[1] * e[1] + w[2] * e[0]
 
 
 def ramped_phase(time: Array, rate: float, ramp: float, duration: float) -> Profile:
@@ -99,7 +111,7 @@ def cosine(phase: Profile, multiple: float) -> Profile:
     return c, -multiple * s * dp, -multiple * s * ddp - multiple**2 * c * dp**2
 
 
-def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
+def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> Rotation:
     """quat_ED, omega_D, omega_dot_D of R_ED = Rz(yaw) Ry(pitch) Rx(roll) from (roll, pitch, yaw) profiles (N, 3).
 
     omega_D = roll' e_x + Rx^T (pitch' e_y + Ry^T yaw' e_z), and its derivative term by term.
@@ -119,6 +131,15 @@ def euler_attitude(angles: Array, rates: Array, accelerations: Array) -> tuple[A
     axes = np.eye(3)
     roll, pitch, yaw = (so3.exp(angles[:, [k]] * axes[k]) for k in range(3))
     return so3.multiply(yaw, so3.multiply(pitch, roll)), omega, omega_dot
+
+
+def composed(first: Rotation, second: Rotation) -> Rotation:
+    """R_1 R_2 with its rate and the derivative of that, both in the frame of the product."""
+    quat_1, omega_1, omega_dot_1 = first
+    quat_2, omega_2, omega_dot_2 = second
+    carried = so3.rotate_inverse(quat_2, omega_1)
+    omega_dot = so3.rotate_inverse(quat_2, omega_dot_1) - cross(omega_2, carried) + omega_dot_2
+    return so3.multiply(quat_1, quat_2), carried + omega_2, omega_dot
 
 
 def attitude_of_thrust(force_E: Array, yaw: Array) -> Array:

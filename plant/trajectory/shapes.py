@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.plant.trajectory.reference import (
     E_Z,
@@ -23,8 +23,6 @@ from wrenchgap.plant.trajectory.reference import (
     sine,
     yaw_of,
 )
-
-Array = NDArray[np.float64]
 
 QUINTIC_PEAK = 10.0 / np.sqrt(3.0)
 """Largest second derivative of the unit quintic 10 s^3 - 15 s^4 + 6 s^5."""
@@ -85,9 +83,7 @@ class Tilts(Trajectory):
         down = quintic(phase, self.period / 2.0, self.rise)
         s, ds, dds = ((self.angle * complete * (a - b))[:, None] for a, b in zip(up, down, strict=True))
         axis = self.axes[number.astype(int) % len(self.axes)]
-        return Reference(
-            time, rest.position_E, rest.velocity_E, rest.acceleration_E, so3.exp(s * axis), ds * axis, dds * axis
-        )
+        return replace(rest, quat_ED=so3.exp(s * axis), omega_D=ds * axis, omega_dot_D=dds * axis)
 
 
 @dataclass(frozen=True)
@@ -143,7 +139,7 @@ class Circle(Trajectory):
         x, y = sine(phase, 1.0), cosine(phase, 1.0)
         p, v, a = (self.radius * np.stack((s, -c, np.zeros_like(s)), axis=-1) for s, c in zip(x, y, strict=True))
         centre = np.array(self.position) + np.array([0.0, self.radius, 0.0])
-        return Reference(time, p + centre, v, a, rest.quat_ED, rest.omega_D, rest.omega_dot_D)
+        return replace(rest, position_E=p + centre, velocity_E=v, acceleration_E=a)
 
 
 @dataclass(frozen=True)
@@ -160,9 +156,7 @@ class Step(Trajectory):
         """A jump of the attitude; its rate stays zero."""
         rest = _at_rest(time, self.position)
         quat = so3.exp(np.where(time >= self.moment, self.angle, 0.0)[:, None] * np.array(self.axis))
-        return Reference(
-            time, rest.position_E, rest.velocity_E, rest.acceleration_E, quat, rest.omega_D, rest.omega_dot_D
-        )
+        return replace(rest, quat_ED=quat)
 
 
 @dataclass(frozen=True)
@@ -193,4 +187,4 @@ class Flat(Trajectory):
         )
         omega = (8.0 * (after1 - before1) - (after2 - before2)) / (12.0 * self.h)
         omega_dot = (16.0 * (after1 + before1) - (after2 + before2)) / (12.0 * self.h**2)
-        return Reference(time, base.position_E, base.velocity_E, base.acceleration_E, quat, omega, omega_dot)
+        return replace(base, quat_ED=quat, omega_D=omega, omega_dot_D=omega_dot)

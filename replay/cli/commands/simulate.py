@@ -81,12 +81,12 @@ def simulate(
     if output.suffix != ".mcap":
         raise o.usage_error(f"--output {output}: logs are written as MCAP; expected a name that ends in .mcap")
     plan = Plan(run.model(model), trajectory, duration, excitation, seed, integral, tuple(hide or ()))
-    ready = prepare(plan)
+    true, _, _ = prepare(plan)
     with run.progress("flying", "flying") as report:
         flown = fly(plan, name=output.stem, progress=lambda fraction: report(fraction, "flying"))
     write(flown, output, metadata=provenance(plan), force=run.force)
     if truth is not None:
-        model_file.save(ready.truth, truth, force=run.force)
+        model_file.save(true, truth, force=run.force)
     went = summary(flown)
     run.line(simulation.line(output, plan, went))
     run.notes(flown.notes, "warning")
