@@ -98,8 +98,8 @@ def test_has_all_its_parts(read, made, repetition):
     assert all(staircase.label(stair) in read.texts["error"] for case in made.staircases for stair in case.stairs)
     assert "rotor_thrust" in read.texts["ranking"]
     assert read.texts["parameters"].count(" to ") >= 2 * 3  # an interval and a plausible range each
-    assert all(item.sha256 in read.texts["repeat"] for item in repetition.inputs)
-    assert {i.role for i in repetition.inputs} == {"log", "unseen log", "model"}
+    assert all(sha256 in read.texts["repeat"] for _, _, sha256 in repetition.inputs)
+    assert {role for role, _, _ in repetition.inputs} == {"log", "unseen log", "model"}
     assert dict(repetition.versions)["numpy"] == np.__version__
 
 
@@ -168,7 +168,7 @@ def test_nothing_from_a_log_becomes_markup(made, repetition, without_charts, mon
         next_flights=(NextFlight((evil, "com_offset"), None, evil),),
         comparison=None,
     )
-    inputs, options = (replace(repetition.inputs[0], file=evil),), ((evil, evil),)
+    inputs, options = (("log", evil, "0"),), ((evil, evil),)
     again = replace(repetition, inputs=inputs, commands=(evil,), options=options, fitted_model=evil, date=evil)
     monkeypatch.setattr(sections, "find", lambda name: SimpleNamespace(excited_by=evil))
     text = page(spoilt, again)
