@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.effects import catalogue, families, find
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "effects"
 
@@ -20,6 +20,16 @@ are explained in [the design](../design.md#five-places). How to write one of you
 """
 
 
+FAMILIES = """
+## Families
+
+Some effects come in several [forms](../design.md#families): one name, of which a search takes one form at most.
+
+| family | forms |
+|---|---|
+"""
+
+
 def missing_pages(folder: Path = FOLDER) -> list[str]:
     """Effects of the catalogue that no page describes."""
     return [name for name in catalogue() if not (folder / f"{name}.md").exists()]
@@ -31,7 +41,11 @@ def index() -> str:
     for name, effect in catalogue().items():
         shown = effect.excited_by.replace("|", r"\|")
         rows.append(f"| [{name}]({name}.md) | {effect.place} | {shown} | {', '.join(effect.confused_with) or '-'} |\n")
-    return HEAD + "".join(rows)
+    forms = [
+        f"| {family} | {'; '.join(f'[{n}]({n}.md): {find(n).form}' for n in names)} |\n".replace("|v|", r"\|v\|")
+        for family, names in families().items()
+    ]
+    return HEAD + "".join(rows) + FAMILIES + "".join(forms)
 
 
 def main() -> int:

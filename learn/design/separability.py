@@ -47,7 +47,7 @@ from wrenchgap.plant.wrench_model import ModelEffect
 
 NUISANCE = ("inertia", "command_delay")
 """Effects that every vehicle has to a small extent; an imitator may use them as well."""
-LAGS = ("command_delay", "servo_lag", "motor_lag", "backlash")
+LAGS = ("command_delay", "servo_lag", "motor_lag", "asymmetric_motor_lag", "backlash")
 """Effects that a nuisance of their kind would hide: with one of them in the group, the others are no nuisance."""
 LEAST_SHARE = 0.03
 """Smallest share of an effect that must be left unimitated: no model is right to within 3 % of what it describes."""

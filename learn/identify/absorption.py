@@ -30,7 +30,7 @@ from wrenchgap.learn.data.inputs import pooled_inputs
 from wrenchgap.learn.data.prediction import Process
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.identify.search import MATERIAL
-from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
@@ -159,4 +159,6 @@ class _Guard:
             for one, other in clear
             if one is best or (one.share > best.share - AS_GOOD and self.t_value(other, rest) < INDISTINCT)
         ]
-        return tuple(one.name for one in sorted(equal, key=lambda a: (len(a.fit.theta), -a.share)))
+        order = sorted(equal, key=lambda a: (len(a.fit.theta), -a.share))
+        first = {family(one.name): one.name for one in reversed(order)}  # one form of each effect
+        return tuple(one.name for one in order if first[family(one.name)] == one.name)

@@ -2,7 +2,7 @@
 
 Of the catalogue, or of the names that a user gave, an effect is tried unless
 
-    the model has it already                        it is then fitted together with every candidate
+    the model has it already, in one of its forms   it is then fitted together with every candidate
     it needs what model or logs lack                `learn.data.applicable.inapplicable`
     the flights cannot show it                      `learn.data.applicable.unexcited`: never that fast, that low ...
     it is one of time, and on most axes of every    a lag found there would be the controller's own phase
@@ -18,10 +18,10 @@ from wrenchgap.flight.offsets import Problem
 from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.diagnose.timing import FlightTiming
-from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 
-LAGS = ("servo_lag", "motor_lag", "command_delay", "backlash")
+LAGS = ("servo_lag", "motor_lag", "asymmetric_motor_lag", "command_delay", "backlash")
 """Effects that show in when, not in how much: where commands answer the motion they are not identifiable."""
 FEEDBACK_AXES = 3
 """Axes on which the commands answer the motion, from which on a flight says nothing about lags and delays."""
@@ -40,7 +40,8 @@ def candidates(
 ) -> Candidates:
     """The effects to try on these records, among `names` where there are any. Raises ModelError for unknown names."""
     present = {e.name for e in model.effects}
-    wanted = [n for n in (names or catalogue()) if n not in present]
+    taken = present if names else {n for n in catalogue() if family(n) in {family(p) for p in present}}
+    wanted = [n for n in (names or catalogue()) if n not in taken]
     barred = {} if names else {u.effect: u for u in feedback_dominated(timing)}
     reasons = {n: barred.get(n) or inapplicable(n, model, records) or unexcited(n, model, records) for n in wanted}
     order = [*(n for n in barred if n in reasons), *(n for n in wanted if n not in barred)]

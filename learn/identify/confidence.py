@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.learn.identify.search import Member
+from wrenchgap.plant.effects import family
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,7 @@ def confidence(member: Member, left: float, unknown: bool) -> float:
 
 
 def nearest(member: Member) -> float:
-    """Separation from the nearest rival outside the group, `FAR` where there is none."""
-    outside = [r.separation for r in member.rivals if not r.alike and r.candidate.worthy]
+    """Separation from the nearest rival outside group and family, `FAR` where there is none."""
+    foreign = [r for r in member.rivals if family(r.name) != family(member.name)]
+    outside = [r.separation for r in foreign if not r.alike and r.candidate.worthy]
     return float(min(outside, default=FAR))

@@ -24,7 +24,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.parallel import each
-from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -138,8 +138,8 @@ class Member:
 
     @property
     def alike(self) -> tuple[Rival, ...]:
-        """The rest of its group."""
-        return tuple(r for r in self.rivals if r.alike)
+        """The rest of its group; another form of the same effect is the same name, and no news."""
+        return tuple(r for r in self.rivals if r.alike and family(r.name) != family(self.name))
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ class Search:
 
     def step(self) -> Step:
         """Try every candidate; choose the one that takes off the most, or a smaller one that does as well."""
-        names = [n for n in self.names if n not in self.chosen]
+        names = [n for n in self.names if family(n) not in {family(c) for c in self.chosen}]
         found = self.attempts(self.chosen, names, self.fit, self.current, f"step {len(self.chosen) + 1}")
         found.sort(key=lambda c: (bool(c.implausible), -c.score))
         worthy = [c for c in found if c.worthy and not self.overshadowed(c, found)]
@@ -394,6 +394,7 @@ class Search:
         The one that did most comes first, known or not: a table's best candidate must be tried in a member's place.
         """
         known = {n for n in self.names if name in find(n).confused_with} | set(find(name).confused_with)
+        others = {family(n) for n in self.chosen if n != name}
         close: dict[str, float] = {}
         for step in self.steps:
             own = next((c for c in step.candidates if c.name == name), None)
@@ -402,7 +403,7 @@ class Search:
             for c in step.candidates:
                 if c.name in known or (own.evidence > 0 and c.evidence > RIVAL * own.evidence):
                     close[c.name] = max(close.get(c.name, -np.inf), c.evidence / max(own.evidence, 1e-9))
-        free = [n for n in close if n not in self.chosen and n in self.names]
+        free = [n for n in close if n != name and family(n) not in others and n in self.names]
         most = max((close[n] for n in free), default=0.0)
         return sorted(free, key=lambda n: (close[n] < most, n not in known, -close[n]))[:MOST_RIVALS]
 

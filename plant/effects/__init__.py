@@ -39,6 +39,8 @@ __all__ = [
     "ThrustEffect",
     "WrenchEffect",
     "catalogue",
+    "families",
+    "family",
     "find",
     "forget",
     "register",
@@ -89,6 +91,20 @@ def catalogue() -> dict[str, AnyEffect]:
         found[cls.name] = cls()
     found |= {name: effect for name, (effect, _) in _own.items()}
     return dict(sorted(found.items()))
+
+
+def family(name: str) -> str:
+    """What forms of one effect have in common: their family's name, or its own where an effect has one form."""
+    known = catalogue().get(name)
+    return name if known is None else known.family or name
+
+
+def families() -> dict[str, tuple[str, ...]]:
+    """Effects of several forms: the names of their forms, by family. A set of effects has one of them at most."""
+    forms: dict[str, list[str]] = {}
+    for name in catalogue():
+        forms.setdefault(family(name), []).append(name)
+    return {shared: tuple(names) for shared, names in forms.items() if len(names) > 1}
 
 
 def find(name: str) -> AnyEffect:

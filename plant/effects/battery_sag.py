@@ -17,7 +17,7 @@ class BatterySag(WrenchEffect):
 
     name = "battery_sag"
     excited_by = "voltage that falls during the flight"
-    confused_with = ("thrust_scale", "mass")
+    confused_with = ("thrust_scale", "mass", "thrust_fade")
     needs_voltage = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:

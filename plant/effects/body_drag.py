@@ -20,8 +20,10 @@ class BodyDrag(WrenchEffect):
     """
 
     name = "body_drag"
+    family = "body_drag"
+    form = "linear and quadratic, axis by axis"
     excited_by = "translation faster than about 1 m/s, in every body direction"
-    confused_with = ("wind", "rotor_drag")
+    confused_with = ("wind", "rotor_drag", "body_drag_areas")
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:

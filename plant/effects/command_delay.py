@@ -15,7 +15,7 @@ class CommandDelay(CommandEffect):
 
     name = "command_delay"
     excited_by = "broadband commands; only the phase, axis by axis, separates it from the lags"
-    confused_with = ("servo_lag", "motor_lag")
+    confused_with = ("servo_lag", "motor_lag", "asymmetric_motor_lag")
     order = 0
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:

@@ -94,6 +94,10 @@ class Effect(ABC):
     confused_with: ClassVar[tuple[str, ...]] = ()
     parts: ClassVar[tuple[str, ...]] = ()
     """Effects that this one stands for when they come together (a payload: mass, centre of mass, inertia)."""
+    family: ClassVar[str] = ""
+    """The name that several forms of one effect share: that of the first of them. Empty where there is one form."""
+    form: ClassVar[str] = ""
+    """In a family: which form this is, in a few words ("one height for all rotors")."""
     order: ClassVar[int] = 0
     needs_rotors: ClassVar[bool] = False
     needs_tilt: ClassVar[bool] = False

@@ -18,8 +18,10 @@ class GroundEffect(ThrustEffect):
     """
 
     name = "ground_effect"
+    family = "ground_effect"
+    form = "each hub's own height"
     excited_by = "a height scan below about four rotor radii"
-    confused_with = ("thrust_scale", "mass")
+    confused_with = ("thrust_scale", "mass", "ground_effect_one_height")
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
@@ -36,6 +38,10 @@ class GroundEffect(ThrustEffect):
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) near the ground."""
         _, rotors = context.vehicle.geometry()
-        hubs = rotate(context.state.quat_EB[:, None], actuation.hub_B)[..., 2]
-        h = np.maximum(context.state.position_E[:, None, 2] + hubs - theta[1], 0.25 * rotors.radius)
+        h = np.maximum(self.heights_E(actuation, context) - theta[1], 0.25 * rotors.radius)
         return np.asarray(actuation.thrust / np.maximum(1.0 - theta[0] * (rotors.radius / (4.0 * h)) ** 2, 0.5))
+
+    def heights_E(self, actuation: Actuation, context: Context) -> Array:
+        """Of the rotors, (N, R) or (N, 1), in E [m]."""
+        hubs = rotate(context.state.quat_EB[:, None], actuation.hub_B)[..., 2]
+        return np.asarray(context.state.position_E[:, None, 2] + hubs)

@@ -22,7 +22,7 @@ class Inertia(BodyEffect):
 
     name = "inertia"
     excited_by = "angular acceleration on every axis (multisine)"
-    confused_with = ("thrust_scale", "servo_lag", "motor_lag", "command_delay")
+    confused_with = ("thrust_scale", "thrust_curve", "servo_lag", "motor_lag", "command_delay")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The six independent entries of dJ."""

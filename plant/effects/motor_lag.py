@@ -12,13 +12,15 @@ from wrenchgap.plant.vehicle import Vehicle
 class MotorLag(CommandEffect):
     """Every rotor speed follows its command as a first-order lag: dOmega/dt = (Omega_cmd - Omega) / tau.
 
-    One time constant for both directions. Source: the first-order rotor of RotorS, whose omav.xacro
-    (ethz-asl/rotors_simulator) has 12.5 ms up and 25 ms down.
+    One time constant for both directions; `asymmetric_motor_lag` has two. Source: the first-order rotor of RotorS
+    (ethz-asl/rotors_simulator), whose omav.xacro has 12.5 ms up and 25 ms down.
     """
 
     name = "motor_lag"
+    family = "motor_lag"
+    form = "one time constant"
     excited_by = "torque about x and y at 1-5 Hz"
-    confused_with = ("command_delay", "servo_lag")
+    confused_with = ("command_delay", "servo_lag", "asymmetric_motor_lag")
     order = 10
     needs_rotors = True
 

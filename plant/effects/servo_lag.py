@@ -19,7 +19,7 @@ class ServoLag(CommandEffect):
     name = "servo_lag"
     needs_tilt = True
     excited_by = "fast tilt; torque about z first, since tilting the arms makes it"
-    confused_with = ("command_delay", "motor_lag", "rotational_drag")
+    confused_with = ("command_delay", "motor_lag", "asymmetric_motor_lag", "rotational_drag")
     order = 10
     needs_rotors = True
 

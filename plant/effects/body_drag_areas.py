@@ -1,0 +1,48 @@
+"""Air drag of the airframe with an area per axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wrenchgap.flight.so3 import rotate_inverse
+from wrenchgap.plant.effects.body_drag import too_slow
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
+from wrenchgap.plant.vehicle import Vehicle
+
+AIR_DENSITY = 1.225
+"""Of the International Standard Atmosphere at sea level [kg/m^3]."""
+
+
+class BodyDragAreas(WrenchEffect):
+    """Drag on the body along the velocity's components, each with its own area, in the square of the speed.
+
+        F_i = -1/2 rho A_i |v| v_i   (i = x, y, z of B),   at the centre of mass
+
+    A_i is the drag area, coefficient times area. Where all are equal this is a drag against the velocity.
+    Source: Hoerner, "Fluid-Dynamic Drag", 1965; the parasitic drag of rotorpy, D = -|v| diag(c) v, c = 1/2 rho A (Folk,
+    Paulos and Kumar, arXiv:2306.04485).
+    """
+
+    name = "body_drag_areas"
+    family = "body_drag"
+    form = "|v| v with an area per axis"
+    excited_by = "translation faster than about 2 m/s, in every body direction"
+    confused_with = ("body_drag", "wind", "rotor_drag")
+    needs_pose = True
+
+    def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
+        """Drag areas along body x, y and z (typical: a tenth of the weight at 5 m/s)."""
+        weight = vehicle.body.mass * 9.81
+        largest = 0.08 * weight / AIR_DENSITY
+        return tuple(Parameter(f"area_{a}", "m^2", 0.0, largest, 0.1 * largest) for a in "xyz")
+
+    def unexcited(self, context: Context) -> str | None:
+        """Drag needs speed."""
+        return too_slow(context)
+
+    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
+        """Drag force at the centre of mass, about O."""
+        velocity_B = rotate_inverse(context.state.quat_EB, context.state.velocity_E)
+        speed = np.linalg.norm(velocity_B, axis=-1, keepdims=True)
+        force = -0.5 * AIR_DENSITY * theta * speed * velocity_B
+        return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)
