@@ -17,14 +17,14 @@ Variables", 1970, 13.3.4).
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 from wrenchgap.plant.effects.lag import Array, LagMemory, first_order
 
 SHORTEST = 1e-9
 """Time constant [s] that stands for zero where only the other one is above zero."""
-EXACT = 1e-13
-"""Last step of Newton's method, relative to the largest sample."""
+CLOSE = 1e-8
+"""Step of Newton's method, relative to the largest sample, that is its last: the next would be about its square."""
 
 
 def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
@@ -38,7 +38,7 @@ def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMe
         out, _ = step(*inputs, state[None], up, down, dt)
         return out, (signal[-1], out[-1])
     out, _ = first_order(signal, (up * down) ** 0.5, dt, (before, state))
-    enough = EXACT * float(np.abs(signal).max())
+    enough = CLOSE * float(np.abs(signal).max())
     for _ in range(len(signal)):  # after k iterations the first k samples are exact, so this always ends
         reached, slope = step(*inputs, np.vstack((state[None], out[:-1])), up, down, dt)
         change = chained(slope, reached - out)
@@ -51,10 +51,11 @@ def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMe
 def step(start: Array, end: Array, output: Array, up: float, down: float, dt: float) -> tuple[Array, Array]:
     """Outputs (N, D) a step after `output`, while the input goes from `start` to `end`; and their derivative."""
     error, ramp = start - output, (end - start) / dt
-    rising = (error > 0.0) | ((error == 0.0) & (ramp > 0.0))
+    rising = np.where(error == 0.0, ramp, error) > 0.0
     tau, other = np.where(rising, up, down), np.where(rising, down, up)
-    slope = np.where(rising, np.exp(-dt / up), np.exp(-dt / down))
-    left = ramp * tau + (error - ramp * tau) * slope
+    slope = np.where(rising, float(np.exp(-dt / up)), float(np.exp(-dt / down)))
+    lag = ramp * tau
+    left = lag + (error - lag) * slope
     turns = left * error < 0.0
     if turns.any():
         m, tau, other = ramp[turns], tau[turns], other[turns]
@@ -70,7 +71,7 @@ def chained(slope: Array, right: Array) -> Array:
     count, columns = right.shape
     coupling = slope.T.copy()
     coupling[:, 0] = 0.0  # the columns, one after the other, do not touch
-    bands = np.ones((2, count * columns))
+    bands = np.zeros((2, count * columns), order="F")
     bands[1, :-1] = -coupling.ravel()[1:]
-    solved = solve_banded((1, 0), bands, right.T.ravel(), overwrite_ab=True, check_finite=False)
+    solved, _ = dtbtrs(bands, right.T.reshape(-1, 1), uplo="L", diag="U")
     return np.asarray(solved.reshape(columns, count).T)
