@@ -23,7 +23,7 @@ class AsymmetricMotorLag(CommandEffect):
     family = "motor_lag"
     form = "a time constant up and another down"
     excited_by = "thrust and torque that change by much at 1-5 Hz"
-    confused_with = ("motor_lag", "command_delay", "servo_lag")
+    confused_with = ("motor_lag", "command_delay", "servo_lag", "thrust_curve")
     order = 10
     needs_rotors = True
 

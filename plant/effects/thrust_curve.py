@@ -26,7 +26,7 @@ class ThrustCurve(ThrustEffect):
 
     name = "thrust_curve"
     excited_by = "thrust that varies about hover's by a fifth or more; torque commands show the slope"
-    confused_with = ("thrust_scale", "inertia")
+    confused_with = ("thrust_scale", "inertia", "asymmetric_motor_lag")
     order = -10  # the curve makes the thrust that losses and gains then change
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
