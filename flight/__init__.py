@@ -19,6 +19,7 @@ from wrenchgap.flight.inspection import Inspection, inspect
 from wrenchgap.flight.load import load
 from wrenchgap.flight.resample import Resampling, resample, uniform
 from wrenchgap.flight.shift import shifted
+from wrenchgap.flight.unmeasured import unmeasured_axes, without_axes
 from wrenchgap.flight.write import Named, write
 
 __all__ = [
@@ -47,5 +48,7 @@ __all__ = [
     "resample",
     "shifted",
     "uniform",
+    "unmeasured_axes",
+    "without_axes",
     "write",
 ]

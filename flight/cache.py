@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from functools import lru_cache
@@ -36,18 +36,22 @@ def folder() -> Path:
 
 
 def load(
-    path: str | Path, topics: Mapping[str, str] | None = None, preferred: Mapping[str, str] | None = None
+    path: str | Path,
+    topics: Mapping[str, str] | None = None,
+    preferred: Mapping[str, str] | None = None,
+    unmeasured: Sequence[str] = (),
 ) -> Flight:
     """As `flight.load`, from the cache where the flight is there, else from the log, and then it is kept."""
     path = Path(path)
     digest = content_hash(path)
-    asked = json.dumps([digest, dict(topics or {}), dict(preferred or {}), path.name, _source()], sort_keys=True)
+    said = [dict(topics or {}), dict(preferred or {}), list(unmeasured)]
+    asked = json.dumps([digest, *said, path.name, _source()], sort_keys=True)
     file = folder() / f"{hashlib.sha256(asked.encode()).hexdigest()[:32]}.npz"
     try:
         found = _unpacked(file, path)
         file.touch()
     except UNREADABLE:
-        found = read(path, topics, preferred)
+        found = read(path, topics, preferred, unmeasured)
         _keep(found, file)
     return found
 
@@ -84,7 +88,7 @@ def _packed(found: Flight) -> dict[str, Any]:
             if isinstance(value, np.ndarray):
                 arrays[f"{role}.{item.name}"] = value
     about = {"name": found.name, "content_hash": found.content_hash, "start_ns": found.start_ns}
-    text = json.dumps({**about, "notes": found.notes, "roles": roles})
+    text = json.dumps({**about, "notes": found.notes, "unmeasured": found.unmeasured, "roles": roles})
     return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}
 
 
@@ -97,7 +101,7 @@ def _unpacked(file: Path, path: Path) -> Flight:
             gaps = tuple(Gap(*gap) for gap in said["gaps"])
             series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **values)
     known = {key: about[key] for key in ("name", "content_hash", "start_ns")}
-    return Flight(path=path, notes=tuple(about["notes"]), **known, **series)
+    return Flight(path=path, notes=tuple(about["notes"]), unmeasured=about["unmeasured"], **known, **series)
 
 
 @lru_cache(maxsize=1)

@@ -40,7 +40,7 @@ def _numbers(table: Table) -> Mapping[str, Array]:
     """The numeric columns of a topic by their dotted names, without the header's own."""
     out: dict[str, Array] = {}
     for name, values in table.columns.items():
-        if name.startswith("header.") or values.dtype.kind not in "fiub":
+        if name.startswith("header.") or name.endswith("covariance") or values.dtype.kind not in "fiub":
             continue
         if values.ndim == 1:
             out[name] = values.astype(float)

@@ -14,9 +14,10 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
-from wrenchgap.flight.flight import Array, Flight, Series
+from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.stamps import interpolated, jitter
+from wrenchgap.flight.unmeasured import sentence, unmeasured_axes
 
 DEGREES = 180.0 / np.pi
 
@@ -56,9 +57,9 @@ def _roles(flight: Flight) -> Iterator[Check]:
 
 
 def _specific_force(flight: Flight) -> Iterator[Check]:
-    if flight.imu is None:
+    if flight.imu is None or "force_z" in unmeasured_axes(flight):
         return
-    median = float(np.median(np.linalg.norm(flight.imu.specific_force_B, axis=1)))
+    median = float(np.median(np.linalg.norm(_measured(flight.imu.specific_force_B), axis=1)))
     described = f"Median specific force is {median:.2f} m/s^2"
     if 0.8 < median < 1.25:
         yield Check("accelerometer unit", "bad", f"{described}: it is in units of g; multiply it by 9.81.")
@@ -74,8 +75,13 @@ def _specific_force(flight: Flight) -> Iterator[Check]:
         yield Check("accelerometer unit", "ok", f"{described}.")
 
 
+def _measured(values: Array) -> Array:
+    """The columns that hold numbers."""
+    return values[:, ~np.isnan(values).all(axis=0)]
+
+
 def _up(flight: Flight) -> Iterator[Check]:
-    if flight.imu is None:
+    if flight.imu is None or "force_z" in unmeasured_axes(flight):
         return
     force_z = float(np.median(flight.imu.specific_force_B[:, 2]))
     if force_z < -3.0:
@@ -85,7 +91,7 @@ def _up(flight: Flight) -> Iterator[Check]:
             f"Median specific force along body z is {force_z:.2f} m/s^2: the axes are forward-right-down; "
             "convert to forward-left-up (turn y and z over).",
         )
-    if flight.odometry is None:
+    if flight.odometry is None or np.isnan(flight.imu.specific_force_B).any():
         return
     force_B = interpolated(flight.odometry.time, flight.imu.time, flight.imu.specific_force_B)
     mean_E = np.median(so3.rotate(flight.odometry.quat_EB, force_B), axis=0)
@@ -106,8 +112,11 @@ def _gyro(flight: Flight) -> Iterator[Check]:
     if flight.imu is None or flight.odometry is None or len(flight.odometry.time) < 20:
         return
     time, quat_EB = flight.odometry.time, flight.odometry.quat_EB
-    truth = angular_velocity(time, quat_EB)
-    omega_B = smooth(time, interpolated(time, flight.imu.time, flight.imu.omega_B))
+    known = [k for k, axis in enumerate(AXES[3:]) if axis not in unmeasured_axes(flight)]
+    if not known:
+        return
+    truth = angular_velocity(time, quat_EB)[:, known]
+    omega_B = smooth(time, interpolated(time, flight.imu.time, flight.imu.omega_B[:, known]))
     if float(np.sqrt(np.mean(truth**2))) < 0.02:
         yield Check("gyroscope", "ok", "The attitude hardly moves: the gyroscope's unit cannot be checked.")
         return
@@ -117,7 +126,7 @@ def _gyro(flight: Flight) -> Iterator[Check]:
     if 0.7 * DEGREES < abs(norm) < 1.4 * DEGREES:
         yield Check("gyroscope", "bad", f"It is {norm:.1f} times the attitude's rate: deg/s; divide by {DEGREES:.2f}.")
     elif np.any(scale[moving] < -0.3):
-        axes = ", ".join(axis for axis, bad in zip("xyz", (scale < -0.3) & moving, strict=True) if bad)
+        axes = ", ".join("xyz"[k] for k, bad in zip(known, (scale < -0.3) & moving, strict=True) if bad)
         yield Check("gyroscope", "bad", f"Its sign is opposite to the attitude's rate on {axes}: check the body frame.")
     elif not 0.7 < norm < 1.3:
         yield Check("gyroscope", "warn", f"It is {norm:.2f} times the attitude's rate: check clocks and units.")
@@ -160,6 +169,27 @@ def _units(flight: Flight) -> Iterator[Check]:
         yield Check("rotor speed unit", "warn", "Rotor speeds never exceed 1: normalised commands? Expected rad/s.")
     if tilts.size and float(np.percentile(tilts, 90)) > 4 * np.pi:
         yield Check("tilt unit", "warn", f"Tilt reaches {np.max(tilts):.0f}: degrees? Expected rad.")
+
+
+def _unmeasured(flight: Flight) -> Iterator[Check]:
+    """Axes of the IMU without a reading: known to have none, or zero throughout, which no sensor in flight reads."""
+    absent = unmeasured_axes(flight)
+    if absent:
+        yield Check("not measured", "warn", sentence(flight.name, absent))
+    if flight.imu is None:
+        return
+    zero = [
+        axis
+        for axis, values in zip(AXES, np.hstack((flight.imu.specific_force_B, flight.imu.omega_B)).T, strict=True)
+        if not values.any()
+    ]
+    if zero:
+        yield Check(
+            "not measured",
+            "warn",
+            f"The IMU reads exactly zero throughout on {', '.join(zero)} (force: accelerometer, torque: gyroscope): "
+            f"not measured? Say so with --unmeasured {','.join(zero)}.",
+        )
 
 
 def _constant(flight: Flight) -> Iterator[Check]:
@@ -223,6 +253,7 @@ _CHECKS: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     _gyro,
     _velocity,
     _units,
+    _unmeasured,
     _constant,
     _stamps,
     _dropped,

@@ -63,7 +63,10 @@ class ActuatorSeries(Series):
 
 @dataclass(frozen=True)
 class ImuSeries(Series):
-    """`omega_B` (N, 3) [rad/s] and `specific_force_B` (N, 3) [m/s^2] (an accelerometer's reading: +g up at rest)."""
+    """`omega_B` (N, 3) [rad/s] and `specific_force_B` (N, 3) [m/s^2] (an accelerometer's reading: +g up at rest).
+
+    A column that is NaN throughout was not measured (`flight.unmeasured`).
+    """
 
     omega_B: Array
     specific_force_B: Array
@@ -133,6 +136,7 @@ class Flight:
 
     `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was
     assumed, repaired or left out. `shifts` [s] are by how much the user moved the stamps of a role (`flight.shift`).
+    `unmeasured` are axes that were not measured, with the reason (`flight.unmeasured`).
     """
 
     name: str
@@ -148,6 +152,7 @@ class Flight:
     battery: BatterySeries | None = None
     notes: tuple[str, ...] = ()
     shifts: dict[str, float] = field(default_factory=dict)
+    unmeasured: dict[str, str] = field(default_factory=dict)
 
     def series(self) -> dict[str, Series]:
         """The roles that this flight plays, in the order of `ROLES`."""
@@ -170,6 +175,8 @@ class Samples:
     specific_force_B  (N, 3)  accelerometer, or from differentiated odometry velocity
     position_E, velocity_E (N, 3), quat_EB (N, 4)
     voltage           (N,)
+    unmeasured        axes that the sensors did not measure (`flight.unmeasured`): what the columns of omega_B and
+                      specific_force_B hold there is the odometry's, and NaN where there is none
     """
 
     flight: str
@@ -185,6 +192,7 @@ class Samples:
     velocity_E: Array | None = None
     quat_EB: Array | None = None
     voltage: Array | None = None
+    unmeasured: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time)

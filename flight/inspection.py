@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,7 +69,10 @@ class Inspection:
 
 
 def inspect(
-    path: str | Path, topics: Mapping[str, str] | None = None, preferred: Mapping[str, str] | None = None
+    path: str | Path,
+    topics: Mapping[str, str] | None = None,
+    preferred: Mapping[str, str] | None = None,
+    unmeasured: Sequence[str] = (),
 ) -> Inspection:
     """Look at a log; arguments as for `load`, but one in which no topic plays a role is reported as well.
 
@@ -78,7 +81,7 @@ def inspect(
     log, assignment = assigned(path, topics, preferred)
     flight: Flight | None = None
     try:
-        flight = build(log, assignment)[0]
+        flight = build(log, assignment, unmeasured)[0]
         found = checks(flight)
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,11 +14,21 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.flight import SERIES, ActuatorSeries, Array, Flight, OdometrySeries, ReferenceSeries, Series
+from wrenchgap.flight.flight import (
+    AXES,
+    SERIES,
+    ActuatorSeries,
+    Array,
+    Flight,
+    OdometrySeries,
+    ReferenceSeries,
+    Series,
+)
 from wrenchgap.flight.formats import Log, Table, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
 from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
+from wrenchgap.flight.unmeasured import Why, axis_names, not_estimated, unmeasured_axes, without_axes
 
 AnySeries = TypeVar("AnySeries", bound=Series)
 
@@ -36,18 +46,22 @@ VECTORS: dict[str, tuple[str, ...]] = {
 
 
 def load(
-    path: str | Path, topics: Mapping[str, str] | None = None, preferred: Mapping[str, str] | None = None
+    path: str | Path,
+    topics: Mapping[str, str] | None = None,
+    preferred: Mapping[str, str] | None = None,
+    unmeasured: Sequence[str] = (),
 ) -> Flight:
     """Read a log.
 
     `topics` overrides what role a topic plays, by role or part, e.g. `{"imu": "/my/imu", "tilt": "/plot/tilt[0:6]"}`
     (see `flight.roles`). `preferred` is the same, but passed over where the log lacks the topic: the mapping of a
-    model file, which serves logs of several kinds. What was assumed, repaired or left out is in the flight's `notes`.
+    model file, which serves logs of several kinds. `unmeasured` are axes that the IMU is known not to measure
+    (`flight.unmeasured`). What was assumed, repaired or left out is in the flight's `notes`.
 
     Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
     understood.
     """
-    return build(*assigned(path, topics, preferred))[0]
+    return build(*assigned(path, topics, preferred), unmeasured)[0]
 
 
 def assigned(
@@ -58,7 +72,7 @@ def assigned(
     return log, propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
 
 
-def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
+def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
     """The flight that a log holds under an assignment of roles, and how its clocks relate."""
     if not assignment.sources:
         found = ", ".join(f"{topic} ({table.type})" for topic, table in log.tables.items())
@@ -70,7 +84,7 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
     used = {source.topic: log.tables[source.topic] for source in sources.values()}
     motion = [sources[part].topic for part in ("imu", "pose", "twist") if part in sources]
     timing = one_clock(used, motion)
-    builder = _Builder(log, assignment, timing)
+    builder = _Builder(log, assignment, timing, axis_names(unmeasured))
     if not builder.parts:
         raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     flight = Flight(
@@ -86,6 +100,7 @@ def build(log: Log, assignment: Assignment) -> tuple[Flight, Timing]:
         reference=builder.reference(),
         battery=builder.one("battery", 0),
     )
+    flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return replace(flight, notes=notes), timing
 
@@ -105,6 +120,8 @@ class _Builder:
     log: Log
     assignment: Assignment
     timing: Timing
+    declared: tuple[str, ...] = ()
+    unmeasured: dict[str, Why] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     parts: dict[str, _Part] = field(default_factory=dict)
     start_ns: int = 0
@@ -121,12 +138,16 @@ class _Builder:
         source = self.assignment.sources[name]
         table = self.log.tables[source.topic]
         values = vector(table, source, PART_QUANTITY[name], str(self.log.path))
+        if name == "imu":
+            self.unmeasured = {**not_estimated(table, source), **dict.fromkeys(self.declared, Why.DECLARED)}
+            values = values.copy()
+            values[:, [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]] = np.nan  # the gyroscope comes first
         if table.problem:
             self._note(f"{source.topic}: {table.problem}.")
         if not np.isfinite(values).any():
             self._note(f"{source.topic} plays {name}, but none of its values is a number: left out.")
             return None
-        absent = _absent_half(values, name)
+        absent = _absent(values, name)
         stamps = self.timing.stamps[source.topic]
         unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
         present = np.delete(values, absent, axis=1)
@@ -318,8 +339,10 @@ def vector(table: Table, source: Source, quantity: str, where: str = "log") -> A
     return np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
 
 
-def _absent_half(values: Array, name: str) -> list[int]:
-    """Columns of a twist or acceleration that the log leaves empty (all NaN): its linear or its angular half."""
+def _absent(values: Array, name: str) -> list[int]:
+    """Columns that the log leaves empty (all NaN): of a twist or acceleration a half, of an IMU any axis."""
+    if PART_QUANTITY[name] == "imu":
+        return np.flatnonzero(np.isnan(values).all(axis=0)).tolist()
     if PART_QUANTITY[name] not in ("twist", "acceleration"):
         return []
     return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]

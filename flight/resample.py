@@ -23,9 +23,10 @@ from scipy.signal import butter, sosfiltfilt
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
+from wrenchgap.flight.flight import AXES, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.stamps import interpolated, nominal_period
+from wrenchgap.flight.unmeasured import unmeasured_axes
 
 MAXIMUM_RATE = 250.0  # Hz
 ANTI_ALIAS_RATIO = 1.3  # a series faster than this many grid rates is low-passed first
@@ -183,10 +184,13 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
     on = _Grid(time, rate, interval)
     used = {role: getattr(flight, role) if role in series else None for role in _USED}
     commanded, desired, actuators, imu, odometry = (used[role] for role in _USED)
-    if imu is not None:
-        omega_B, force_B = on.measured(imu, imu.omega_B), on.measured(imu, imu.specific_force_B)
-    else:
+    absent = tuple(unmeasured_axes(flight))
+    if imu is None:
         omega_B, force_B = on.inertial(odometry)
+    else:
+        omega_B, force_B = on.measured(imu, imu.omega_B), on.measured(imu, imu.specific_force_B)
+        if absent:
+            omega_B, force_B = _instead(flight, absent, (omega_B, force_B), odometry and on.inertial(odometry))
     return Samples(
         flight=flight.name,
         time=time,
@@ -201,7 +205,30 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
         velocity_E=None if odometry is None else on.measured(odometry, _velocity_E(odometry, on.run(odometry))),
         quat_EB=None if odometry is None else on.attitude(odometry),
         voltage=None if flight.battery is None else np.interp(time, flight.battery.time, flight.battery.voltage),
+        unmeasured=absent,
     )
+
+
+def _instead(
+    flight: Flight, absent: tuple[str, ...], motion: tuple[Array, Array], seen: tuple[Array, Array] | None
+) -> tuple[Array, Array]:
+    """Rates and specific force (N, 3) with the odometry's where the IMU did not measure, NaN where there is none.
+
+    Raises LogError for rates that nothing tells: every effect that depends on the motion needs them.
+    """
+    omega_B, force_B = motion[0].copy(), motion[1].copy()
+    for axis in absent:
+        column = AXES.index(axis) % 3
+        if axis in AXES[:3]:
+            force_B[:, column] = np.nan if seen is None else seen[1][:, column]
+        elif seen is not None:
+            omega_B[:, column] = seen[0][:, column]
+        else:
+            raise LogError(
+                f"{flight.path}: the gyroscope did not measure about {'xyz'[column]}, and no odometry tells the rate "
+                "there; map one with --topic odometry=/your/topic"
+            )
+    return omega_B, force_B
 
 
 @dataclass(frozen=True)

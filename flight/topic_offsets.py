@@ -26,7 +26,17 @@ def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offs
     interval, so without any phase. What the accelerometer should read is made from the odometry alone, attitude and
     velocity, so that its clock is in one of the two signals only.
     """
-    return tuple(offset(first, second, within=within, gains=ALIKE) for first, second in _sensor_pairs(flight))
+    pairs = map(_measured, _sensor_pairs(flight))
+    return tuple(offset(*pair, within=within, gains=ALIKE) for pair in pairs if pair[0].axes)
+
+
+def _measured(pair: tuple[Signal, Signal]) -> tuple[Signal, Signal]:
+    """Both signals on the axes that were measured."""
+    known = ~np.any([np.isnan(s.values).all(axis=0) for s in pair], axis=0)
+    if known.all():
+        return pair
+    first, second = (replace(s, values=s.values[:, known], axes=tuple(np.array(s.axes)[known])) for s in pair)
+    return first, second
 
 
 def tracking_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offset, ...]:

@@ -190,6 +190,9 @@ def _flight_topics(flight: Flight) -> Iterator[_Topic]:
         fields = _xyz("angular_velocity", imu.omega_B) | _xyz("linear_acceleration", imu.specific_force_B)
         no_orientation = np.tile([-1.0, *[0.0] * 8], (len(imu.time), 1))  # as the message's definition asks
         fields |= {"orientation.w": 1.0, "orientation_covariance": no_orientation}
+        for name, values in (("angular_velocity", imu.omega_B), ("linear_acceleration", imu.specific_force_B)):
+            if np.isnan(values).all():  # likewise
+                fields[f"{name}_covariance"] = no_orientation
         yield _Topic("/imu", "sensor_msgs/msg/Imu", imu.time, fields)
     if (seen := flight.odometry) is not None:
         twist = (seen.velocity_E, seen.omega_B)

@@ -25,7 +25,8 @@ from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 class Model:
     """A vehicle and what is known about it.
 
-    `topics` maps roles to topics for logs of this vehicle. `text` is the file's own text (empty for a model made in
+    `topics` maps roles to topics for logs of this vehicle, `unmeasured` are axes that its IMU does not measure
+    (`flight.unmeasured`). `text` is the file's own text (empty for a model made in
     code), kept so that comments survive a rewrite. `history` are the versions that led here, oldest first; `notes` is
     what a user should know about the file.
     """
@@ -39,6 +40,7 @@ class Model:
     text: str = ""
     history: tuple[Version, ...] = ()
     notes: tuple[str, ...] = ()
+    unmeasured: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

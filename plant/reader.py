@@ -32,6 +32,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from tomlkit.exceptions import ParseError
 
 from wrenchgap.flight.errors import ModelError, WrenchgapError
+from wrenchgap.flight.flight import AXES
 
 LONGEST = 80
 """Characters of a found value that an error repeats."""
@@ -62,6 +63,12 @@ def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
     return x, y, z
 
 
+def _axes(names: tuple[str, ...]) -> tuple[str, ...]:
+    if not set(names) < set(AXES):
+        raise broken("")
+    return tuple(axis for axis in AXES if axis in names)
+
+
 _Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Number = Annotated[_Finite, expected("a finite number")]
 Positive = Annotated[_Finite, Field(gt=0), expected("a positive number")]
@@ -71,8 +78,12 @@ Flag = Annotated[bool, Field(strict=True), expected("true or false")]
 Text = Annotated[str, Field(strict=True), expected("text")]
 Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers")]
+Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]
 Direction = Annotated[Vector, AfterValidator(_direction)]
-Six = Annotated[tuple[_Finite, _Finite, _Finite, _Finite, _Finite, _Finite], expected("six finite numbers")]
+_Known = Annotated[float, Field(strict=True)]
+SixMeasured = Annotated[
+    tuple[_Known, _Known, _Known, _Known, _Known, _Known], expected("six numbers, nan for what was not measured")
+]
 
 _KINDS: dict[Any, Any] = {
     float: Number,

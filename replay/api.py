@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
@@ -82,15 +83,16 @@ def open_flights(
     shifts: Mapping[str, float] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     between: tuple[float, float] | None = None,
+    unmeasured: Sequence[str] = (),
 ) -> list[OpenFlight]:
     """Read logs, or flights of `simulate`, for a model.
 
-    Roles are found, series put on one clock, ground time left out, measured wrenches filtered. `topics` say which topic
-    plays a role, `shifts` [s] move stamps, `between` [s] keeps a part of each flight. Raises LogError for what cannot
-    be read or never flew.
+    `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part, `unmeasured` are axes
+    that the IMU did not measure ("force_x"). Raises LogError for what cannot be read or never flew.
     """
+    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
-    return open_every(every, model_of(model), topics=topics, cutoff_hz=cutoff_hz, between=between, shifts=shifts)
+    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, **how)
 
 
 def inspect(
@@ -100,10 +102,11 @@ def inspect(
     topics: Mapping[str, str] | None = None,
     shifts: Mapping[str, float] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
+    unmeasured: Sequence[str] = (),
 ) -> LogReport:
     """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics."""
-    known = None if model is None else model_of(model)
-    return model_checks.inspect(log, known, topics=topics, shifts=shifts, cutoff_hz=cutoff_hz)
+    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "unmeasured": unmeasured}
+    return model_checks.inspect(log, None if model is None else model_of(model), cutoff_hz=cutoff_hz, **how)
 
 
 def compare(

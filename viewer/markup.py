@@ -71,13 +71,14 @@ def percent(share: float) -> str:
 
 
 def norms(rms: Array) -> tuple[float, float]:
-    """Of the force [N] and of the torque [Nm]."""
-    return float(np.linalg.norm(rms[:3])), float(np.linalg.norm(rms[3:]))
+    """Of the force [N] and of the torque [Nm], over the axes that were measured; nan where none was."""
+    force, torque = (part[np.isfinite(part)] for part in (rms[:3], rms[3:]))
+    return tuple(float(np.linalg.norm(part)) if part.size else np.nan for part in (force, torque))  # type: ignore[return-value]
 
 
 def by_axis(rms: Array) -> str:
     """The rms of every axis in words."""
-    return ", ".join(f"{axis} {value:.3g}" for axis, value in zip(AXES, rms, strict=True))
+    return ", ".join(f"{axis} {number(value)}" for axis, value in zip(AXES, rms, strict=True))
 
 
 def value_text(value: Value) -> str:

@@ -103,7 +103,7 @@ def _residuals(scene: Scene) -> list[Plot]:
         left = measured - scene.wrenches[name]
         for kind, unit, part in (("torque", "Nm", left[:, 3:]), ("force", "N", left[:, :3])):
             if np.isfinite(part).any():
-                lines = _lines(dict(zip(AXES, part.T, strict=True)))
+                lines = _lines({a: v for a, v in zip(AXES, part.T, strict=True) if np.isfinite(v).any()})
                 plots.append(Plot(RESIDUAL, f"{kind}: measured - {name}", unit, scene.time, lines))
     return plots
 

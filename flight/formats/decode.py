@@ -117,7 +117,8 @@ def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str
 class Decoder:
     """Gathers the columns of one channel, batch by batch.
 
-    Covariances are left out: they are most of an odometry message and nothing here reads them.
+    Covariances are left out: they are most of an odometry message and nothing here reads them. Of those of an IMU the
+    first element stays: -1 says that the readings are none.
     """
 
     channel: Channel
@@ -224,7 +225,9 @@ class _Walk:
         node, payload = inner
         if node == Nodetype.BASE and payload[0] != "string":
             values = self.numbers(payload[0], number, path)
-            if not path.endswith("covariance"):
+            if path.endswith(("linear_acceleration_covariance", "angular_velocity_covariance")):
+                self.columns[path] = values[:, :1]
+            elif not path.endswith("covariance"):
                 self.columns[path] = values
         elif node == Nodetype.BASE:
             texts = [self.text() for _ in range(number)]

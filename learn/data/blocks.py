@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.errors import rms, weighted
 
 FEWEST = 3
 """Blocks below which no difference can be judged."""
@@ -100,22 +100,24 @@ def contrast(data: Dataset, worse: Array, better: Array) -> Contrast:
     The loss of a sample is sum_l r_l^2 / v_l, with v_l the geometric mean of both models' mean squares on axis l: a
     pure number in which every axis counts, whatever its unit and size.
     """
+    known = data.measured_axes
+    worse, better, noise = worse[:, known], better[:, known], data.noise[known]
     square = np.mean(better**2, axis=0)
     variance = np.sqrt(np.mean(worse**2, axis=0) * square) + 1e-30
     difference = by_block(data.block, np.sum((worse**2 - better**2) / variance, axis=1))
     if len(difference) < FEWEST:
         return Contrast(0.0, 1.0, 0.0)
-    excess = float(np.sum(np.maximum(square - data.noise**2, 0.0) / variance))
+    excess = float(np.sum(np.maximum(square - noise**2, 0.0) / variance))
     return Contrast(float(np.mean(difference)), float(standard_error(difference)), excess)
 
 
 def evidence(worse: Array, better: Array) -> float:
-    """Sum over axes of log rms ratios of two residuals (K, 6): scale-free, so that a small axis counts too."""
+    """Sum over measured axes of log rms ratios of two residuals (K, 6): scale-free, so that a small axis counts too."""
     before, after = (np.maximum(rms(r), 1e-30) for r in (worse, better))
-    return float(np.sum(np.log(before / after)))
+    return float(np.nansum(np.log(before / after)))
 
 
 def cosine(data: Dataset, start: Array, first: Array, second: Array) -> float:
     """Cosine between the changes that two models make to the prediction of `start`; all are residuals (K, 6)."""
-    a, b = (((start - other) * data.weights).ravel() for other in (first, second))
+    a, b = (weighted(start - other, data.weights).ravel() for other in (first, second))
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30))

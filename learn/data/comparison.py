@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.data.errors import Errors, reduction, rms
+from wrenchgap.learn.data.errors import Errors, reduction, rms, weighted
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
@@ -117,7 +117,7 @@ def worst_stretches(records: Sequence[Record], residuals: Sequence[Array], weigh
     found: list[tuple[float, int, int, int]] = []
     for number, (record, residual) in enumerate(zip(records, residuals, strict=True)):
         length = max(1, min(len(record), round(STRETCH_SECONDS / record.dt_kept)))
-        energy = np.sum((residual * weights) ** 2, axis=1)
+        energy = np.sum(weighted(residual, weights) ** 2, axis=1)
         sums = np.convolve(energy, np.ones(length), mode="valid") / length
         for _ in range(STRETCHES):
             start = int(np.argmax(sums))
@@ -139,7 +139,7 @@ def _stretch(record: Record, residual: Array, weights: Array, start: int, length
         float(record.time[part][0]),
         float(record.time[part][-1]),
         size,
-        AXES[int(np.argmax(size * weights))],
+        AXES[int(np.argmax(weighted(size, weights)))],
         float(np.degrees(np.median(so3.tilt_angle(state.quat_EB[part])))) if posed else None,
         float(np.median(np.linalg.norm(record.commanded[part, :3], axis=1))),
         float(np.median(np.linalg.norm(state.omega_B[part], axis=1))),

@@ -29,7 +29,7 @@ class Dataset:
 
     `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
     `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
-    independent.
+    independent. An axis that one of the records did not measure is out: NaN in `measured` and `noise`, weight zero.
     """
 
     records: tuple[Record, ...]
@@ -48,6 +48,11 @@ class Dataset:
     def evaluators(self) -> tuple[Evaluator, ...]:
         """One for each record; they remember what models have in common."""
         return tuple(Evaluator(record) for record in self.records)
+
+    @property
+    def measured_axes(self) -> NDArray[np.bool_]:
+        """Which axes (6,) all records measured."""
+        return np.asarray(self.weights > 0.0)
 
     @property
     def noise(self) -> Array:
@@ -78,13 +83,16 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         count += pieces
     first = records[0]
     names = list(dict.fromkeys(r.flight for r in records))
+    known = np.all([r.measured_axes for r in records], axis=0)
+    if not known.any():
+        raise FitError("no axis of the wrench was measured on all of these flights; see `wrenchgap inspect`")
     return Dataset(
         tuple(records),
-        np.concatenate([r.measured for r in records]),
+        np.where(known, np.concatenate([r.measured for r in records]), np.nan),
         np.concatenate([r.commanded for r in records]),
         np.concatenate(blocks),
         np.concatenate([np.full(len(r), names.index(r.flight)) for r in records]),
-        np.repeat([1.0, 1.0 / length_scale(model)], 3),
+        np.where(known, np.repeat([1.0, 1.0 / length_scale(model)], 3), 0.0),
         min(1.0, first.dt_kept * 2.0 * first.cutoff_hz),
     )
 

@@ -5,6 +5,9 @@ deviation, rms and maximum of its size; over all axes, newtons and newton metres
 (6,) of `learn.data.dataset.Dataset`:
 
     energy = sum_kl (w_l r_kl)^2,        whole = sqrt(sum_l (w_l rms_l)^2)
+
+An axis that was not measured is not a number, its weight is zero, and it counts in no sum. What is not a number on all
+axes stays so.
 """
 
 from __future__ import annotations
@@ -26,21 +29,32 @@ def reduction(before: Array, after: Array) -> Array:
     return np.asarray(1.0 - after / np.maximum(before, 1e-30))
 
 
+def weighted(residual: Array, weights: Array) -> Array:
+    """Residual (..., L) times weights (L,); zero, whatever stands there, where the weight is."""
+    product = residual * weights
+    return product if np.all(weights) else np.where(weights == 0.0, 0.0, product)
+
+
 def energy(residual: Array, weights: Array) -> float:
     """sum_kl (w_l r_kl)^2: newtons and newton metres on one scale."""
-    weighted = residual * weights
-    return float(np.vdot(weighted, weighted))
+    scaled = weighted(residual, weights)
+    return float(np.vdot(scaled, scaled))
 
 
 def whole(rms_by_axis: Array, weights: Array) -> float:
     """One number for all axes of rms (6,), on the scale of the weights."""
-    return float(np.sqrt(np.sum((weights * rms_by_axis) ** 2)))
+    return float(np.sqrt(np.sum(weighted(rms_by_axis, weights) ** 2)))
+
+
+def length(vectors: Array) -> Array:
+    """Length (...) of vectors (..., L) over the components that are known; not a number where none is."""
+    known = ~np.isnan(vectors)
+    return np.where(known.any(axis=-1), np.sqrt(np.sum(np.where(known, vectors, 0.0) ** 2, axis=-1)), np.nan)
 
 
 def force_and_torque(rms_by_axis: Array) -> Array:
-    """Root mean square norms (2,) of force [N] and torque [Nm] from the rms by axis (6,)."""
-    squares = rms_by_axis**2
-    return np.asarray(np.sqrt([squares[:3].sum(), squares[3:].sum()]))
+    """Root mean square norms (2,) of force [N] and torque [Nm] from the rms by axis (6,), over the measured axes."""
+    return np.array([length(rms_by_axis[:3]), length(rms_by_axis[3:])])
 
 
 @dataclass(frozen=True)

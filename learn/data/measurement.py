@@ -17,15 +17,17 @@ from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt, sosfreqz, welch
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
+from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, measured_wrench
 
 T = TypeVar("T")
 
@@ -40,7 +42,7 @@ class Record:
     The raw side has N samples `dt` apart: `commands`, `state`. The compared side has K filtered, trimmed and thinned
     samples: `time` (K,), `measured` (K, 6), `commanded` (K, 6) (the logged command, about the nominal centre of mass),
     `state_kept` (filtered rates). `step` is the thinning. `noise` (6,) is the standard deviation of the sensor noise
-    that is left in `measured`.
+    that is left in `measured`. Both are not a number on axes that were not measured (`learn.data.measured_axes`).
 
     `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
     nominal allocation) or "none".
@@ -64,6 +66,11 @@ class Record:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def measured_axes(self) -> NDArray[np.bool_]:
+        """Which axes (6,) were measured: those that have a noise."""
+        return np.asarray(np.isfinite(self.noise))
 
     @property
     def dt_kept(self) -> float:
@@ -118,9 +125,9 @@ def prepare(
     keep = slice(trim, len(samples) - trim, step)
     omega = low_pass(samples.omega_B, dt, cutoff_hz)
     omega_dot = derivative(omega, dt)
-    felt = low_pass(samples.specific_force_B, dt, cutoff_hz)
-    r = vehicle.imu_position_B
-    motion = Motion(omega, omega_dot, felt - cross(omega_dot, r) - cross(omega, cross(omega, r)))
+    felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff_hz), omega, omega_dot, vehicle.imu_position_B)
+    known = measured_axes(vehicle, samples.unmeasured)
+    measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))[keep]
     return Record(
         flight=samples.flight,
         dt=dt,
@@ -129,11 +136,11 @@ def prepare(
         state=state,
         keep=keep,
         time=samples.time[keep],
-        measured=measured_wrench(vehicle.body, motion)[keep],
+        measured=np.where(known, measured, np.nan),
         commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep],
         desired=None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep],
         state_kept=replace(state.take(keep), omega_B=omega[keep]),
-        noise=_noise(samples, vehicle, cutoff_hz),
+        noise=np.where(known, _noise(samples, vehicle, cutoff_hz), np.nan),
         source=source,
         has_pose=has_pose,
         has_voltage=samples.voltage is not None,

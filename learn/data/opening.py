@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Array, Flight, Gap, Samples
+from wrenchgap.flight.unmeasured import Why, axis_names, sentence
+from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, low_pass, prepare
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
@@ -83,7 +85,8 @@ def opened(
             records.append(made)
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else _never_flew(found, model))
-    notes = [*found.notes, *resampled.notes, *notes, *short, *_notes(found, grounded, records)]
+    notes = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
+    notes += _notes(found, grounded, records)
     missing, told = (*_outside(between), *left_out), tuple(dict.fromkeys(notes))
     return OpenFlight(found, resampled.samples, tuple(flown), tuple(records), missing, told)
 
@@ -151,6 +154,21 @@ def _notes(found: Flight, grounded: float, records: Sequence[Record]) -> list[st
     return notes
 
 
+def _unmeasured(found: Flight, model: Model) -> list[str]:
+    """One line on axes that were not measured; a LogError where that leaves nothing of the wrench."""
+    absent = flight.unmeasured_axes(found)
+    if not absent:
+        return []
+    known = measured_axes(model.vehicle, tuple(absent))
+    said = sentence(found.name, absent, names_of(known))
+    if not known.any():
+        raise LogError(
+            f"{said} No axis of the wrench is left to compare; have the motion from the odometry instead, with "
+            "--topic imu=none"
+        )
+    return [said]
+
+
 def _outside(between: tuple[float, float] | None) -> tuple[Gap, ...]:
     return () if between is None else (Gap(-np.inf, between[0]), Gap(between[1], np.inf))
 
@@ -212,18 +230,23 @@ def open_flights(
     between: tuple[float, float] | None = None,
     shifts: Mapping[str, float] | None = None,
     incomplete: bool = False,
+    unmeasured: Iterable[str] = (),
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
     """Logs (or flights in memory) for a model, or what lies `between` two of their times [s], with names that differ.
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
-    (`flight.shifted`). `rate_hz` and `incomplete` are those of `opened`; `load` reads as `flight.load` does. Raises
-    LogError for the same log twice.
+    (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
+    (`flight.unmeasured`). `rate_hz` and `incomplete` are those of `opened`; `load` reads as `flight.load` does. Raises
+    LogError for the same log twice, UsageError for an unknown axis.
     """
     found: list[OpenFlight] = []
+    absent = axis_names([*axis_names(unmeasured), *model.unmeasured])
+    declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
     for log in logs:
-        raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics)
+        raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
+        raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
         moved = flight.shifted(raw, shifts or {})
         one = opened(moved, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
         for other in found:

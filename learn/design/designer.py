@@ -278,7 +278,8 @@ class _Search:
         return simulate(hidden, self.base, trajectory, rng=rng, physics_rate=physics_rate(self.base))
 
     def _measure(self, flight: Flight, trajectory: Moves, truth: ModelEffect) -> Flown:
-        data = dataset([prepare(s, self.model.vehicle) for s in uniform(flight)], self.base)
+        seen = [replace(s, unmeasured=self.model.unmeasured) for s in uniform(flight)]
+        data = dataset([prepare(s, self.model.vehicle) for s in seen], self.base)
         others = [e.name for e in self.effects if e.name != truth.name]
         found = {n: measured_separation(data, self.base, truth.name, n, self.also) for n in others}
         assert flight.odometry is not None

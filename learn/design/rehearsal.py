@@ -66,6 +66,7 @@ def rehearse(trajectory: Trajectory, model: Model, limits: Limits, *, seed: int 
         position_E=r.position_E,
         velocity_E=r.velocity_E,
         quat_EB=r.quat_ED,
+        unmeasured=model.unmeasured,
     )
     return Rehearsal(prepare(samples, vehicle), tuple(beyond))
 

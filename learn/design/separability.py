@@ -37,7 +37,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, by_block, contrast
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.errors import rms, weighted
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.identify.search import LEAST_EVIDENCE, comparable
@@ -97,7 +97,7 @@ class Direction:
     @property
     def telling(self) -> int:
         """The axis on which the difference stands out most."""
-        return int(np.argmax(self.left / self.noise))
+        return int(np.nanargmax(self.left / self.noise))
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def direction(
     """A direction from what the truth adds and what the imitator leaves of it, (K, 6) each."""
     imitated = added - left
     few, many = (len(find(name).parameters(base.vehicle)) for name in (truth, imitator))
-    a, b = (part * data.weights for part in (added, imitated))
+    a, b = (weighted(part, data.weights) for part in (added, imitated))
     size = max(float(np.linalg.norm(a)), 1e-30)
     return Direction(
         truth,
@@ -216,7 +216,7 @@ def direction(
         rms(left),
         data.noise,
         float(np.vdot(a, b)) / max(size * float(np.linalg.norm(b)), 1e-30),
-        float(np.linalg.norm(left * data.weights)) / size,
+        float(np.linalg.norm(weighted(left, data.weights))) / size,
         visibility(left, data.noise),
         expected_separation(data, left, sensor),
         comparable(few, many),
@@ -260,8 +260,11 @@ def _settled(data: Dataset, base: Model, names: Sequence[str], start: Fit) -> Fi
 
 
 def visibility(left: Array, noise: Array) -> float:
-    """Evidence for a difference `left` (K, 6) in `noise` (6,): sum over axes of log sqrt(1 + <left^2> / noise^2)."""
-    return float(0.5 * np.sum(np.log1p(np.mean(left**2, axis=0) / noise**2)))
+    """Evidence for a difference `left` (K, 6) in `noise` (6,): sum over axes of log sqrt(1 + <left^2> / noise^2).
+
+    Axes without a noise were not measured, and count nothing.
+    """
+    return float(0.5 * np.nansum(np.log1p(np.mean(left**2, axis=0) / noise**2)))
 
 
 def expected_separation(data: Dataset, left: Array, sensor: Array) -> float:
@@ -269,7 +272,8 @@ def expected_separation(data: Dataset, left: Array, sensor: Array) -> float:
 
     `sensor` (6,) is the part of it that is sensor noise.
     """
-    noise = data.noise**2
+    known = data.measured_axes
+    left, sensor, noise = left[:, known], sensor[known], data.noise[known] ** 2
     scale = np.sqrt(noise * (noise + np.mean(left**2, axis=0)))
     counts = np.bincount(data.block)
     excess = by_block(data.block, np.sum(left**2 / scale, axis=1))

@@ -24,6 +24,7 @@ import numpy as np
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LARGE, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import weighted
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.train import fit
 
@@ -52,6 +53,11 @@ class Budget:
     weights: Array
     source: Source
 
+    @property
+    def has_physics(self) -> bool:
+        """Whether the effects of the model take anything off."""
+        return bool(np.nan_to_num(self.physics).any())
+
     def shares(self) -> dict[str, Array]:
         """Parts as fractions of the nominal error (6,), by name."""
         return {name: getattr(self, name) / np.maximum(self.nominal, 1e-300) for name in PARTS}
@@ -59,8 +65,8 @@ class Budget:
     def whole(self) -> dict[str, float]:
         """The same for all axes together, newtons and newton metres on one scale."""
         scale = self.weights**2
-        total = max(float(self.nominal @ scale), 1e-300)
-        return {name: float(getattr(self, name) @ scale) / total for name in PARTS}
+        total = max(float(weighted(self.nominal, scale).sum()), 1e-300)
+        return {name: float(weighted(getattr(self, name), scale).sum()) / total for name in PARTS}
 
 
 def budget(data: Dataset, nominal: Array, left: Array, process: Array | None, source: Source) -> Budget:
@@ -91,13 +97,17 @@ def held_out_process(
 ) -> Array | None:
     """Prediction (K, 6) of a residual (K, 6) from the command, by processes that did not see its block of time.
 
+    Not a number on axes that were not measured.
+
     None where the log is too short to hold anything out, or the command never moves.
     """
     xi = data.commanded
     fold = data.block % FOLDS
     every = max(1, int(1.0 / data.independence))  # closer samples say the same
     settings = FitSettings(points=points, restarts=0, mean="constant", pre_thin=1500)
-    out = np.zeros_like(residual)
+    known = data.measured_axes
+    outputs = tuple(axis for axis, measured in zip(AXES, known, strict=True) if measured)
+    out = np.where(known, 0.0, np.full_like(residual, np.nan))
     for f in range(FOLDS):
         test, train = fold == f, np.flatnonzero(fold != f)[::every]
         if progress is not None:
@@ -106,5 +116,5 @@ def held_out_process(
             continue
         if len(train) < 4 * xi.shape[1] or not (np.ptp(xi[train], axis=0) > 0).any():
             return None
-        out[test] = fit(xi[train], residual[train], AXES, settings).mean(xi[test])
+        out[np.ix_(test, known)] = fit(xi[train], residual[np.ix_(train, known)], outputs, settings).mean(xi[test])
     return out

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import length
 from wrenchgap.learn.diagnose.quantities import Quantity
 
 Indices = NDArray[np.intp]
@@ -73,8 +74,8 @@ def error_grid(data: Dataset, residual: Array, found: Sequence[Quantity]) -> Gri
         x_edges,
         y_edges,
         samples.reshape(shape),
-        np.sqrt(mean_of(np.sum(residual[:, :3] ** 2, axis=1))),
-        np.sqrt(mean_of(np.sum(residual[:, 3:] ** 2, axis=1))),
+        np.sqrt(mean_of(length(residual[:, :3]) ** 2)),
+        np.sqrt(mean_of(length(residual[:, 3:]) ** 2)),
         np.stack([mean_of(column) for column in residual.T], axis=2),
     )
 

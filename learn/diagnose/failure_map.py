@@ -38,6 +38,7 @@ from scipy.sparse import csr_matrix
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LEVEL
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import weighted
 from wrenchgap.learn.diagnose.error_grid import Grid, error_grid
 from wrenchgap.learn.diagnose.quantities import Quantity, quantities
 
@@ -209,7 +210,7 @@ def _binned(data: Dataset, residual: Array, bins: _Bins) -> Binned:
     mean, square, floor = mean_of(residual), mean_of(residual**2), mean_of(noise)
     scale = data.weights**2
     excess = np.maximum(samples[:, None] * (square - floor), 0.0)
-    whole = np.maximum(samples * ((square - floor) @ scale), 0.0)
+    whole = np.maximum(samples * weighted(square - floor, scale).sum(axis=1), 0.0)
     return Binned(
         np.concatenate((bins.low, edge)),
         np.concatenate((bins.high, edge)),
@@ -219,8 +220,8 @@ def _binned(data: Dataset, residual: Array, bins: _Bins) -> Binned:
         np.sqrt(square),
         np.sqrt(floor),
         excess / np.maximum(excess.sum(axis=0), 1e-300),
-        np.sqrt(square @ scale),
-        np.sqrt(floor @ scale),
+        np.sqrt(weighted(square, scale).sum(axis=1)),
+        np.sqrt(weighted(floor, scale).sum(axis=1)),
         whole / max(float(whole.sum()), 1e-300),
     )
 
@@ -229,9 +230,9 @@ class _Test:
     """Correlation ratios of all quantities (Q,) at once: of mean, of size, and of the mean of each axis: (Q, 8)."""
 
     def __init__(self, data: Dataset, residual: Array, indices: Sequence[Indices]) -> None:
-        weighted = residual * data.weights
-        energy = np.sum(weighted**2, axis=1)
-        series = np.column_stack((weighted, energy))
+        self.known = data.measured_axes
+        scaled = weighted(residual, data.weights)
+        series = np.column_stack((scaled, np.sum(scaled**2, axis=1)))
         self.series = series - series.mean(axis=0)
         self.total = np.sum(self.series**2, axis=0)
         self.flights = [np.flatnonzero(data.flight == f) for f in np.unique(data.flight)]
@@ -273,6 +274,7 @@ class _Test:
         standardised = (_fisher(observed) - middle) / spread
         p = (1.0 + np.sum(largest[:, None, None] >= standardised, axis=0)) / (1.0 + count)
         share = np.maximum((observed - centre) / np.maximum(1.0 - centre, 1e-9), 0.0)
+        share[:, 2:][:, ~self.known] = np.nan
         return share, p.min(axis=1), p[:, 2:] < LEVEL
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.roles import parse_source
-from wrenchgap.learn.data.errors import force_and_torque, rms
+from wrenchgap.flight.unmeasured import axis_names
+from wrenchgap.learn.data.errors import force_and_torque, length, rms
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
@@ -46,28 +47,32 @@ def inspect(
     topics: Mapping[str, str] | None = None,
     shifts: Mapping[str, float] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
+    unmeasured: Iterable[str] = (),
 ) -> LogReport:
     """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
     path, wanted, moves = Path(path), dict(topics or {}), dict(shifts or {})
-    seen = _with_topics_of(path, wanted, model)
+    absent = axis_names([*axis_names(unmeasured), *(model.unmeasured if model is not None else ())])
+    seen = _with_topics_of(path, wanted, model, absent)
     moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
     found = None if moved is None else timing(moved)
     against: tuple[Check, ...] = ()
     if model is not None:
-        against, opened = _checks(path, model, topics=wanted, cutoff_hz=cutoff_hz, shifts=moves)
+        against, opened = _checks(path, model, topics=wanted, cutoff_hz=cutoff_hz, shifts=moves, unmeasured=absent)
         found = found if opened is None else timing_of(opened, model)
     return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes))
 
 
-def _with_topics_of(path: Path, topics: Mapping[str, str], model: Model | None) -> Inspection:
+def _with_topics_of(
+    path: Path, topics: Mapping[str, str], model: Model | None, unmeasured: tuple[str, ...]
+) -> Inspection:
     """`flight.inspect` with the model file's topics, where the log has them."""
-    plain = flight.inspect(path, topics)
+    plain = flight.inspect(path, topics, unmeasured=unmeasured)
     if model is None or not model.topics:
         return plain
     have = {topic.topic for topic in plain.topics}
     preferred = {role: text for role, text in model.topics.items() if parse_source(text)[0] in have}
     wanted = {**preferred, **topics}
-    return flight.inspect(path, wanted) if wanted != dict(topics) else plain
+    return flight.inspect(path, wanted, unmeasured=unmeasured) if wanted != dict(topics) else plain
 
 
 def _checks(path: Path, model: Model, **how: Any) -> tuple[tuple[Check, ...], OpenFlight | None]:
@@ -99,8 +104,10 @@ def _weight(opened: OpenFlight, model: Model) -> list[Check]:
     weight = model.vehicle.body.mass * GRAVITY
     found = []
     for name in ("measured", "commanded"):
+        if name == "measured" and not all(r.measured_axes[2] for r in opened.records):
+            continue
         force = np.concatenate([getattr(r, name)[:, :3] for r in opened.records])
-        median = float(np.median(np.linalg.norm(force, axis=1)))
+        median = float(np.median(length(force)))
         words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({median / weight:.3f})"
         if 0.95 < median / weight < 1.05:
             found.append(Check("weight", "ok", f"{words}."))

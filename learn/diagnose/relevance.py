@@ -157,7 +157,9 @@ class _Search:
         groups: Sequence[InputGroup],
         progress: Callable[[int, int], None] | None,
     ) -> None:
-        self.data, self.residual, self.groups = data, residual, groups
+        self.data, self.groups, known = data, groups, data.measured_axes
+        self.residual = np.where(known, residual, 0.0)  # with weight zero; their shares are not a number in the end
+        self.absent = np.where(known, 1.0, np.nan)
         parts = [features(g.values) for g in groups]
         self.phi = np.column_stack(parts) if parts else np.empty((len(residual), 0))
         ends = np.cumsum([p.shape[1] for p in parts])
@@ -254,15 +256,15 @@ class _Search:
                     group.columns,
                     max(alone, 0.0),
                     max(lost, 0.0),
-                    np.maximum(alone_axes, 0.0),
-                    np.maximum(lost_axes, 0.0),
+                    np.maximum(alone_axes, 0.0) * self.absent,
+                    np.maximum(lost_axes, 0.0) * self.absent,
                     self.t_value(before, after),
                     order.index(i) + 1 if i in order else 0,
                 )
             )
         found.sort(key=lambda g: (g.step or len(self.groups) + 1, -g.alone))
         whole, axes = self.share(self.base, current)
-        return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0), lacking)
+        return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0) * self.absent, lacking)
 
 
 def _spectrum(sums: _Sums) -> tuple[Array, Array, Array]:

@@ -73,7 +73,7 @@ def oscillation(data: Dataset, residual: Array) -> Oscillation | None:
 
 
 def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | None:
-    if frame == "E" and not all(r.has_pose for r in data.records):
+    if frame == "E" and not (all(r.has_pose for r in data.records) and data.measured_axes[:3].all()):
         return None
     inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
     excess = np.mean(target**2, axis=0) - noise**2
@@ -110,7 +110,7 @@ def _steps(zeta: float) -> Array:
 def _signals(data: Dataset, predicted: Array, residual: Array, frame: Frame) -> tuple[Array, Array, Array]:
     """Inputs (K, 3 or 6), targets (K, 3 or 6) and the targets' noise."""
     if frame == "B":
-        return predicted, residual, data.noise
+        return np.where(data.measured_axes, predicted, 0.0), residual, data.noise
     quat = np.concatenate([r.state_kept.quat_EB for r in data.records])
     force = rotate(quat, predicted[:, :3])
     mean = float(np.sqrt(np.mean(data.noise[:3] ** 2)))

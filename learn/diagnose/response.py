@@ -83,13 +83,16 @@ class Response:
 
 
 def responses(flight: Flight, vehicle: Vehicle, records: Sequence[Record]) -> tuple[Response, ...]:
-    """The apparent delay of each axis while `records` are in the air; empty where motion or commands are not logged."""
+    """The apparent delay of each measured axis while `records` are in the air; empty where motion or commands are not
+    logged.
+    """  # noqa: D205
     commanded = _commanded(flight, vehicle)
     if commanded is None or not records or (flight.imu is None and flight.odometry is None):
         return ()
     measured = _measured(flight, vehicle)
     flown = [(float(r.time[0]), float(r.time[-1])) for r in records]
-    return tuple(_response(axis, commanded, measured, flown, records) for axis in range(6))
+    known = np.all([r.measured_axes for r in records], axis=0)
+    return tuple(_response(int(axis), commanded, measured, flown, records) for axis in np.flatnonzero(known))
 
 
 def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, records: Sequence[Record]) -> Response:
@@ -149,7 +152,8 @@ def _motion(flight: Flight) -> tuple[Signal, Signal]:
     if imu is None:
         assert flight.odometry is not None
         return odometry_motion(flight.odometry)
-    rate, force = (imu.omega_B, imu.specific_force_B)
+    # What was not measured is in no axis that anybody asks for; a number keeps it from spreading.
+    rate, force = (np.nan_to_num(values) for values in (imu.omega_B, imu.specific_force_B))
     return Signal("rate", imu.time, rate, gaps=imu.gaps), Signal("force", imu.time, force, gaps=imu.gaps)
 
 

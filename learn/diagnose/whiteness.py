@@ -103,7 +103,7 @@ class CrossCorrelation:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Autocorrelation of the six axes; cross-correlations of all axes with all inputs, the surest first."""
+    """Autocorrelation of the measured axes; their cross-correlations with all inputs, the surest first."""
 
     autocorrelation: tuple[Autocorrelation, ...]
     crosscorrelation: tuple[CrossCorrelation, ...]
@@ -126,19 +126,20 @@ def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | 
     ends = np.cumsum([len(r) for r in data.records])
     parts = [slice(end - len(r), end) for end, r in zip(ends, data.records, strict=True)]
     pieces = [residual[part] - residual[part].mean(axis=0) for part in parts]
+    axes = [(i, axis) for i, axis in enumerate(AXES) if data.measured_axes[i]]
     autos = tuple(
         autocorrelation(
             [p[:, i] for p in pieces], noise_autocorrelation(first.dt, first.cutoff_hz, dt, i >= 3), dt, axis
         )
-        for i, axis in enumerate(AXES)
+        for i, axis in axes
     )
     columns = np.column_stack([g.values for g in chosen]) if chosen else np.empty((len(residual), 0))
     labels = [name for g in chosen for name in g.columns]
     inputs = [[columns[part, j] for part in parts] for j in range(columns.shape[1])]
-    pairs = len(AXES) * len(labels)
+    pairs = len(axes) * len(labels)
     crosses = [
         crosscorrelation(inputs[j], [p[:, i] for p in pieces], dt, count, axis=axis, input=label, pairs=pairs)
-        for i, axis in enumerate(AXES)
+        for i, axis in axes
         for j, label in enumerate(labels)
     ]
     found = sorted((c for c in crosses if c is not None), key=lambda c: (c.p, -abs(c.peak)))

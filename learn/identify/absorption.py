@@ -92,10 +92,13 @@ def absorbed(
     """Compare the GP that was learnt on `model` from `data` with every effect that `model` does not have."""
     some = spread_out(data.records, SECONDS)
     data = data if some is data.records else dataset(some, model)
-    rows = output_indices(gp.outputs)
+    every = output_indices(gp.outputs)
     correction = gp.mean(pooled_inputs(gp.input_groups, data.records))
     size = np.full(6, np.nan)
-    size[rows] = rms(correction)
+    size[every] = rms(correction)
+    rows, correction = every[data.measured_axes[every]], correction[:, data.measured_axes[every]]
+    if not len(rows):
+        return Absorption((), (), size)
     try:
         base = fit(data, model, ())
         given = held_out(data, model, (), base)

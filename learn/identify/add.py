@@ -13,7 +13,7 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset, dataset
-from wrenchgap.learn.data.errors import energy, reduction, rms
+from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.plant.effects import find
@@ -126,6 +126,6 @@ def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit) -> Tri
         after = held_out(data, model, names, fitted)
     except FitError:  # too short to hold anything out
         return None
-    gain = by_block(data.block, (((before**2) - (after**2)) * data.weights**2).sum(axis=1))
+    gain = by_block(data.block, weighted(before**2 - after**2, data.weights**2).sum(axis=1))
     change = energy(after, data.weights) / max(energy(before, data.weights), 1e-30) - 1.0
     return Trial(rms(before), rms(after), data.noise, change, float(paired_t(gain)))

@@ -40,7 +40,7 @@ from wrenchgap.plant.flight_computer import RecordedPilot, beyond_allocation
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.plant.wrench_model import about_origin, measured_wrench
+from wrenchgap.plant.wrench_model import about_com, about_origin, measured_wrench
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ class Inference:
         def rms(x: Array) -> Array:
             return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
 
-        d = self.disturbance
+        d = np.where(self.recording.record.measured_axes, self.disturbance, np.nan)
         fast = d - low_pass(d, self.recording.dt, FAST_HZ)
         return DisturbanceSize(d.mean(axis=0), rms(d), rms(fast), np.abs(d).max(axis=0), rms(self.pull))
 
@@ -116,7 +116,7 @@ def infer(
 
     made, _ = plant.actuate(nominal, state, r.dt)
     needed = about_origin(plant.body, measured_wrench(plant.body, motion))
-    base: Array = over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt))
+    base: Array = _measured(plant.body, r, over_periods(needed) - low_pass(made, r.dt, min(cutoff_hz, 0.3 / r.dt)))
     flown = fly(
         plant,
         r.start,
@@ -140,6 +140,14 @@ def infer(
     explained = _explained(r.desired[window], pilot.offset)
     pull = flown.disturbance - base[window]
     return Inference(r, model, flown.disturbance, pull, pilot, memory, explained)
+
+
+def _measured(body: Body, r: Recording, disturbance: Array) -> Array:
+    """A disturbance (K, 6) about O with zero about the centre of mass on the axes that the log did not measure."""
+    known = r.record.measured_axes
+    if known.all():
+        return disturbance
+    return about_origin(body, np.where(known, about_com(body, disturbance), 0.0))
 
 
 def _explained(desired: Array, offset: Array) -> Array:

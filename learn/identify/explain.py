@@ -31,7 +31,7 @@ from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.blocks import by_block
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
-from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms
+from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
@@ -205,13 +205,13 @@ def _concentrated(data: Dataset, residual: Array) -> float:
 
 def _usual(data: Dataset, residual: Array) -> NDArray[np.bool_]:
     """Samples (K,) outside the tenth of the blocks with the largest residual: one gust or touch is no verdict."""
-    loud = by_block(data.block, np.sum((residual * data.weights) ** 2, axis=1))
+    loud = by_block(data.block, np.sum(weighted(residual, data.weights) ** 2, axis=1))
     return np.asarray(loud[data.block] <= np.quantile(loud, 1.0 - UNUSUAL, method="lower"))
 
 
 def _over_noise(data: Dataset, residual: Array) -> float:
     """The residual over the noise, the worse of force and torque."""
-    return float(np.max(force_and_torque(rms(residual)) / force_and_torque(data.noise)))
+    return float(np.nanmax(force_and_torque(rms(residual)) / force_and_torque(data.noise)))
 
 
 def _verdict(

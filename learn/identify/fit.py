@@ -74,9 +74,12 @@ def _fit(problem: Problem, begin: Fit | None, iterations: int) -> Fit:
     """The passes of `fit`."""
     data = problem.data
     point = problem.start(begin)
-    weights = data.weights / max(float(np.sqrt(np.mean((point.residual * data.weights) ** 2))), 1e-30)
+    known = data.measured_axes
+    size = np.sqrt(np.mean((point.residual * data.weights)[:, known] ** 2))
+    weights = data.weights / max(float(size), 1e-30)
     point, jacobian, first = problem.minimise(point, None, weights, iterations)
-    weights = 1.0 / np.maximum(np.sqrt(np.mean(point.residual**2, axis=0)), data.noise)
+    left = np.sqrt(np.mean(point.residual**2, axis=0))
+    weights = np.where(known, 1.0 / np.where(known, np.maximum(left, data.noise), 1.0), 0.0)
     point, jacobian, second = problem.minimise(point, jacobian, weights, iterations)
     if problem.sparse.any():
         problem.find_relevance(point, jacobian, weights)
@@ -110,7 +113,7 @@ def held_out(
 
     Blocks go to the folds in turn. Each fold takes one Gauss-Newton step from the joint optimum, with the rows of
     the other folds, and its prediction is evaluated in full; with `exact` off, linearised where the step changes it by
-    less than `SMALL` of the residual.
+    less than `SMALL` of the residual. Not a number on axes that were not measured.
     """
     problem = Problem(data, model, tuple(names))
     problem.scale = fitted.scale
@@ -129,6 +132,7 @@ def held_out(
             out[test] = point.residual[test] - change
         else:
             out[test] = problem.at(point.x + step).residual[test]
+    out[:, ~data.measured_axes] = np.nan
     return out
 
 

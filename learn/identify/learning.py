@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import check_effects
@@ -168,6 +168,7 @@ def learn(
     without any.
     """
     settings = settings or FitSettings(mean=default_mean(model))
+    outputs = measured_outputs(flights, outputs)
     others = None
     if best_inputs or guard:
         others = alternatives(flights, model, outputs, settings, progress=progress)
@@ -175,6 +176,19 @@ def learn(
     found = learn_process(flights, model, outputs, settings, validation=validation, progress=progress)
     reproduced = absorption(flights, physics_of(model, settings), found.gp, progress=progress) if guard else None
     return replace(found, alternatives=others, absorption=reproduced)
+
+
+def measured_outputs(flights: Sequence[OpenFlight], outputs: Sequence[str]) -> tuple[str, ...]:
+    """Those of the axes that these flights measured: there is nothing to learn on others. FitError where none was."""
+    known = np.all([r.measured_axes for f in flights for r in f.records], axis=0)
+    found = tuple(axis for axis in outputs if known[AXES.index(axis)])
+    if not found:
+        listed = ", ".join(dict.fromkeys(f.flight.name for f in flights))
+        raise FitError(
+            f"{listed}: {', '.join(outputs)} {'was' if len(outputs) == 1 else 'were'} not measured, and there is "
+            f"nothing to learn; choose --outputs among {', '.join(np.array(AXES)[known]) or 'none'}"
+        )
+    return found
 
 
 def learn_process(

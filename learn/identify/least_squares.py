@@ -34,7 +34,7 @@ class Fit:
     `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, 3) [m/s^2] of the accelerometer;
     `residual` (K, 6) on the fitted data, without the bias; `jacobian` (K, 6, P + 3 flights) of the prediction; `scale`
     (P + 3 flights,) the prior's sizes and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names
-    parameters that ended at a plausible limit.
+    parameters that ended at a plausible limit. Residual, derivative and weight are zero on axes that were not measured.
     """
 
     effects: tuple[ModelEffect, ...]
@@ -103,7 +103,7 @@ class Problem:
         self.base = base
         self.known = 0 if base is None else len(base.theta)
         self.bias_jacobian = np.zeros((len(data.measured), 6, biases))
-        for axis in range(3):
+        for axis in np.flatnonzero(data.measured_axes[:3]):
             self.bias_jacobian[np.arange(len(data.flight)), axis, 3 * data.flight + axis] = model.vehicle.body.mass
 
     def start(self, earlier: Fit | None) -> Point:
@@ -140,6 +140,7 @@ class Problem:
         model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
         residual = self.data.measured - self.data.predict(model)
         residual[:, :3] -= self.model.vehicle.body.mass * bias[self.data.flight]
+        residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
         return Point(x, residual)
 
     def jacobian(self, point: Point) -> Array:

@@ -55,7 +55,10 @@ def sigma_scale(error: Array, std: Array) -> Array:
 
 @dataclass(frozen=True)
 class Coverage:
-    """Shares (L,) of samples whose error is within 1.96 and within 3 standard deviations; expected 0.95 and 0.997."""
+    """Shares (L,) of samples whose error is within 1.96 and within 3 standard deviations; expected 0.95 and 0.997.
+
+    Not a number on axes that were not measured.
+    """
 
     within_95: Array
     within_3_sigma: Array
@@ -64,4 +67,5 @@ class Coverage:
     def of(cls, error: Array, std: Array) -> Coverage:
         """From errors and standard deviations (K, L)."""
         size = np.abs(error) / std
-        return cls(np.mean(size < NORMAL_QUANTILE, axis=0), np.mean(size < 3.0, axis=0))
+        shares = (np.where(np.isnan(size), np.nan, size < limit).mean(axis=0) for limit in (NORMAL_QUANTILE, 3.0))
+        return cls(*shares)

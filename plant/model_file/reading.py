@@ -16,12 +16,13 @@ from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.reader import (
+    Axes,
     Direction,
     Flag,
     NotNegative,
     Number,
     Positive,
-    Six,
+    SixMeasured,
     Table,
     Text,
     Vector,
@@ -245,9 +246,9 @@ class EffectTable(Table):
 class HeldOutTable(Table):
     """The error on time that was not fitted."""
 
-    before: Six
-    after: Six
-    noise: Six
+    before: SixMeasured
+    after: SixMeasured
+    noise: SixMeasured
     change: Number
     t: Number
 
@@ -319,6 +320,7 @@ class ModelTable(Table):
     controller: dict[str, Any] = Field({})
     sensors: dict[str, Any] = Field({})
     topics: dict[str, Text] = Field({})
+    unmeasured: Axes = ()
     effects: tuple[EffectTable, ...] = ()
     history: tuple[VersionTable, ...] = ()
 
@@ -337,6 +339,7 @@ def loads(text: str) -> Model:
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
+        unmeasured=table.unmeasured,
         text=text,
         history=tuple(version.made() for version in table.history),
         notes=tuple(note for _, note in effects if note),

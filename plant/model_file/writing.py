@@ -102,6 +102,8 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     vehicle |= {"com": v.body.com_B.tolist(), "imu_position": v.imu_position_B.tolist()}
     document = tomlkit.document()
     document["schema"] = SCHEMA
+    if model.unmeasured:
+        document["unmeasured"] = list(model.unmeasured)
     document["vehicle"] = tomlkit.item(vehicle)
     if v.arms is not None and v.rotors is not None:
         arms = tomlkit.aot()

@@ -111,6 +111,14 @@ Shift = Annotated[
         help="Move the stamps of a sensor topic, e.g. odometry=-0.0123 for one that lags by 12.3 ms; repeat for more.",
     ),
 ]
+Unmeasured = Annotated[
+    str | None,
+    typer.Option(
+        "--unmeasured",
+        metavar="A,B",
+        help="Axes that the IMU did not measure, e.g. force_x,force_y: left out of everything (docs/logs.md).",
+    ),
+]
 Lead = Annotated[
     float | None,
     typer.Option(
@@ -211,7 +219,7 @@ def command_line(ctx: typer.Context, *without: str) -> str:
 
 def common_options(ctx: typer.Context) -> str:
     """Options of the running command that others need as well to read the same flights, with a space before them."""
-    words = shlex.join(_words(ctx, lambda name: name in ("topic", "shift", "cutoff", "between", "own")))
+    words = shlex.join(_words(ctx, lambda name: name in ("topic", "shift", "cutoff", "between", "unmeasured", "own")))
     return f" {words}" if words else ""
 
 
@@ -288,6 +296,13 @@ def _by_role(option: str, texts: Sequence[str] | None, read: Callable[[str], T |
             raise usage_error(f"{option} {role}: given twice; say it once")
         found[role] = value
     return found
+
+
+def parse_unmeasured(text: str | None) -> tuple[str, ...]:
+    """`"force_x,force_y"` as names of axes; raises UsageError for others."""
+    from wrenchgap.flight.unmeasured import axis_names
+
+    return axis_names(parse_names(text))
 
 
 def parse_effects(text: str | None) -> tuple[str, ...]:

@@ -91,6 +91,6 @@ def summarise(replay: Replay) -> Summary:
 
 
 def _mean_abs(residual: Array) -> Array:
-    """Mean absolute value (6,) of what is known; nan where nothing is."""
-    known = np.isfinite(residual).all(axis=1)
+    """Mean absolute value (6,) of what is known; nan where nothing is, and on axes that were not measured."""
+    known = np.isfinite(residual).any(axis=1)
     return np.abs(residual[known]).mean(axis=0) if known.any() else np.full(residual.shape[1], np.nan)

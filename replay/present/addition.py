@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from wrenchgap.flight.flight import AXES
@@ -12,7 +13,7 @@ from wrenchgap.learn.identify.add import Addition
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import change, entries
+from wrenchgap.replay.present.numbers import change, entries, unmeasured
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -60,10 +61,15 @@ def to_json(added: Addition) -> dict[str, Any]:
         "effects": effects_json(added.model.snapshot),
         "refitted": list(added.refitted),
         **entries(added, "rms_before", "rms_after", "at_bound=fit.at_bound"),
+        "unmeasured": _unmeasured(added),
         "held_out": None if added.trial is None else trial_json(added.trial),
         "cutoff_hz": added.flights[0].records[0].cutoff_hz,
         "notes": [*limits(added), *notes(added)],
     }
+
+
+def _unmeasured(added: Addition) -> list[str]:
+    return unmeasured(np.sum([r.noise for f in added.flights for r in f.records], axis=0))
 
 
 def trial_json(trial: Trial) -> dict[str, Any]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Comparison, Stretch
+from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row
+from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 
 
@@ -62,7 +62,7 @@ def worst(name: str, stretches: Sequence[Stretch]) -> Table:
     heads = ("flight", "time [s]", "largest on", "F rms [N]", "M rms [Nm]", "tilt [deg]", "|F| [N]")
     out = table(f"where {name} is worst", *heads, "|omega| [rad/s]", "speed [m/s]", left=3)
     for s in stretches:
-        force, torque = (float(np.linalg.norm(part)) for part in (s.rms[:3], s.rms[3:]))
+        force, torque = force_and_torque(s.rms)
         state = [number(v if v is None else round(v, 3), 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
         out.add_row(escape(s.flight), f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
     return out
@@ -84,6 +84,7 @@ def to_json(result: Comparison) -> dict[str, Any]:
             for e in result.evaluations
         ],
         "noise": result.noise,
+        "unmeasured": unmeasured(result.noise),
         "samples": sum(len(r) for r in result.records),
         "cutoff_hz": result.records[0].cutoff_hz,
         "notes": sentences(result.notes),

@@ -30,7 +30,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     WeakLaw,
 )
 from wrenchgap.replay.present import learning
-from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share
+from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 
 
@@ -137,6 +137,7 @@ def to_json(result: Counterfactual) -> dict[str, Any]:
         "baselines": {name: _tracking_json(one) for name, one in result.baselines.items()},
         "axes": list(AXES),
         "disturbance": entries(size, "mean", "rms", "rms_above_10_hz=rms_fast", "max_abs=largest", "pull_rms=rms_pull"),
+        "unmeasured": unmeasured(r.record.noise),
         "controller_explained": inference.explained,
         "lost": None if lost is None else f"{lost}; the re-simulation ends there",
         "notes": list(notes(result)),

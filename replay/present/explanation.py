@@ -28,6 +28,7 @@ from wrenchgap.replay.present.numbers import (
     quantity,
     share,
     unit_of,
+    unmeasured,
     values_json,
 )
 from wrenchgap.replay.present.tables import (
@@ -158,7 +159,7 @@ def _with_values(found: Explanation, name: str) -> str:
 
 def _largest_residual(found: Explanation) -> str:
     after, noise = found.rms_after, found.noise
-    axis = int(np.argmax(after / np.maximum(noise, 1e-30)))
+    axis = int(np.nanargmax(after / np.maximum(noise, 1e-30)))
     size = f"{after[axis]:.2g} {unit_of(axis)} rms"
     return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
 
@@ -256,6 +257,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "dropped": list(found.dropped),
         "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
         **entries(found, "rms_before", "rms_after", "noise"),
+        "unmeasured": unmeasured(found.noise),
         "validation": None if found.validation is None else _validation_json(found.validation),
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from wrenchgap.flight.checks import Check
 from wrenchgap.flight.inspection import Inspection
+from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.numbers import entries, number
@@ -75,6 +76,7 @@ def to_json(seen: LogReport) -> dict[str, Any]:
         "version": SCHEMA_VERSION,
         **entries(seen.inspection, *names, "topics", "mapping", "checks"),
         **entries(seen, "model_checks", "notes", "shift_s=shifts"),
+        "unmeasured": [] if seen.inspection.flight is None else list(unmeasured_axes(seen.inspection.flight)),
         "timing": None if seen.timing is None else timing.to_json(seen.timing),
     }
 

@@ -19,7 +19,7 @@ from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.compensation.compensators import LearntFromThisFlight, LearnWarned, OtherVersion, ProcessCaveat
 from wrenchgap.replay.present import comparison
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share
+from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
 
 
@@ -78,7 +78,8 @@ def _calibration(learnt: Learnt) -> Table:
         for k, name in enumerate(learnt.gp.outputs):
             shares = (before.within_95[k], after.within_95[k], before.within_3_sigma[k], after.within_3_sigma[k])
             scale = f"{learnt.gp.sigma_scale[k]:.2f}"
-            rows.append((flights, name, scale, *(f"{100 * s:.1f} %" for s in shares)))
+            words = (f"{100 * s:.1f} %" if np.isfinite(s) else "-" for s in shares)
+            rows.append((flights, name, scale, *words))
     heads = ("flights", "output", "sigma scaled by", "in 1.96 sigma, before", "after", "in 3 sigma, before", "after")
     return plain("calibration: expected 95 % within 1.96 sigma, 99.7 % within 3", heads, rows, left=2)
 
@@ -160,6 +161,7 @@ def to_json(learnt: Learnt) -> dict[str, Any]:
     low, middle, high = learnt.real_min
     return {
         "axes": list(AXES),
+        "unmeasured": unmeasured(learnt.training.noise),
         **entries(gp, "outputs", "settings"),
         "samples": learnt.samples,
         "points": len(gp.inputs),

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.measured_axes import names_of
 from wrenchgap.plant.history import Value
 
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
@@ -30,6 +32,11 @@ def number(value: float | None, digits: int = 3) -> str:
         decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
         return f"{value:.{min(decimals, 6)}f}"
     return f"{value:.{digits - 1}e}"
+
+
+def unmeasured(noise: Array) -> list[str]:
+    """Names of the axes that were not measured: those without a noise (6,)."""
+    return list(names_of(np.isfinite(noise)))
 
 
 def row(values: Iterable[float], digits: int = 3) -> list[str]:

@@ -106,7 +106,7 @@ def _trace(step: Step) -> str:
     if step.chosen is None:
         return f"{on}: no further effect stands out"
     best = step.candidates[0]
-    most = int(np.argmax(best.reduction))
+    most = int(np.nanargmax(best.reduction))
     return f"{on}: {step.chosen} (t {best.significance:.1f}, {AXES[most]} reduced by {share(best.reduction[most])})"
 
 

@@ -13,6 +13,7 @@ import pandas as pd
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.measured_axes import names_of
 from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
@@ -106,12 +107,19 @@ def to_json(replay: Replay) -> dict[str, Any]:
     }
     return {
         "axes": list(AXES),
+        "unmeasured": _unmeasured(replay),
         "flight": replay.flight.name,
         "settings": asdict(replay.settings),
         **numbers,
         "warnings": list(warnings(summary)),
         "notes": list(notes(replay)),
     }
+
+
+def _unmeasured(replay: Replay) -> list[str]:
+    """Axes on which nothing was measured although others were."""
+    known = np.isfinite(replay.measured).any(axis=0)
+    return list(names_of(known)) if known.any() else []
 
 
 def notes(replay: Replay) -> tuple[str, ...]:

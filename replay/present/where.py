@@ -9,6 +9,7 @@ import pandas as pd
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.errors import length
 from wrenchgap.learn.diagnose.budget import PARTS, Budget, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence, FailureMap
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
@@ -16,7 +17,7 @@ from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
 from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share
+from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
 
 QUANTITIES = 3
@@ -55,9 +56,10 @@ def summary(where: Where) -> tuple[str, ...]:
     first = f"Of the nominal model's error energy {', '.join(listed)}."
     coloured = [a.axis for a in where.whiteness.autocorrelation if not a.white]
     named = "any axis" if len(coloured) == len(AXES) else ", ".join(coloured)
+    every = "all axes" if len(where.whiteness.autocorrelation) == len(AXES) else "all measured axes"
     last = f"The residual is not white on {named}: there is structure left to explain."
     if not coloured:
-        last = "The residual is as white as filtered sensor noise on all axes."
+        last = f"The residual is as white as filtered sensor noise on {every}."
     return first, depends_on(where.failure_map), _relevant(where.relevance), last
 
 
@@ -129,7 +131,7 @@ def budget_table(budget: Budget) -> Table:
     names = {"physics": "effects", "process": f"Gaussian process ({budget.source})", "noise": "sensor noise"}
     shares, whole = budget.shares(), budget.whole()
     for part in PARTS:
-        if part != "physics" or budget.physics.any():
+        if part != "physics" or budget.has_physics:
             out.add_row(names.get(part, part), *map(share, [*shares[part], whole[part]]))
     return out
 
@@ -143,7 +145,7 @@ def _map(dependence: Dependence) -> Table:
     out.columns[-1].justify = "left"
     longest = max(float(b.whole_share.max()), 1e-9)
     for i in range(len(b)):
-        sizes = [float(np.linalg.norm(v[i, part])) for part in (slice(0, 3), slice(3, 6)) for v in (b.rms, b.noise)]
+        sizes = [float(length(v[i, part])) for part in (slice(0, 3), slice(3, 6)) for v in (b.rms, b.noise)]
         bar = "#" * round(BAR * float(b.whole_share[i]) / longest)
         words = span(dependence.name, float(b.low[i]), float(b.high[i]))
         out.add_row(words, share(b.time_share[i]), *row(sizes), share(b.whole_share[i]), bar)
@@ -161,8 +163,12 @@ def _others(result: Where) -> Table:
 
 def whiteness_in_words(white: Whiteness) -> list[tuple[str, str, str]]:
     """Of each axis: its name, autocorrelation, and strongest correlation with an input."""
-    autos = white.autocorrelation
-    return [(a.axis, _autocorrelation(a), _crosscorrelation(white.strongest(a.axis))) for a in autos]
+    autos = {a.axis: a for a in white.autocorrelation}
+    rows = [(axis, autos.get(axis)) for axis in AXES]
+    return [
+        (axis, "-", "-") if a is None else (axis, _autocorrelation(a), _crosscorrelation(white.strongest(axis)))
+        for axis, a in rows
+    ]
 
 
 def _relevance(relevant: Relevance) -> Table:
@@ -180,6 +186,7 @@ def to_json(where: Where) -> dict[str, Any]:
     return {
         "axes": list(AXES),
         **entries(where, "model=name", "flights", "seconds", "samples", "cutoff_hz", "rms", "noise"),
+        "unmeasured": unmeasured(where.noise),
         "budget": _budget_json(where.budget),
         "failure_map": _failure_map_json(where.failure_map),
         "whiteness": _whiteness_json(where.whiteness),

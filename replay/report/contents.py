@@ -197,7 +197,7 @@ def _given(flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess) -> 
 def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: Steps, data: Dataset) -> Rest:
     """A process of what the last step leaves, of the axes on which it reduces the error on held-out time."""
     left = made.left[-1]
-    if np.all(rms(left) < AT_THE_FLOOR * data.noise):
+    if np.all((rms(left) < AT_THE_FLOOR * data.noise)[data.measured_axes]):
         return Rest(absent=Absent.NOISE)
     predicted = held_out_process(data, left)
     if predicted is None:

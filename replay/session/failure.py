@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import worst_stretches
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.errors import whole
+from wrenchgap.learn.data.errors import length, weighted, whole
 from wrenchgap.learn.diagnose.budget import PARTS, Source, budget, held_out_process
 from wrenchgap.learn.diagnose.error_grid import Grid as ErrorGrid
 from wrenchgap.learn.diagnose.failure_map import Binned, Dependence, failure_map
@@ -102,7 +102,7 @@ class _Sizes:
 
     def cell(self, words: str, rows: Rows) -> Cell:
         """The samples `rows` (K,)."""
-        worst = np.flatnonzero(rows)[np.argmax(self.smooth[rows], axis=0)]
+        worst = np.flatnonzero(rows)[np.argmax(np.nan_to_num(self.smooth[rows]), axis=0)]
         rms, mean = np.sqrt(self.square[rows].mean(axis=0)), self.residual[rows].mean(axis=0)
         signed = np.concatenate((np.sqrt(_views(mean[None] ** 2, self.scale)[0, :3]), mean))
         return Cell(words, float(rows.sum() * self.step), rms, signed, np.sqrt(self.noise), self.time[worst])
@@ -110,7 +110,8 @@ class _Sizes:
 
 def _views(squares: Array, scale: Array) -> Array:
     """Squares (K, 6) as (K, V): all on one scale, force, torque, each axis."""
-    return np.column_stack((squares @ scale, squares[:, :3].sum(axis=1), squares[:, 3:].sum(axis=1), squares))
+    force, torque = (length(np.sqrt(squares[:, part])) ** 2 for part in (slice(3), slice(3, 6)))
+    return np.column_stack((weighted(squares, scale).sum(axis=1), force, torque, squares))
 
 
 def _quantity(found: Dependence, values: Values, sizes: _Sizes) -> Quantity:
@@ -156,7 +157,7 @@ def _grid(found: ErrorGrid, values: dict[str, Values], sizes: _Sizes) -> Grid:
 
     def cell(i: int, j: int) -> Cell | None:
         (across, a), (up, b) = columns[i], lines[j]
-        known = np.isfinite(found.force[i, j])
+        known = np.isfinite(found.force[i, j]) or np.isfinite(found.torque[i, j])
         return sizes.cell(f"{x.label} {across}, {y.label} {up}", inside & a & b) if known else None
 
     rows = tuple(tuple(cell(i, j) for i in range(len(columns))) for j in range(len(lines)))
@@ -176,6 +177,8 @@ def _budget(data: Dataset, nominal: Array, left: Array, process: Array | None, s
     scale = whole(np.sqrt(made.nominal), made.weights)
     rows = [(VIEWS[0], UNITS[0], scale, {name: together[name] for name in PARTS})]
     for k, axis in enumerate(AXES):
+        if not data.measured_axes[k]:
+            continue
         parts = {name: float(shares[name][k]) for name in PARTS}
         rows.append((axis, unit_of(k), float(np.sqrt(made.nominal[k])), parts))
     return tuple(

@@ -10,6 +10,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from wrenchgap import flight
 from wrenchgap.flight.channels import Channel, channels
@@ -51,13 +52,21 @@ class LogSession:
         topics: Mapping[str, str] | None = None,
         between: tuple[float, float] | None = None,
         shifts: Mapping[str, float] | None = None,
+        unmeasured: Sequence[str] = (),
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
         folder: Path | None = None,
     ) -> None:
         cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
-        opened = open_flights(logs, model, topics=topics, cutoff_hz=cutoff, between=between, shifts=shifts, load=load)
+        how: dict[str, Any] = {
+            "topics": topics,
+            "between": between,
+            "shifts": shifts,
+            "unmeasured": unmeasured,
+            "load": load,
+        }
+        opened = open_flights(logs, model, cutoff_hz=cutoff, **how)
         self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, cutoff)
         self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
         found, notes = predictors(model, against)

@@ -116,9 +116,14 @@ class FailurePanel(Panel):
         )
         self.parts.content = self._budget()
 
-    def _cell(self, cell: Cell, scale: Scale) -> dict[str, str]:
-        """A cell that can be clicked; white at the noise, darkest at the most that this flight showed at first."""
+    def _cell(self, cell: Cell, scale: Scale) -> dict[str, str] | None:
+        """A cell that can be clicked; white at the noise, darkest at the most that this flight showed at first.
+
+        None for what was not measured.
+        """
         k = scale.view
+        if np.isnan(cell.rms[k]):
+            return None
         rms, mean, noise, at = (float(values[k]) for values in (cell.rms, cell.mean, cell.noise, cell.time))
         most = max(scale.most, 3.0 * noise)
         if self.shown.value == "mean":
@@ -162,4 +167,4 @@ class FailurePanel(Panel):
 def _largest(failure: Failure, k: int) -> float:
     grid = () if failure.grid is None else failure.grid.rows
     cells = [c for q in failure.quantities for c in q.cells] + [c for row in grid for c in row if c is not None]
-    return max((float(c.rms[k]) for c in cells), default=1.0)
+    return max((float(c.rms[k]) for c in cells if np.isfinite(c.rms[k])), default=1.0)

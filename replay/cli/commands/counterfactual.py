@@ -71,6 +71,7 @@ def counterfactual(
     topic: o.Topics = None,
     shift: o.Shift = None,
     between: o.Between = None,
+    unmeasured: o.Unmeasured = None,
     *,
     run: Run,
 ) -> None:
@@ -89,7 +90,7 @@ def counterfactual(
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
     process = run.gp(gp)
     with run.progress("counterfactual", "reading the log") as report:
-        ((flight,), _) = run.open(Reading(topic, shift, between=between), [log], base)
+        ((flight,), _) = run.open(Reading(topic, shift, between=between, unmeasured=unmeasured), [log], base)
         result = api.counterfactual(
             flight,
             base,

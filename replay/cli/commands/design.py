@@ -63,6 +63,7 @@ def design(
     seed: Seed = 0,
     topic: o.Topics = None,
     between: o.Between = None,
+    unmeasured: o.Unmeasured = None,
     *,
     run: Run,
 ) -> None:
@@ -80,7 +81,7 @@ def design(
     run.claim(outputs, *(logs or ()), model)
     if output.suffix != ".toml":
         raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = run.model(model), Reading(topic, between=between)
+    base, reading = run.model(model), Reading(topic, between=between, unmeasured=unmeasured)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -25,6 +25,7 @@ def inspect(
     topic: o.Topics = None,
     shift: o.Shift = None,
     cutoff: o.Cutoff = 8.0,
+    unmeasured: o.Unmeasured = None,
     *,
     run: Run,
 ) -> None:
@@ -38,11 +39,12 @@ def inspect(
     from wrenchgap.replay import api
 
     run.claim({}, *logs)
-    how = Reading(topic, shift, cutoff)
+    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured)
+    how: dict[str, Any] = {"topics": asked.topics, "shifts": asked.shifts, "unmeasured": asked.absent}
     known = None if model is None else run.model(model)
     bodies = []
     for path in logs:
-        seen = api.inspect(path, known, topics=how.topics, shifts=how.shifts, cutoff_hz=how.cutoff_hz)
+        seen = api.inspect(path, known, cutoff_hz=asked.cutoff_hz, **how)
         run.result(seen)
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]

@@ -32,6 +32,7 @@ def view(
     topic: o.Topics = None,
     shift: o.Shift = None,
     between: o.Between = None,
+    unmeasured: o.Unmeasured = None,
     own: o.OwnEffects = None,
     quiet: o.Quiet = False,
 ) -> None:
@@ -55,7 +56,7 @@ def view(
     base, others, reading = (
         run.model(model),
         list(map(run.model, against or ())),
-        Reading(topic, shift, between=between),
+        Reading(topic, shift, between=between, unmeasured=unmeasured),
     )
     process = run.gp(gp)
     with run.progress("opening") as report:
@@ -66,6 +67,7 @@ def view(
             topics=reading.topics,
             between=reading.part,
             shifts=reading.shifts,
+            unmeasured=reading.absent,
             load=cache.load,
             against=others,
             gp_name="GP" if gp is None else gp.name,

@@ -31,7 +31,7 @@ def _draw(added: Addition, panels: Any) -> None:
     if added.trial is not None:
         before, after, noise = added.trial.before, added.trial.after, added.trial.noise
     bars_by_axis(panels, [("before", "0.6", before), ("after", style.MODELS[0], after)], noise)
-    for k in range(6):
+    for k in np.flatnonzero(np.isfinite(after)):
         words = change(float(after[k] / max(before[k], 1e-30)) - 1.0)
         look = {"ha": "center", "fontsize": style.SMALL, "color": style.MODELS[0]}
         place = (k % 3 + 0.2, float(after[k]))

@@ -112,6 +112,8 @@ def _wrenches(panel: Any, result: Comparison, starts: list[float], axis: int) ->
             if e.name not in hidden:
                 drawn.append((e.predictions[index], _colour(place), e.name, 0.9))
         for values, colour, name, width in drawn:
+            if np.isnan(values[:, axis]).all():
+                continue
             shaded |= style.curve(panel, time, values[:, axis], colour, "" if index else name, width, share=share)
         if last.sigma is not None and np.isfinite(last.sigma[index][:, axis]).any():
             centre, half = last.predictions[index][:, axis], PREDICTION_SIGMAS * last.sigma[index][:, axis]
@@ -127,9 +129,14 @@ def _residuals(panel: Any, result: Comparison, starts: list[float], axis: int) -
     for index, (record, start) in enumerate(zip(result.records, starts, strict=True)):
         time, share = record.time + start, _share(result, record.time)
         for place, e in enumerate(result.evaluations):
+            if not record.measured_axes[axis]:
+                continue
             residual = record.measured[:, axis] - e.predictions[index][:, axis]
             shaded |= style.curve(panel, time, residual, _colour(place), "" if index else e.name, share=share)
         words = "" if index else f"± {NOISE_SIGMAS:g} sigma of the sensor noise"
+        if not record.measured_axes[axis]:
+            panel.text(0.01, 0.5, "not measured", fontsize=style.SMALL, color="0.35", transform=panel.transAxes)
+            continue
         style.band(panel, [float(time[0]), float(time[-1])], NOISE_SIGMAS * float(record.noise[axis]), words)
     return shaded
 

@@ -61,7 +61,10 @@ def _by_axis(panel: Any, cases: Sequence[Staircase], axis: int) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     unit = unit_of(axis)
-    factor, prefix = style.prefixed(max(float(s.rms[axis]) for case in cases for s in case.falling), unit)
+    if np.isnan([s.rms[axis] for case in cases for s in case.falling]).all():
+        style.nothing(panel, f"{AXIS_HEADS[axis]}: not measured")
+        return
+    factor, prefix = style.prefixed(float(np.nanmax([s.rms[axis] for case in cases for s in case.falling])), unit)
     for case in cases:
         values = [float(s.rms[axis]) for s in case.falling]
         colour = COLOURS[case.basis]
@@ -106,6 +109,9 @@ def residuals(comparison: Comparison, first: int, last: int) -> style.Picture:
     def draw(axes: Any) -> None:
         for axis in range(6):
             panel = axes[axis % 3][1 if axis < 3 else 0]
+            if np.isnan(comparison.noise[axis]):
+                style.nothing(panel, f"{style.QUANTITIES[axis][0]}: not measured")
+                continue
             style.band(panel, ends, 2.0 * float(comparison.noise[axis]), "2 sigma of the sensors")
             for k in parts:
                 record = comparison.records[k]

@@ -117,7 +117,7 @@ def labelled(panel: Any, name: str, unit: str, side: str = "y", size: float = US
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and SI prefix with which numbers up to `largest` of this unit read well; none for other than PREFIXED."""
-    if unit not in PREFIXED:
+    if unit not in PREFIXED or np.isnan(largest):
         return 1.0, ""
     return next((factor, prefix) for least, factor, prefix in PREFIXES if largest >= least)
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.errors import length
 from wrenchgap.learn.diagnose.budget import PARTS, Source
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.diagnose.where import Where
@@ -89,7 +91,7 @@ def _draw_budget(panel: Any, where: Where) -> None:
     shares, whole, place = where.budget.shares(), where.budget.whole(), np.array([0.0, 1.0, 2.0, 3.4, 4.4, 5.4, 7.0])
     above, below = np.zeros(len(place)), np.zeros(len(place))
     for part in PARTS:
-        if part == "physics" and not where.budget.physics.any():
+        if part == "physics" and not where.budget.has_physics:
             continue
         height = 100.0 * np.append(shares[part], whole[part])
         foot = np.where(height >= 0, above, below)
@@ -103,7 +105,7 @@ def _draw_budget(panel: Any, where: Where) -> None:
     panel.set_xlabel("axis and its nominal rms", fontsize=style.USUAL)
     panel.tick_params(axis="y", labelsize=style.SMALL)
     panel.axhline(0.0, color="black", lw=0.6)
-    if below.min() < HARMFUL:
+    if np.nanmin(below) < HARMFUL:
         panel.set_yscale("symlog", linthresh=-HARMFUL)
     style.grid(panel)
     panel.grid(visible=False, axis="x")
@@ -129,7 +131,10 @@ def _draw_map(panel: Any, dependence: Dependence) -> None:
     middle, half = 0.5 * (b.low + b.high)[known], 0.5 * (b.high - b.low)[known]
     for part, axis, colour, word in ((0, panel, style.FORCE, "force"), (1, other, style.TORQUE, "torque")):
         rows = slice(3 * part, 3 * part + 3)
-        rms, noise = (np.sqrt(np.sum(values[:, rows] ** 2, axis=1)) for values in (b.rms, b.noise))
+        rms, noise = (length(values[:, rows]) for values in (b.rms, b.noise))
+        if np.isnan(rms).all():
+            axis.set_yticks([])
+            continue
         axis.errorbar(middle, rms[known], xerr=half, fmt="o", ms=3, lw=1.5, color=colour)
         axis.hlines(noise[known], b.low[known], b.high[known], color=colour, lw=1.0, ls=":")
         if not known.all():
@@ -171,6 +176,9 @@ def _draw_grid(panels: Any, where: Where) -> None:
     y_name, y_unit = grid.y_label.removesuffix("]").split(" [")
     drawn_in = ((panels[0], grid.force, "force", "N"), (panels[1], grid.torque, "torque", "Nm"))
     for panel, values, word, unit in drawn_in:
+        if np.isnan(values).all():
+            style.nothing(panel, f"{word}: not measured")
+            continue
         drawn = panel.pcolormesh(grid.y_edges, grid.x_edges, values, cmap="viridis", vmin=0.0)
         bar = panel.get_figure(root=False).colorbar(drawn, ax=panel)
         style.labelled(bar.ax, f"{word} residual, rms", unit, size=style.SMALL)
@@ -183,8 +191,13 @@ def _draw_grid(panels: Any, where: Where) -> None:
 
 
 def _draw_correlations(panels: Any, where: Where) -> None:
-    for k, auto in enumerate(where.whiteness.autocorrelation):
-        panel = panels[0][k]
+    autos = {auto.axis: auto for auto in where.whiteness.autocorrelation}
+    for k, axis in enumerate(AXES):
+        panel, auto = panels[0][k], autos.get(axis)
+        if auto is None:
+            for none in (panel, panels[1][k]):
+                style.nothing(none, f"{style.QUANTITIES[k][0]}:\nnot measured")
+            continue
         low, high = auto.expected - auto.band, auto.expected + auto.band
         panel.fill_between(auto.lags, low, high, color=style.NOISE, alpha=0.35, lw=0)
         panel.plot(auto.lags, auto.value, color="black", lw=1.0)

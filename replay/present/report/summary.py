@@ -11,7 +11,7 @@ from wrenchgap.plant import trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import entries
+from wrenchgap.replay.present.numbers import entries, unmeasured
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.words import rest, where_on, why_not
 from wrenchgap.replay.present.tables import Line, Part
@@ -32,6 +32,7 @@ def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, A
     absorbed = report.rest.absorption
     return {
         "axes": list(AXES),
+        "unmeasured": unmeasured(report.explanation.noise),
         "summary": explanation.summary(report.explanation),
         "explain": explanation.to_json(report.explanation),
         "staircases": [staircase.to_json(case) for case in report.staircases],
