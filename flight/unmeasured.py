@@ -76,7 +76,7 @@ def without_axes(flight: Flight, axes: Mapping[str, Why]) -> Flight:
     """The flight with these axes not measured: its IMU has NaN there."""
     if not axes:
         return flight
-    said = {axis: str(why) for axis, why in {**axes, **unmeasured_axes(flight)}.items()}
+    said = {axis: str(why) for axis, why in {**unmeasured_axes(flight), **axes, **flight.unmeasured}.items()}
     imu = None if flight.imu is None else _blank(flight.imu, tuple(said))
     return replace(flight, imu=imu, unmeasured={axis: said[axis] for axis in AXES if axis in said})
 

@@ -90,8 +90,8 @@ def open_flights(
     `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part, `unmeasured` are axes
     that the IMU did not measure ("force_x"). Raises LogError for what cannot be read or never flew.
     """
-    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
+    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
     return open_every(every, model_of(model), cutoff_hz=cutoff_hz, **how)
 
 
@@ -105,8 +105,8 @@ def inspect(
     unmeasured: Sequence[str] = (),
 ) -> LogReport:
     """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics."""
-    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "unmeasured": unmeasured}
-    return model_checks.inspect(log, None if model is None else model_of(model), cutoff_hz=cutoff_hz, **how)
+    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "cutoff_hz": cutoff_hz, "unmeasured": unmeasured}
+    return model_checks.inspect(log, None if model is None else model_of(model), **how)
 
 
 def compare(
@@ -238,16 +238,8 @@ def design(
     progress: Progress | None = None,
 ) -> Design:
     """The flight of `duration` [s] that separates effects best; sizes are the model's, else fitted to `flights`."""
-    return designing.design(
-        effects,
-        model_of(model),
-        flights=listed(flights),
-        limits=limits,
-        duration=duration,
-        also=also,
-        seed=seed,
-        progress=progress,
-    )
+    how: dict[str, Any] = {"limits": limits, "duration": duration, "also": also, "seed": seed}
+    return designing.design(effects, model_of(model), flights=listed(flights), progress=progress, **how)
 
 
 def compensator(
