@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from wrenchgap import add, compare, explain, load_model, open_flights, simulate, where
+from wrenchgap import add, compare, explain, load_model, open_flights, simulate
+from wrenchgap.flight import AXES
 from wrenchgap.flight.errors import FitError, LogError, UsageError
 from wrenchgap.learn.data.blocks import contrast, cosine, evidence
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy, force_and_torque, length, rms, whole
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
-from wrenchgap.learn.diagnose.where import examine
+from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
+from wrenchgap.learn.diagnose.failure_map import failure_map
+from wrenchgap.learn.diagnose.relevance import relevance
+from wrenchgap.learn.diagnose.whiteness import whiteness
 from wrenchgap.learn.identify.fit import fit, held_out
 from wrenchgap.learn.identify.learning import measured_outputs
 from wrenchgap.plant.vehicle import Body
@@ -133,14 +137,23 @@ def test_the_search_does_not_depend_on_it_either(opened, flown, model):
 
 
 def test_where_does_not_depend_on_it(opened, flown, model):
-    other = open_flights(filled(flown, 1e9), model, unmeasured=LATERAL)
-    plain, changed = (where(flights, model).to_json() for flights in (opened, other))
-    np.testing.assert_equal(changed, plain)
-    assert [a["axis"] for a in plain["whiteness"]["autocorrelation"]] == [
-        axis for axis, known in zip(plain["axes"], MEASURED, strict=True) if known
-    ]
-    shares = plain["budget"]["whole_shares"]
-    assert sum(shares.values()) == pytest.approx(1.0)
+    def parts(flights):
+        data = dataset(flights[0].records, model)
+        left = data.measured - data.predict(model.wrench_model)
+        process = held_out_process(data, left, points=20)
+        made = budget(data, left, left, process, Source.FITTED)
+        return made, failure_map(data, left, permutations=30), whiteness(data, left), relevance(data, left)
+
+    plain, changed = (
+        parts(flights) for flights in (opened, open_flights(filled(flown, 1e9), model, unmeasured=LATERAL))
+    )
+    for one, other in zip(plain, changed, strict=True):
+        assert repr(one) == repr(other)
+    made, mapped, white, relevant = plain
+    assert sum(made.whole().values()) == pytest.approx(1.0)
+    assert [a.axis for a in white.autocorrelation] == [a for a, known in zip(AXES, MEASURED, strict=True) if known]
+    assert np.isfinite(mapped.dependences[0].axes_mean).tolist() == MEASURED.tolist()
+    assert np.isfinite(relevant.explained_axes).tolist() == MEASURED.tolist()
 
 
 def test_parameters_are_those_of_a_fit_of_the_measured_axes_alone(opened, model):
@@ -222,11 +235,13 @@ def test_a_gyroscope_axis(flown, model):
     np.testing.assert_equal(compare(filled_up, round_one).to_json(), compare(opened, round_one).to_json())
 
 
-def test_examine_with_no_force_at_all(flown, model):
-    """Torques only: no force is measured, and nothing divides by what is not there."""
-    opened = open_flights(flown, model, unmeasured=["force_x", "force_y", "force_z"])
-    found = examine(opened, model)
-    assert np.isnan(found.rms[:3]).all()
-    assert np.isnan(found.failure_map.grid.force).all()
-    assert np.isfinite(found.failure_map.grid.torque).any()
-    assert str(found)
+def test_with_no_force_at_all_nothing_divides_by_what_is_not_there(flown, model):
+    opened = open_flights(flown, model, unmeasured=AXES[:3])
+    data = dataset(opened[0].records, model)
+    left = data.measured - data.predict(model.wrench_model)
+    mapped = failure_map(data, left, permutations=30)
+    assert np.isnan(mapped.grid.force).all()
+    assert np.isfinite(mapped.grid.torque).any()
+    found = add(model, ["com_offset"], opened)
+    assert found.trial.outcome == "better"
+    assert "nan" not in str(found)

@@ -1,4 +1,4 @@
-"""Every command on a log whose accelerometer has no x and no y: nothing where nothing was measured, numbers elsewhere."""
+"""Commands on a log whose accelerometer has no x and no y: nothing where nothing was measured, numbers elsewhere."""
 
 from dataclasses import replace
 

@@ -70,7 +70,7 @@ def _draw(result: Comparison, axes: Any) -> None:
         style.labelled(panel, "time, flight after flight" if several else "time", "s", "x")
         if shaded:
             panel.set_xlabel(f"{panel.get_xlabel()}; shaded: from the smallest to the largest value")
-        style.legend(axes[0, column], axes[1, column], above=several)
+        style.legend(*axes[:6, column], above=several)
     for panel, part in zip(axes[6:].ravel(), (0, 1), strict=False):
         _bars(panel, result, part)
     style.grid(axes)

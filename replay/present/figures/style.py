@@ -124,6 +124,8 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 def written(value: float, unit: str) -> str:
     """A number of two digits with its unit, e.g. `0.22 mNm`."""
+    if np.isnan(value):
+        return "-"
     factor, prefix = prefixed(abs(value), unit)
     return f"{number(value * factor, 2)} {prefix}{unit}"
 

@@ -210,8 +210,11 @@ def _draw_correlations(panels: Any, where: Where) -> None:
         panel.plot(cross.lags, cross.value, color="black", lw=1.0)
         panel.plot([cross.lag], [cross.peak], "o", ms=4, color=style.WARNING if cross.outside else "0.55")
         panel.set_title(f"with {cross.input}", fontsize=style.SMALL)
-    panels[0][0].set_ylabel("autocorrelation [-]\n(green: sensor noise alone)", fontsize=style.SMALL)
-    panels[1][0].set_ylabel("correlation with the\nstrongest input [-]\n(green: not significant)", fontsize=style.SMALL)
+    first = next(k for k, axis in enumerate(AXES) if axis in autos)
+    panels[0][first].set_ylabel("autocorrelation [-]\n(green: sensor noise alone)", fontsize=style.SMALL)
+    panels[1][first].set_ylabel(
+        "correlation with the\nstrongest input [-]\n(green: not significant)", fontsize=style.SMALL
+    )
     for panel in np.ravel(panels):
         panel.set_ylim(-1.05, 1.05)
         panel.tick_params(labelsize=7)
