@@ -67,8 +67,8 @@ def unmeasured_axes(flight: Flight) -> dict[str, Why]:
     found = {axis: Why(why) for axis, why in flight.unmeasured.items()}
     if flight.imu is not None:
         readings = np.hstack((flight.imu.specific_force_B, flight.imu.omega_B))
-        absent = np.isnan(readings).all(axis=0)
-        found = {**{axis: Why.NAN for axis, gone in zip(AXES, absent, strict=True) if gone}, **found}
+        absent = {axis: Why.NAN for axis, values in zip(AXES, readings.T, strict=True) if np.isnan(values).all()}
+        found = {**absent, **found}
     return {axis: found[axis] for axis in AXES if axis in found}
 
 

@@ -38,8 +38,12 @@ def measured_axes(vehicle: Vehicle, unmeasured: Sequence[str]) -> Mask:
     force, omega, omega_dot = (rng.uniform(1.0, 2.0, (8, 3)) for _ in range(3))
     plain = _wrench(vehicle, force, omega, omega_dot)
     gone = np.isin(AXES, list(unmeasured))
-    otherwise = (np.where(gone[part], 3.0 * v, v) for part, v in ((slice(3), force), (slice(3, 6), omega)))
-    moved = _wrench(vehicle, *otherwise, np.where(gone[3:], -2.0 * omega_dot, omega_dot))
+    moved = _wrench(
+        vehicle,
+        np.where(gone[:3], 3.0 * force, force),
+        np.where(gone[3:], 3.0 * omega, omega),
+        np.where(gone[3:], -2.0 * omega_dot, omega_dot),
+    )
     size = np.maximum(np.abs(plain), np.abs(moved)).max(axis=0)
     return np.asarray((np.abs(moved - plain).max(axis=0) <= ROUNDING * size) & ~gone)
 

@@ -113,15 +113,15 @@ class Screen:
         low = np.array([p.low for p in known] + [-ACCELEROMETER_BIAS] * 3) - middle
         high = np.array([p.high for p in known] + [ACCELEROMETER_BIAS] * 3) - middle
         sizes = np.array([p.scale for p in known] + [0.5 * ACCELEROMETER_BIAS] * 3)
-        known = data.measured_axes
-        if not known.all():
-            added, J = np.where(known, added, 0.0), np.where(known[:, None], J, 0.0)
+        seen = data.measured_axes
+        if not seen.all():
+            added, J = np.where(seen, added, 0.0), np.where(seen[:, None], J, 0.0)
         weights = data.weights / np.sqrt(np.mean((added * data.weights) ** 2))
         left = added
         for _ in range(PASSES):
             left = added - J @ _bounded(J * weights[:, None], added * weights, sizes, (low, high))
             size = np.sqrt(np.mean(left**2, axis=0))
-            weights = np.where(known, 1.0 / np.where(known, np.maximum(size, data.noise), 1.0), 0.0)
+            weights = np.where(seen, 1.0 / np.where(seen, np.maximum(size, data.noise), 1.0), 0.0)
         return left
 
 

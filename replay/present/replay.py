@@ -118,7 +118,7 @@ def to_json(replay: Replay) -> dict[str, Any]:
 
 def _unmeasured(replay: Replay) -> list[str]:
     """Axes on which nothing was measured although others were."""
-    known = np.isfinite(replay.measured).any(axis=0)
+    known = np.asarray(np.isfinite(replay.measured).any(axis=0))
     return list(names_of(known)) if known.any() else []
 
 
