@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.unmeasured import Why
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.identify.explain import Explanation, Verdict
@@ -166,8 +167,10 @@ def _largest_residual(found: Explanation) -> str:
 
 def what_next(found: Explanation, model: str, paths: Sequence[str]) -> list[Line]:
     """The commands that follow from the verdict, for the model and the logs as the user named them."""
-    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths)}" for g in found.groups]
-    model, logs = shlex.quote(model), shlex.join(paths)
+    said = {axis for f in found.flights for axis, why in f.flight.unmeasured.items() if why == Why.DECLARED}
+    option = f" --unmeasured {','.join(axis for axis in AXES if axis in said)}" if said else ""
+    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths)}{option}" for g in found.groups]
+    model, logs = shlex.quote(model), shlex.join(paths) + option
     if found.full:
         out.append("the search ended at its limit of effects: add these, then explain with the new model, for more")
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"

@@ -48,6 +48,7 @@ def test_compare(log, result_of, run, tmp_path):
     assert "noisy: not measured, and left out everywhere: force_x, force_y (declared)." in printed
     assert "rms - - " in printed
     assert "nan" not in printed
+    assert f"-m {NAME} --unmeasured force_x,force_y" in printed
 
 
 def test_where(log, result_of, tmp_path):
@@ -65,6 +66,15 @@ def test_add_writes_a_model_that_is_read_again(log, result_of, run, tmp_path):
     assert load_model(fitted).effect("mass").theta[0] == pytest.approx(0.1, rel=0.1)
     assert np.isnan(load_model(fitted).history[-1].trial.after[:2]).all()
     assert run("history", fitted).exit_code == 0
+
+
+def test_what_explain_says_to_do_next_leaves_them_out_too(log, run):
+    done = run("explain", log, "-m", NAME, *OPTION, "--effects-only", "mass,thrust_scale")
+    assert done.exit_code == 0, done.output
+    (add,) = [
+        line for line in " ".join(done.stdout.split()).split("next: ")[1:] if line.startswith("wrenchgap add mass")
+    ]
+    assert "--unmeasured force_x,force_y" in add
 
 
 def test_learn_replay_and_counterfactual(log, result_of, tmp_path):

@@ -37,7 +37,8 @@ def compare(
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
     run.result(result)
-    run.line(f"why there: wrenchgap where {' '.join(map(str, logs))} -m {model}", style="dim")
+    axes = f" --unmeasured {reading.unmeasured}" if reading.unmeasured else ""
+    run.line(f"why there: wrenchgap where {' '.join(map(str, logs))} -m {model}{axes}", style="dim")
     run.draw(result, figure)
     if csv is not None:
         write_csv(result.to_frame(), csv)
