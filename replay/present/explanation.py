@@ -271,14 +271,13 @@ def to_json(found: Explanation) -> dict[str, Any]:
 
 
 def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
-    names = ("effect=name", "companions=candidate.companions", "separation", "cosine", "alike")
-    names += ("worthy=candidate.worthy", "score=candidate.score")
+    names = ("effect=name", "separation", "cosine", "alike", "worthy=candidate.worthy", "score=candidate.score")
     return {
         "effect": member.name,
         "probability": found.confidence(member),
         **entries(member, "share", "significance", "evidence"),
         "group": [member.name, *(r.name for r in member.alike)],
-        "rivals": [entries(r, *names) for r in member.rivals],
+        "rivals": [entries(r, *names, "companions=candidate.companions") for r in member.rivals],
     }
 
 
