@@ -17,7 +17,8 @@ class BodyDragAreas(WrenchEffect):
 
         F_i = -1/2 rho A_i |v| v_i   (i = x, y, z of B),   at the centre of mass
 
-    v is the velocity through the air, A_i the drag area, coefficient times area. Where all are equal this is a drag against the velocity.
+    v is the velocity through the air, A_i the drag area, coefficient times area. Where all are equal this is a drag
+    against the velocity.
     Source: Hoerner, "Fluid-Dynamic Drag", 1965; the parasitic drag of rotorpy, D = -|v| diag(c) v, c = 1/2 rho A (Folk,
     Paulos and Kumar, arXiv:2306.04485).
     """

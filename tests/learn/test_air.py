@@ -90,7 +90,7 @@ def test_wind_is_named_with_a_linear_drag_and_measured():
     assert np.all(found.air.std[:2] < 0.2)
 
 
-def test_wind_is_named_with_a_drag_whose_law_the_catalogue_does_not_have():
+def test_wind_is_named_with_a_drag_of_another_form_than_what_is_tried():
     """Its size then suffers from the form that is wrong, not its direction."""
     found = named(flown(plate(AIR)))
     assert set(found.effects) == {"body_drag", "wind"}
