@@ -90,6 +90,12 @@ def test_wind_is_named_with_a_linear_drag_and_measured():
     assert np.all(found.air.std[:2] < 0.2)
 
 
+def test_the_form_that_fits_gives_the_wind_as_it_is():
+    found = named(flown(plate(AIR)), tried=("body_drag_areas", *TRIED))
+    assert set(found.effects) == {"body_drag_areas", "wind"}
+    np.testing.assert_allclose(found.air.wind_E, AIR, atol=0.05)
+
+
 def test_wind_is_named_with_a_drag_of_another_form_than_what_is_tried():
     """Its size then suffers from the form that is wrong, not its direction."""
     found = named(flown(plate(AIR)))
