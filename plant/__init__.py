@@ -10,6 +10,7 @@ __getattr__, __all__ = names_of(
     __name__,
     {
         "wrenchgap.plant.effects": (
+            "AirEffect",
             "BodyEffect",
             "CommandEffect",
             "Context",
@@ -25,6 +26,7 @@ __getattr__, __all__ = names_of(
 )
 
 if TYPE_CHECKING:
+    from wrenchgap.plant.effects import AirEffect as AirEffect
     from wrenchgap.plant.effects import BodyEffect as BodyEffect
     from wrenchgap.plant.effects import CommandEffect as CommandEffect
     from wrenchgap.plant.effects import Context as Context

@@ -101,7 +101,8 @@ def make_effect(vehicle: Vehicle, name: str, values: Mapping[str, float] | Itera
     if isinstance(values, Mapping):
         unknown = [n for n in values if n not in names]
         if unknown:
-            raise ModelError(f"effect {name}: no parameter {unknown[0]!r}; its parameters: {', '.join(names)}")
+            said = f"no parameter {unknown[0]!r}; its parameters: {', '.join(names)}"
+            raise ModelError(f"effect {name}: {effect.outdated(values) or said}")
         theta = np.array([float(values.get(p.name, p.start)) for p in parameters])
     else:
         theta = np.array([float(v) for v in values])

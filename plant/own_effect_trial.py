@@ -13,6 +13,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import (
+    AirEffect,
     AnyEffect,
     BodyEffect,
     CommandEffect,
@@ -34,6 +35,7 @@ PLACES: dict[type, tuple[type, tuple[str, ...]]] = {
     SensorEffect: (Motion, ("omega_B", "omega_dot_B", "specific_force_B")),
     ThrustEffect: (np.ndarray, ("the thrusts",)),
     WrenchEffect: (np.ndarray, ("the added wrench",)),
+    AirEffect: (np.ndarray, ("the air's velocity",)),
 }
 """What `apply` returns at each place, and what its arrays are called."""
 
@@ -66,6 +68,8 @@ class Trial:
         """What no effect returns."""
         if self.place is WrenchEffect:
             return (np.zeros((SAMPLES, 6)),)
+        if self.place is AirEffect:
+            return (np.zeros((SAMPLES, 3)),)
         given = self.arguments(np.zeros(0))[0]
         if self.place is ThrustEffect:
             return (given.thrust,)
@@ -78,6 +82,8 @@ class Trial:
             return (self.commands.take(at), theta, context, 0.01, memory)
         if self.place is BodyEffect:
             return (self.vehicle.body, theta)
+        if self.place is AirEffect:
+            return (self.state.take(at), theta)
         if self.place is SensorEffect:
             return (rows(self.motion, at), theta, context)
         act = self.actuation

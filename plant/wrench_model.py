@@ -5,6 +5,8 @@ Order of the five places:
     commands -> [commands effects] -> h(u), thrusts -> [thrust effects] -> wrench about O -> [wrench effects]
              -> rigid body with [body effects] -> accelerations of O -> [sensor effects] -> reported wrench
 
+The air is no place: [air effects] say how it moves, and effects on thrusts and wrench see the velocity through it.
+
 The *reported* (measured) wrench is what the nominal processing makes of an IMU: with the nominal mass m and inertia
 J and the nominal centre of mass,
 
@@ -28,6 +30,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.effects.effect import (
+    AirEffect,
     AnyEffect,
     BodyEffect,
     CommandEffect,
@@ -137,6 +140,11 @@ class WrenchModel:
                 body = item.effect.apply(body, item.theta)
         self.body = body
 
+    def context(self, state: State) -> Context:
+        """What effects on thrusts and wrench look at in these states (N samples): with the air as the model has it."""
+        air = [item.effect.apply(state, item.theta) for item in self.effects if isinstance(item.effect, AirEffect)]
+        return Context(self.vehicle, state, np.sum(air, axis=0) if air else None)
+
     def command(
         self, commands: Commands, state: State, dt: float, memory: dict[str, Any] | None = None
     ) -> tuple[Commands, dict[str, Any]]:
@@ -166,7 +174,7 @@ class WrenchModel:
         """
         if not self.vehicle.has_rotors or commands.rotor_speed is None:
             return None, about_origin(self.vehicle.body, commands.wrench_B)
-        context = Context(self.vehicle, state)
+        context = self.context(state)
         act = replace(actuation(self.vehicle, commands, posture), rates=rates)
         for item in self.effects:
             if isinstance(item.effect, ThrustEffect):
@@ -181,7 +189,7 @@ class WrenchModel:
     def addition(self, item: ModelEffect, act: Actuation | None, rotors: Array, state: State) -> Array:
         """The wrench (N, 6) about O that one of `added` adds."""
         assert isinstance(item.effect, WrenchEffect)
-        return item.effect.apply(act, rotors, item.theta, Context(self.vehicle, state))
+        return item.effect.apply(act, rotors, item.theta, self.context(state))
 
     def actuate(
         self, commands: Commands, state: State, dt: float, memory: dict[str, Any] | None = None

@@ -172,6 +172,10 @@ TRUE: dict[tuple[str, str], Callable[[Row], Values]] = {
     ("droop", "arm_twist"): lambda g: {"twist": -g["angle"] / (2 * HOVER_THRUST)},
     ("weak_rotor", "rotor_thrust"): _rotors,
     ("thin_air", "thrust_scale"): lambda g: {"scale": -g["missing"]},
+    ("wind", "wind"): lambda g: {
+        "velocity_x": g["speed"] * np.cos(g["heading"]),
+        "velocity_y": g["speed"] * np.sin(g["heading"]),
+    },
     ("fan", "tether"): lambda g: {f"force_{axis}": g[axis] for axis in "xyz"},
     ("jet", "constant_wrench"): _jet,
     ("drag_torque", "drag_torque"): lambda g: {"change": g["relative"]},

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.plant.effects import Context, find
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 
@@ -25,6 +25,7 @@ class Lack(StrEnum):
     VOLTAGE = "voltage"
     EXCITATION = "excitation"  # the flights cannot show it
     FEEDBACK = "feedback"  # the commands answer the motion
+    AIR = "air"  # nothing through which the air would act
     FIT = "fit"  # no physically possible values were found
 
 
@@ -51,6 +52,7 @@ REASONS = {
     Lack.COAXIAL: "needs two rotors on one arm, and no arm has them",
     Lack.ROTORS: "needs rotor commands: the log has none and the model file no arms to allocate to",
     Lack.POSE: "needs pose and velocity; map them with --topic odometry=/your/topic",
+    Lack.AIR: "has no force of its own: needs an effect through which the air acts, and none can be tried",
     Lack.VOLTAGE: "needs the battery voltage; map it with --topic battery=/your/topic",
 }
 """In words; where there are none, `Untried.detail` has them."""
@@ -80,7 +82,7 @@ def inapplicable(name: str, model: Model, records: Sequence[Record]) -> Untried 
 def unexcited(name: str, model: Model, records: Sequence[Record]) -> Untried | None:
     """Why these flights cannot show this effect although it could be fitted, None if they can."""
     effect = find(name)
-    reasons = [effect.unexcited(Context(model.vehicle, r.state)) for r in records]
+    reasons = [effect.unexcited(model.wrench_model.context(r.state)) for r in records]
     if any(reason is None for reason in reasons):
         return None
     return Untried(name, Lack.EXCITATION, str(reasons[0]))

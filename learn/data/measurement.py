@@ -162,8 +162,8 @@ class Evaluator:
     """Predictions of one record by models that differ in little from one another: what they share is computed once.
 
     A search changes one parameter at a time. The effective commands depend on the effects on commands alone, the
-    rotors' wrench on those and the effects on thrusts, and what is geometry in it on the tilt angles; since the filter
-    is linear, each added wrench is filtered on its own.
+    rotors' wrench on those, the effects on thrusts and the air, and what is geometry in it on the tilt angles; since
+    the filter is linear, each added wrench is filtered on its own.
     """
 
     def __init__(self, record: Record) -> None:
@@ -179,10 +179,16 @@ class Evaluator:
         sent = (record.commands, record.state, record.dt)
         on_commands = _key(model, "commands")
         commands = _kept(self._commands, on_commands, 4, lambda: model.command(*sent)[0])
-        key = (on_commands, _key(model, "thrusts"), any(item.effect.needs_rates for item in model.effects))
+        air, on_thrusts = _key(model, "air"), _key(model, "thrusts")
+        key = (
+            on_commands,
+            on_thrusts,
+            air if on_thrusts else (),
+            any(item.effect.needs_rates for item in model.effects),
+        )
         act, rotors, total = _kept(self._rotors, key, 4, lambda: self._rotor_part(model, commands))
         for item in model.added:
-            own = (key, item.name, item.theta.tobytes())
+            own = (key, air, item.name, item.theta.tobytes())
             made = partial(self._filter, model.addition, item, act, rotors, record.state)
             total = total + _kept(self._added, own, 32, made)
         return model.report(total, record.state_kept, body)

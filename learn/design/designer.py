@@ -39,6 +39,7 @@ from wrenchgap.learn.design.separability import (
     sized,
     thorough,
 )
+from wrenchgap.learn.identify.air import require_force
 from wrenchgap.learn.process.train import Progress
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
@@ -146,6 +147,7 @@ class _Search:
         """FitError for effects that this model, or any flight that can be designed, cannot show."""
         hover = rehearse(self._path(2.0), self.base, self.limits).record
         for name in names:
+            require_force([*(e.name for e in self.base.effects), name])
             if find(name).needs_voltage:
                 raise FitError(
                     f"design: {name} shows while the battery's voltage falls, which no trajectory brings about; repeat "

@@ -15,6 +15,7 @@ from wrenchgap.learn.data.blocks import by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.identify.air import require_force
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Trial
@@ -84,6 +85,7 @@ def add(
         find(name)
     present = [e.name for e in model.effects]
     every = [*present, *(n for n in dict.fromkeys(names) if n not in present)]
+    require_force(every)
     data = dataset([r for f in flights for r in f.records], model)
     report = progress or (lambda fraction, words: None)
     count = 0

@@ -5,6 +5,8 @@ Of the catalogue, or of the names that a user gave, an effect is tried unless
     the model has it already, in one of its forms   it is then fitted together with every candidate
     it needs what model or logs lack                `learn.data.applicable.inapplicable`
     the flights cannot show it                      `learn.data.applicable.unexcited`: never that fast, that low ...
+    it is air that moves, and no effect through         alone it has no force (`learn.identify.air`)
+    which the air acts is tried or in the model
     it is one of time, and on most axes of every    a lag found there would be the controller's own phase
     flight the commands answer the motion           (`learn.diagnose.response`); not where a user asked for it by name
 """
@@ -18,6 +20,7 @@ from wrenchgap.flight.offsets import Problem
 from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.diagnose.timing import FlightTiming
+from wrenchgap.learn.identify.air import that_act
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 
@@ -45,8 +48,11 @@ def candidates(
     barred = {} if names else {u.effect: u for u in feedback_dominated(timing)}
     reasons = {n: barred.get(n) or inapplicable(n, model, records) or unexcited(n, model, records) for n in wanted}
     order = [*(n for n in barred if n in reasons), *(n for n in wanted if n not in barred)]
+    tried = [n for n in wanted if reasons[n] is None]
+    acting = that_act(tried, [e.name for e in model.effects])
+    reasons |= {n: Untried(n, Lack.AIR) for n in tried if n not in acting}
     untried = tuple(u for n in order if (u := reasons[n]) is not None)
-    return Candidates(tuple(n for n in wanted if reasons[n] is None), untried)
+    return Candidates(tuple(acting), untried)
 
 
 def feedback_dominated(timing: Sequence[FlightTiming]) -> tuple[Untried, ...]:

@@ -36,6 +36,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of
+from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.confidence import confidence
 from wrenchgap.learn.identify.fit import Fit, with_fit
@@ -114,6 +115,11 @@ class Explanation(Result):
     def confidence(self, member: Member) -> float:
         """How often a name with this much evidence is right (`learn.identify.confidence`)."""
         return confidence(member, self.left, self.verdict is Verdict.UNKNOWN)
+
+    @property
+    def air(self) -> AirVelocity | None:
+        """How the air moved, where the fit has it; one velocity for all flights."""
+        return air_velocity(self.fit.values("wind"))
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.identify.air import awake, is_air
 from wrenchgap.plant.effects import Parameter, find
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model import Model
@@ -115,7 +116,8 @@ class Problem:
         bias = np.zeros(3 * self.flights)
         if earlier is not None and len(earlier.bias) == self.flights:  # a fit of some flights knows other biases
             bias = earlier.bias.ravel()
-        x = np.concatenate([*(known.get(n, own[n]) for n in self.names), bias])
+        values = awake({n: known.get(n, own[n]) for n in self.names}, self.fixed, self.model.vehicle)
+        x = np.concatenate([*values.values(), bias])
         return self.at(np.clip(x, self.low, self.high))
 
     def split(self, x: Array) -> tuple[Array, Array]:
@@ -148,7 +150,9 @@ class Problem:
         columns = np.empty((*point.residual.shape, self.size))
         if self.base is not None:
             columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
-        for k in range(self.known, self.size):
+        for k, (name, _) in enumerate(self.parameters):
+            if k < self.known and not is_air(name):  # what the air does depends on every effect that sees it
+                continue
             step = 0.02 * self.scale[k]
             if point.x[k] + step > self.high[k]:
                 step = -step

@@ -22,6 +22,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.blocks import INDISTINCT, LARGE_EVIDENCE, Contrast, contrast, cosine, evidence, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
+from wrenchgap.learn.identify.air import companions, that_act
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.parallel import each
 from wrenchgap.plant.effects import family, find
@@ -57,7 +58,7 @@ def beyond_chance(t: float, gained: float) -> bool:
 class Candidate:
     """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that
     are gone relative to the model that it was tried on; `score` is the share of the given model's energy that is gone
-    in all.
+    in all. `companions` are tried with it as one (`learn.identify.air`).
     """  # noqa: D205
 
     name: str
@@ -68,11 +69,17 @@ class Candidate:
     evidence: float
     significance: float
     implausible: tuple[str, ...]
+    companions: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effect and its companions."""
+        return (self.name, *self.companions)
 
     @property
     def size(self) -> int:
-        """Number of parameters of this effect."""
-        return sum(name == self.name for name, _ in self.fit.parameters)
+        """Number of parameters of all of them."""
+        return sum(name in self.names for name, _ in self.fit.parameters)
 
     @property
     def material(self) -> bool:
@@ -207,8 +214,8 @@ class Search:
             self.steps.append(step)
             if step.chosen is None:
                 break
-            start = next(c.fit for c in step.candidates if c.name == step.chosen)
-            self.take([*self.chosen, step.chosen], start)
+            chosen = next(c for c in step.candidates if c.name == step.chosen)
+            self.take([*self.chosen, *chosen.names], chosen.fit)
 
     def take(self, names: Sequence[str], start: Fit) -> None:
         """Make `names` the set, all parameters fitted anew."""
@@ -256,6 +263,7 @@ class Search:
         self, others: Sequence[str], names: Sequence[str], base: Fit, residual: Array, words: str
     ) -> list[Candidate]:
         """Candidates with these names, without those whose fit leaves what is physically possible."""
+        names = [n for n in names if n in that_act([n], (*self.present, *others))]
 
         def attempt(name: str) -> Candidate | str:
             try:
@@ -272,7 +280,7 @@ class Search:
             if isinstance(found, str):
                 self.failed[name] = found
             else:
-                out.append(replace(found, fit=self.with_effects(found.fit, [*self.present, *others, name])))
+                out.append(replace(found, fit=self.with_effects(found.fit, [*self.present, *others, *found.names])))
         return out
 
     def with_effects(self, fitted: Fit, names: Sequence[str]) -> Fit:
@@ -286,21 +294,32 @@ class Search:
         return replace(fitted, effects=tuple(effects))
 
     def candidate(self, others: Sequence[str], name: str, base: Fit, residual: Array) -> Candidate:
-        """Fit `name` together with `others` (whose fit and held-out residual are given); what it leaves."""
-        names = [*self.present, *others, name]
+        """`name` on top of `others`; with a companion where that is better by the rule for any further effect."""
+        best = self.candidate_set(others, (name,), base, residual)
+        for other in companions(name, (*self.present, *others), self.names):
+            both = self.candidate_set(others, (name, other), base, residual)
+            gained = contrast(self.data, best.residual, both.residual).t, evidence(best.residual, both.residual)
+            if beyond_chance(*gained) and material(both.fit, other) and not both.implausible:
+                best = both
+        return best
+
+    def candidate_set(self, others: Sequence[str], added: Sequence[str], base: Fit, residual: Array) -> Candidate:
+        """Fit `added` together with `others` (whose fit and held-out residual are given); what they leave."""
+        names = [*self.present, *others, *added]
         found = fit(self.data, self.model, names, base=base)
         left = held_out(self.data, self.model, names, found, exact=False)
         weights = self.data.weights
         before, after = rms(residual), rms(left)
         return Candidate(
-            name,
+            added[0],
             replace(found, jacobian=np.empty((0, 6, 0))),
             left,
             reduction(before, after),
             1.0 - energy(left, weights) / max(energy(self.given, weights), 1e-30),
             evidence(residual, left),
             contrast(self.data, residual, left).t,
-            tuple(b for b in found.at_bound if b.startswith(f"{name}.")),
+            tuple(b for b in found.at_bound if b.split(".")[0] in added),
+            tuple(added[1:]),
         )
 
     def rival(self, candidate: Candidate, best: Array, without: Array) -> Rival:
@@ -327,7 +346,8 @@ class Search:
                 return tuple(sorted(members, key=lambda m: -m.share))
         needed = [m for m in map(self.examine, list(self.chosen)) if m is not None]
         if len(needed) < len(self.chosen):
-            self.take([m.name for m in needed], self.fit)
+            self.take(that_act((m.name for m in needed), self.present), self.fit)
+            needed = [m for m in needed if m.name in self.chosen]
         return tuple(sorted(needed, key=lambda m: -m.share))
 
     def merge(self) -> bool:
@@ -351,19 +371,28 @@ class Search:
         """The member, or None where the set was changed: dropped, or another effect in its place."""
         member = self.examine(name)
         if member is None:
-            rest = [n for n in self.chosen if n != name]
-            self.take(rest, self.fit)
+            self.take(self.without(name), self.fit)
             return None
-        size = len(find(name).parameters(self.model.vehicle))
+        size = self.size(name)
         if any(r.overshadows and r.candidate.size <= size for r in member.rivals):
-            self.take([n for n in self.chosen if n != name], self.fit)
+            self.take(self.without(name), self.fit)
             return None
         better = [r for r in member.rivals if r.candidate.worthy and self.preferred(r, size)]
         if better:
             winner = min(better, key=lambda r: (r.candidate.size, r.separation))
-            self.take([winner.name if n == name else n for n in self.chosen], winner.candidate.fit)
+            kept = {n: [n] for n in self.without(name)} | {name: list(winner.candidate.names)}
+            self.take([one for n in self.chosen for one in kept.get(n, ())], winner.candidate.fit)
             return None
         return member
+
+    def without(self, name: str) -> list[str]:
+        """The set without this member, and without what cannot act without it."""
+        return that_act((n for n in self.chosen if n != name), self.present)
+
+    def size(self, name: str) -> int:
+        """Number of parameters that go with this member."""
+        gone = set(self.chosen) - set(self.without(name))
+        return sum(len(find(n).parameters(self.model.vehicle)) for n in gone)
 
     def preferred(self, rival: Rival, size: int) -> bool:
         """Whether the rival belongs in the member's place: better, or as good with fewer parameters."""
@@ -373,7 +402,7 @@ class Search:
 
     def examine(self, name: str) -> Member | None:
         """What the set is without this member, and what else might stand there; None if not needed or implausible."""
-        rest = [n for n in self.chosen if n != name]
+        rest = self.without(name)
         base, without = self.fitted(rest, self.fit)
         needed = contrast(self.data, without, self.current).t
         gained = evidence(without, self.current)
@@ -384,7 +413,7 @@ class Search:
         if stuck or not beyond_chance(needed, gained) or not material(self.fit, name):
             return None
         tried = self.attempts(rest, self.rivals_of(name), base, without, f"in place of {name}")
-        size = len(find(name).parameters(self.model.vehicle))
+        size = self.size(name)
         rivals = [self.rival(c, self.current, without) for c in tried if comparable(size, c.size)]
         return Member(name, share, needed, gained, tuple(sorted(rivals, key=lambda r: r.separation)))
 
@@ -397,12 +426,13 @@ class Search:
         others = {family(n) for n in self.chosen if n != name}
         close: dict[str, float] = {}
         for step in self.steps:
-            own = next((c for c in step.candidates if c.name == name), None)
+            own = next((c for c in step.candidates if name in c.names), None)
             if own is None:
                 continue
             for c in step.candidates:
-                if c.name in known or (own.evidence > 0 and c.evidence > RIVAL * own.evidence):
-                    close[c.name] = max(close.get(c.name, -np.inf), c.evidence / max(own.evidence, 1e-9))
+                if known & set(c.names) or (own.evidence > 0 and c.evidence > RIVAL * own.evidence):
+                    for n in c.names:
+                        close[n] = max(close.get(n, -np.inf), c.evidence / max(own.evidence, 1e-9))
         free = [n for n in close if n != name and family(n) not in others and n in self.names]
         most = max((close[n] for n in free), default=0.0)
         return sorted(free, key=lambda n: (close[n] < most, n not in known, -close[n]))[:MOST_RIVALS]

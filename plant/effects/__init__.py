@@ -15,6 +15,7 @@ from importlib.metadata import entry_points
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.effects.effect import (
+    AirEffect,
     AnyEffect,
     BodyEffect,
     CommandEffect,
@@ -28,6 +29,7 @@ from wrenchgap.plant.effects.effect import (
 )
 
 __all__ = [
+    "AirEffect",
     "AnyEffect",
     "BodyEffect",
     "CommandEffect",
@@ -47,7 +49,7 @@ __all__ = [
     "sources",
 ]
 
-_PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect)
+_PLACES = (CommandEffect, ThrustEffect, WrenchEffect, BodyEffect, SensorEffect, AirEffect)
 
 
 _own: dict[str, tuple[AnyEffect, Source]] = {}
@@ -85,7 +87,7 @@ def catalogue() -> dict[str, AnyEffect]:
         if inspect.isabstract(cls):
             continue
         if not issubclass(cls, _PLACES):
-            raise ModelError(f"effect {cls.__name__}: expected a subclass of one of the five kinds of plant.effects")
+            raise ModelError(f"effect {cls.__name__}: expected a subclass of one of the six kinds of plant.effects")
         if cls.name in found:
             raise ModelError(f"effect {cls.name}: two classes have this name; rename one")
         found[cls.name] = cls()

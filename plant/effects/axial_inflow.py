@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
 
 class AxialInflow(ThrustEffect):
     """A rotor that moves along its own thrust loses some: dT = -k_z |Omega| v_n, v_n = (v + omega x p) . n.
+
+    v is the velocity through the air.
 
     A blade's angle of attack falls by v_n / (Omega r), its lift goes with (Omega r)^2. A rotor that turns backwards
     loses likewise, hence |Omega|. Source: blade element theory at first order, Leishman, "Principles of Helicopter
@@ -20,6 +21,7 @@ class AxialInflow(ThrustEffect):
     excited_by = "climb, sink, and roll or pitch rates, which it damps"
     confused_with = ("rotational_drag", "body_drag")
     needs_pose = True
+    aerodynamic = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """k_z; scaled to the vehicle's hover: a typical rotor loses a few per cent of its thrust per m/s."""
@@ -35,7 +37,6 @@ class AxialInflow(ThrustEffect):
 
 
 def hub_velocity_B(actuation: Actuation, context: Context) -> Array:
-    """Velocity of the hubs through still air (N, R, 3) [m/s], in B: v + omega x p."""
-    x = context.state
-    velocity_B = rotate_inverse(x.quat_EB, x.velocity_E)
-    return np.asarray(velocity_B[:, None] + np.cross(x.omega_B[:, None], actuation.hub_B))
+    """Velocity of the hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O through the air."""
+    turning = np.cross(context.state.omega_B[:, None], actuation.hub_B)
+    return np.asarray(context.velocity_through_air_B[:, None] + turning)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
 from wrenchgap.plant.vehicle import Vehicle
 
 
 class BodyDrag(WrenchEffect):
-    """Drag on the body, linear and quadratic in the velocity through still air, axis by axis in B.
+    """Drag on the body, linear and quadratic in the velocity through the air, axis by axis in B.
 
         F = -D_1 v_B - D_2 v_B |v_B|,    M = p x F       (componentwise; p: centre of pressure, from the centre of mass)
 
@@ -25,6 +24,7 @@ class BodyDrag(WrenchEffect):
     excited_by = "translation faster than about 1 m/s, in every body direction"
     confused_with = ("wind", "rotor_drag", "body_drag_areas")
     needs_pose = True
+    aerodynamic = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Linear and quadratic coefficients along body x, y and z (typical: a tenth of the weight at 5 m/s), and p."""
@@ -40,12 +40,12 @@ class BodyDrag(WrenchEffect):
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Drag force at the centre of pressure, about O."""
-        velocity_B = rotate_inverse(context.state.quat_EB, context.state.velocity_E)
+        velocity_B = context.velocity_through_air_B
         force = -theta[:3] * velocity_B - theta[3:6] * velocity_B * np.abs(velocity_B)
         return np.concatenate((force, np.cross(context.vehicle.body.com_B + theta[6:], force)), axis=-1)
 
 
 def too_slow(context: Context, least: float = 0.3) -> str | None:
     """Why a flight is too slow to show aerodynamics of translation, None if it is not."""
-    fastest = float(np.linalg.norm(context.state.velocity_E, axis=-1).max())
+    fastest = float(np.linalg.norm(context.velocity_through_air_B, axis=-1).max())
     return f"never faster than {least:g} m/s (fastest {fastest:.2g} m/s)" if fastest < least else None

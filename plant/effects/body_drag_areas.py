@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.body_drag import too_slow
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
 from wrenchgap.plant.vehicle import Vehicle
@@ -18,7 +17,8 @@ class BodyDragAreas(WrenchEffect):
 
         F_i = -1/2 rho A_i |v| v_i   (i = x, y, z of B),   at the centre of mass
 
-    A_i is the drag area, coefficient times area. Where all are equal this is a drag against the velocity.
+    v is the velocity through the air, A_i the drag area, coefficient times area. Where all are equal this is a drag
+    against the velocity.
     Source: Hoerner, "Fluid-Dynamic Drag", 1965; the parasitic drag of rotorpy, D = -|v| diag(c) v, c = 1/2 rho A (Folk,
     Paulos and Kumar, arXiv:2306.04485).
     """
@@ -29,6 +29,7 @@ class BodyDragAreas(WrenchEffect):
     excited_by = "translation faster than about 2 m/s, in every body direction"
     confused_with = ("body_drag", "wind", "rotor_drag")
     needs_pose = True
+    aerodynamic = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Drag areas along body x, y and z (typical: a tenth of the weight at 5 m/s)."""
@@ -42,7 +43,7 @@ class BodyDragAreas(WrenchEffect):
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Drag force at the centre of mass, about O."""
-        velocity_B = rotate_inverse(context.state.quat_EB, context.state.velocity_E)
+        velocity_B = context.velocity_through_air_B
         speed = np.linalg.norm(velocity_B, axis=-1, keepdims=True)
         force = -0.5 * AIR_DENSITY * theta * speed * velocity_B
         return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)

@@ -1,4 +1,4 @@
-"""What an effect is: an equation with parameters that acts at one of five places.
+"""What an effect is: an equation with parameters that acts at one of five places, or is a state of the air.
 
 place       signature of `apply`                                             examples
 commands    (commands, theta, context, dt, memory) -> (commands, memory)     lags, delay, tilt offset
@@ -6,6 +6,11 @@ thrusts     (actuation, theta, context) -> thrust (N, R)                     gai
 wrench      (actuation or None, wrench_B, theta, context) -> wrench_B (N, 6) drag, constant wrench, thrust scale
 body        (body, theta) -> body                                            centre of mass, inertia, mass
 sensor      (motion, theta, context) -> motion                               misalignment, lever arm
+
+air         (state, theta) -> velocity_E (N, 3)                              wind
+
+The air is the environment: it has no force. What it does at `thrusts` and `wrench` is done by effects that see the
+velocity through it, `Context.velocity_through_air_B`; they say so with `aerodynamic`.
 
 `theta` (P,) are the values of `parameters(vehicle)`, in that order. Zero is always "no effect": the identification
 starts there, and a test asserts it. The same `apply` serves identification (N samples) and simulation (N = 1, called
@@ -18,17 +23,20 @@ were added, so that a model does not depend on its history.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.state import Actuation, Commands, Motion, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 __all__ = [
     "Actuation",
+    "AirEffect",
     "Any",
     "AnyEffect",
     "Array",
@@ -49,7 +57,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Place = Literal["commands", "thrusts", "wrench", "body", "sensor"]
+Place = Literal["commands", "thrusts", "wrench", "body", "sensor", "air"]
 
 
 @dataclass(frozen=True)
@@ -79,10 +87,21 @@ class Source:
 
 @dataclass(frozen=True)
 class Context:
-    """What an effect may look at: the vehicle and the state (N samples)."""
+    """What an effect may look at: the vehicle, the state (N samples), the air.
+
+    `air_velocity_E` (N, 3) [m/s] is the velocity of the air in E, None where it is still. It is known at the places
+    `thrusts` and `wrench`; what happens to commands and in the IMU does not depend on it.
+    """
 
     vehicle: Vehicle
     state: State
+    air_velocity_E: Array | None = None
+
+    @property
+    def velocity_through_air_B(self) -> Array:
+        """Velocity of O relative to the air (N, 3) [m/s], in B: R_EB^T (v - v_air)."""
+        velocity_E, air_E = self.state.velocity_E, self.air_velocity_E
+        return rotate_inverse(self.state.quat_EB, velocity_E if air_E is None else velocity_E - air_E)
 
 
 class Effect(ABC):
@@ -106,6 +125,8 @@ class Effect(ABC):
     needs_voltage: ClassVar[bool] = False
     needs_pose: ClassVar[bool] = False
     needs_rates: ClassVar[bool] = False
+    aerodynamic: ClassVar[bool] = False
+    """Whether it depends on the velocity through the air, so that air that moves acts through it."""
     sparse: ClassVar[bool] = False
     """Whether a few large parameters are likelier than many small ones (one damaged rotor, one slipped servo)."""
 
@@ -116,6 +137,11 @@ class Effect(ABC):
     def unexcited(self, context: Context) -> str | None:
         """Why a flight through these states cannot show the effect, e.g. "never faster than 0.2 m/s", or None."""
         del context
+        return None
+
+    def outdated(self, values: Mapping[str, float]) -> str | None:
+        """Where `values` are by parameters that an earlier version had: that, and the remedy, as an error says it."""
+        del values
         return None
 
 
@@ -170,4 +196,14 @@ class SensorEffect(Effect):
         """The motion as the nominal processing will believe it to be (at O)."""
 
 
-AnyEffect = CommandEffect | ThrustEffect | WrenchEffect | BodyEffect | SensorEffect
+class AirEffect(Effect):
+    """Says how the air moves. The velocities of several add up."""
+
+    place = "air"
+
+    @abstractmethod
+    def apply(self, state: State, theta: Array) -> Array:
+        """Velocity of the air (N, 3) [m/s] in E at the times and places of these states."""
+
+
+AnyEffect = CommandEffect | ThrustEffect | WrenchEffect | BodyEffect | SensorEffect | AirEffect

@@ -12,6 +12,8 @@ from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter,
 class RotorDrag(WrenchEffect):
     """The H-force: each rotor pulls against its velocity in its own plane, F_r = -lambda |Omega| v_perp, at the hub.
 
+    The velocity is that of the hub through the air.
+
     Source: Martin and Salaun, ICRA 2010; RotorS' `rotor_drag_coefficient` (8.06e-5 N s^2/(m rad)).
     """
 
@@ -20,6 +22,7 @@ class RotorDrag(WrenchEffect):
     confused_with = ("body_drag", "wind", "rotational_drag")
     needs_rotors = True
     needs_pose = True
+    aerodynamic = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """lambda, scaled to the vehicle's weight and rotor speed."""
@@ -30,9 +33,9 @@ class RotorDrag(WrenchEffect):
 
     def unexcited(self, context: Context) -> str | None:
         """Hubs that hardly move: neither translation nor rates."""
-        x, least = context.state, 0.3
-        turning = span(context.vehicle) * np.linalg.norm(x.omega_B, axis=-1)
-        fastest = float(np.max(np.linalg.norm(x.velocity_E, axis=-1) + turning))
+        least = 0.3
+        turning = span(context.vehicle) * np.linalg.norm(context.state.omega_B, axis=-1)
+        fastest = float(np.max(np.linalg.norm(context.velocity_through_air_B, axis=-1) + turning))
         return f"no rotor faster than {least:g} m/s (fastest {fastest:.2g} m/s)" if fastest < least else None
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:

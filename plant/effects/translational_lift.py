@@ -10,7 +10,7 @@ from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter,
 
 
 class TranslationalLift(ThrustEffect):
-    """Air that comes in edgewise adds thrust: dT = k_h |v_t|^2, v_t the hub's velocity in the rotor's plane.
+    """Air that comes in edgewise adds thrust: dT = k_h |v_t|^2, v_t the hub's velocity through the air in its plane.
 
     The mean over a turn of the blade's (Omega r + v_t sin psi)^2 is (Omega r)^2 + |v_t|^2 / 2; a rotor that turns
     backwards gains downwards. Source: blade element theory; the form is that of rotorpy's `k_h` (Folk, Paulos and
@@ -21,6 +21,7 @@ class TranslationalLift(ThrustEffect):
     excited_by = "speed across the rotors"
     confused_with = ("thrust_scale", "body_drag")
     needs_pose = True
+    aerodynamic = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """k_h per rotor, scaled to the hover thrust."""

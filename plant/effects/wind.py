@@ -2,33 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from wrenchgap.flight.so3 import rotate_inverse
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
+from wrenchgap.plant.effects.effect import AirEffect, Array, Parameter, State, Vehicle
+
+STRONGEST = 15.0
+"""Most that multirotors are flown in, along either axis [m/s]: 7 on Beaufort's scale."""
 
 
-class Wind(WrenchEffect):
-    """Linear drag in moving air: F = -D (v - v_w), v_w constant in E, horizontal; at the centre of mass.
+class Wind(AirEffect):
+    """The air moves with a velocity v_w that is constant in E and horizontal.
 
-    The parameters are D and the force w = D v_w at standstill, in which the effect is linear; v_w = w / D. D is the
-    same in every direction. Source: Faessler et al., RA-L 2018 (linear drag) with the velocity through the air.
+    It has no force of its own: every aerodynamic effect sees v - v_w in place of v, so drag D is felt as -D (v - v_w).
+    Source: Galileo's relativity; aerodynamic forces depend on the motion relative to the air, e.g. Stevens, Lewis and
+    Johnson, "Aircraft Control and Simulation", 3rd ed., 2016, ch. 2.
     """
 
     name = "wind"
-    excited_by = "flight in several directions, and yaw: the force is fixed in E"
+    excited_by = "a drag, and flight in several directions: the air's velocity is fixed in E"
     confused_with = ("tether", "body_drag", "constant_wrench")
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
-        """Drag, and the wind's force at standstill along E's x and y."""
-        weight = vehicle.body.mass * 9.81
-        force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, 0.3 * weight, 0.02 * weight) for a in "xy")
-        return (Parameter("drag", "N s/m", 0.0, 0.2 * weight, 0.01 * weight), *force)
+        """The air's velocity along E's x and y; a light breeze is typical."""
+        return tuple(Parameter(f"velocity_{a}", "m/s", -STRONGEST, STRONGEST, 3.0) for a in "xy")
 
-    def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
-        """The force about the nominal centre of mass, moved to O."""
-        x = context.state
-        pushed = -theta[0] * x.velocity_E + np.array([theta[1], theta[2], 0.0])
-        force = rotate_inverse(x.quat_EB, pushed)
-        return np.concatenate((force, np.cross(context.vehicle.body.com_B, force)), axis=-1)
+    def outdated(self, values: Mapping[str, float]) -> str | None:
+        """Version 0.1.0 had a drag D of its own, the same in every direction, and the force w = D v_w."""
+        if not {"drag", "force_x", "force_y"} & set(values):
+            return None
+        drag, *force = (float(values.get(key, 0.0)) for key in ("drag", "force_x", "force_y"))
+        same = f"a tether with force_x = {force[0]:.6g}, force_y = {force[1]:.6g}"
+        if drag > 0.0:
+            x, y = (f / drag for f in force)
+            same = f"body_drag with linear_x = linear_y = linear_z = {drag:.6g} (the rest 0) and wind with "
+            same += f"velocity_x = {x:.6g}, velocity_y = {y:.6g}"
+        return (
+            "drag, force_x and force_y are those of an earlier version; wind is now the air's velocity and has no "
+            f"force of its own: write {same} instead, or fit both anew with `wrenchgap add body_drag wind`"
+        )
+
+    def apply(self, state: State, theta: Array) -> Array:
+        """The same for all samples."""
+        return np.broadcast_to(np.append(theta, 0.0), state.velocity_E.shape)

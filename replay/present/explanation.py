@@ -214,12 +214,17 @@ def members(found: Explanation) -> Table:
     for column in out.columns[-2:]:
         column.justify = "left"
     for m in found.members:
-        group = ", ".join(f"{r.name} (cosine {r.cosine:.2f})" for r in m.alike)
+        group = ", ".join(f"{_together(r.candidate)} (cosine {r.cosine:.2f})" for r in m.alike)
         others = [r for r in m.rivals if not r.alike and r.candidate.worthy]
-        far = f"{others[0].name} ({others[0].separation:.1f})" if others else "-"
+        far = f"{_together(others[0].candidate)} ({others[0].separation:.1f})" if others else "-"
         sure = f"{100 * found.confidence(m):.0f} %"
         out.add_row(m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far)
     return out
+
+
+def _together(candidate: Candidate) -> str:
+    """Its name, with those of its companions."""
+    return " + ".join(candidate.names)
 
 
 def ranking(title: str, step: Step, most: int | None = None) -> Table:
@@ -232,7 +237,7 @@ def ranking(title: str, step: Step, most: int | None = None) -> Table:
         limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
         words = escape(parameters_in_words(candidate.values)) + limit
-        out.add_row(mark, candidate.name, *numbers, words, style="bold" if mark == "*" else "")
+        out.add_row(mark, _together(candidate), *numbers, words, style="bold" if mark == "*" else "")
     return out
 
 
@@ -257,6 +262,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
             }
             for step in found.steps
         ],
+        "air": None if found.air is None else entries(found.air, "wind_E", "std"),
         "dropped": list(found.dropped),
         "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
         **entries(found, "rms_before", "rms_after", "noise"),
@@ -276,7 +282,7 @@ def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
         "probability": found.confidence(member),
         **entries(member, "share", "significance", "evidence"),
         "group": [member.name, *(r.name for r in member.alike)],
-        "rivals": [entries(r, *names) for r in member.rivals],
+        "rivals": [entries(r, *names, "companions=candidate.companions") for r in member.rivals],
     }
 
 
@@ -292,7 +298,7 @@ def _left_json(found: Explanation) -> dict[str, Any]:
 
 def _candidate_json(candidate: Candidate) -> dict[str, Any]:
     names = ("effect=name", "heldout_fall=reduction", "score", "parameters=values", "evidence", "significance")
-    return {**entries(candidate, *names, "implausible"), "parameters": values_json(candidate.values)}
+    return {**entries(candidate, *names, "companions", "implausible"), "parameters": values_json(candidate.values)}
 
 
 def _validation_json(tested: Validation) -> dict[str, Any]:

@@ -125,13 +125,16 @@ EVERYWHERE = {
     "rotor_thrust": 0.05,
     "coaxial_loss": 0.1,
     "constant_wrench": 0.4,
+    "axial_inflow": 2e-4,
+    "rotor_drag": 1e-4,
+    "wind": 2.0,
     "arm_reaction": 1e-3,
     "thrust_scale": 0.05,
     "com_offset": 0.005,
     "inertia": 0.002,
     "imu_misalignment": 0.02,
 }
-"""Effects at all five places, one with rates, with sizes."""
+"""Effects at all five places and the air, one with rates, with sizes."""
 
 
 @pytest.fixture(scope="module")
@@ -163,8 +166,8 @@ def assert_as_predict(evaluate, record, model):
     np.testing.assert_allclose(evaluate(model), expected, atol=1e-10 * np.abs(expected).max())
 
 
-def test_effects_of_the_test_stand_at_all_five_places():
-    assert {find(name).place for name in EVERYWHERE} == {"commands", "thrusts", "wrench", "body", "sensor"}
+def test_effects_of_the_test_stand_at_all_five_places_and_in_the_air():
+    assert {find(name).place for name in EVERYWHERE} == {"commands", "thrusts", "wrench", "body", "sensor", "air"}
     assert any(find(name).needs_rates for name in EVERYWHERE)
 
 

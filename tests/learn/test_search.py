@@ -232,8 +232,8 @@ def test_a_simpler_effect_is_preferred_where_it_does_as_well(made_up):
 def test_the_best_of_the_table_is_tried_in_a_members_place_though_six_others_are_known_to_look_alike():
     """constant_wrench has many known look-alikes; rotor_thrust, which is none of them, took off more than all."""
     known = ("wind", "body_drag", "tether", "mass", "com_offset", "thrust_scale", "tilt_offset", "imu_misalignment")
-    table = [SimpleNamespace(name=n, evidence=1.0) for n in ("constant_wrench", *known)]
-    best = SimpleNamespace(name="rotor_thrust", evidence=3.0)
+    table = [SimpleNamespace(name=n, names=(n,), evidence=1.0) for n in ("constant_wrench", *known)]
+    best = SimpleNamespace(name="rotor_thrust", names=("rotor_thrust",), evidence=3.0)
     step = SimpleNamespace(candidates=(*table, best))
     made = SimpleNamespace(steps=[step], chosen=["constant_wrench"], names=("constant_wrench", *known, "rotor_thrust"))
     tried = Search.rivals_of(made, "constant_wrench")
