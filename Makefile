@@ -11,7 +11,7 @@ export MKL_NUM_THREADS = 1
 export NUMBA_NUM_THREADS = 1
 export MPLBACKEND = Agg
 
-.PHONY: help setup demo test check format bench paper docs lock wheel screenshots clean
+.PHONY: help setup demo test readme check format bench paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -26,6 +26,9 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 test: setup ## the everyday test suite
 	@bash scripts/install_browser.sh
 	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
+
+readme: setup ## the README's commands, run as written (CI does so after the tests)
+	$(VENV) -m pytest -m slow tests/test_readme.py
 
 check: setup ## format, lint, types, layers
 	$(VENV) -m ruff format --check .

@@ -16,7 +16,8 @@ NOISE = np.array([0.03, 0.03, 0.04, 0.003, 0.003, 0.005])
 
 def blocks(count=BLOCKS, noise=NOISE):
     """What a comparison asks of a data set: blocks of 80 samples (2 s at 40 Hz)."""
-    return SimpleNamespace(block=np.repeat(np.arange(count), SAMPLES), noise=noise, weights=np.repeat([1.0, 5.0], 3))
+    block, weights = np.repeat(np.arange(count), SAMPLES), np.repeat([1.0, 5.0], 3)
+    return SimpleNamespace(block=block, noise=noise, weights=weights, measured_axes=np.ones(6, dtype=bool))
 
 
 DATA = blocks()
