@@ -16,7 +16,7 @@ class ImuMisalignment(SensorEffect):
 
     name = "imu_misalignment"
     excited_by = "force in two body directions"
-    confused_with = ("tilt_offset", "constant_wrench")
+    confused_with = ("tilt_offset", "constant_wrench", "wind")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Rotation about body x, y and z."""

@@ -22,7 +22,7 @@ class Wind(AirEffect):
 
     name = "wind"
     excited_by = "a drag, and flight in several directions: the air's velocity is fixed in E"
-    confused_with = ("tether", "body_drag", "constant_wrench")
+    confused_with = ("tether", "body_drag", "constant_wrench", "imu_misalignment")
     needs_pose = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
