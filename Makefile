@@ -27,7 +27,7 @@ test: setup ## the everyday test suite
 	@bash scripts/install_browser.sh
 	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
 
-readme: setup ## the README's commands, run as written (CI does so after the tests)
+readme: setup ## the README's commands, run as written (CI does so before the tests)
 	$(VENV) -m pytest -m slow tests/test_readme.py
 
 check: setup ## format, lint, types, layers

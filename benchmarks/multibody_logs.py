@@ -68,7 +68,7 @@ def main():
     model = load_model("tilt_hexarotor")
     results = {}
     print(
-        "reduction of rms on the unseen test flight [%], F_x F_y F_z M_x M_y M_z; "
+        "RMS reduction on the unseen test flight [%], F_x F_y F_z M_x M_y M_z; "
         "-: below three times the sensor noise already"
     )
     for name in HIDDEN:

@@ -247,7 +247,7 @@ def print_pair(train, test, r):
     """One pair in three lines."""
     falls = {k: " ".join(f"{100 * v:4.0f}" for v in r[k]) for k in ("held_out_fall", "unseen_fall")}
     print(f"\n{train} -> {test}: {r['verdict']}: {', '.join(r['effects'])}")
-    print(f"  fall of rms [%], held-out {falls['held_out_fall']}   unseen {falls['unseen_fall']}")
+    print(f"  RMS reduction [%], held-out {falls['held_out_fall']}   unseen {falls['unseen_fall']}")
     clear = [p for p in r["parameters"] if abs(p["value"]) > 3 * p["std"]]
     print("  " + ", ".join(f"{p['effect']}.{p['name']} {p['value']:.3g} +- {p['std']:.1g} {p['unit']}" for p in clear))
 

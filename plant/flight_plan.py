@@ -14,6 +14,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.stamps import interpolated
+from wrenchgap.plant.air import require_force
 from wrenchgap.plant.controller import pushes_along_z_only
 from wrenchgap.plant.effect_values import with_hidden
 from wrenchgap.plant.model import Model
@@ -56,6 +57,7 @@ def prepare(plan: Plan) -> tuple[Model, Model, Trajectory]:
         size = (believed.controller.integral or 0.3) if plan.integral else 0.0
         believed = replace(believed, controller=replace(believed.controller, integral=size))
     truth = with_hidden(plan.believed, plan.hidden)
+    require_force([e.name for e in truth.effects])
     physics_rate(believed)  # raises where the rates do not fit
     return truth, believed, trajectory
 

@@ -39,8 +39,8 @@ from wrenchgap.learn.design.separability import (
     sized,
     thorough,
 )
-from wrenchgap.learn.identify.air import require_force
 from wrenchgap.learn.process.train import Progress
+from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.moves import Move, Moves

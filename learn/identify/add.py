@@ -15,8 +15,8 @@ from wrenchgap.learn.data.blocks import by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.identify.air import require_force
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
+from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model

@@ -6,7 +6,7 @@ wrong. A search that tries one effect at a time finds neither, so
 
     in a search    a drag is tried in still air and in moving air, and the air's motion is part of that candidate where
                    it predicts held-out time better by the rule that any further effect must meet (`companions`)
-    in a set       air that moves stays only as long as an effect that sees it does (`that_act`)
+    in a set       air that moves stays only as long as an effect that sees it does (`plant.air.that_act`)
     in a fit       where every coefficient is zero, they start at their typical sizes (`awake`)
 """
 
@@ -17,30 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.effects import AirEffect, catalogue, find
+from wrenchgap.plant.air import is_air, is_drag
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
-
-
-def is_air(name: str) -> bool:
-    """Whether an effect says how the air moves."""
-    return isinstance(find(name), AirEffect)
-
-
-def is_drag(name: str) -> bool:
-    """Whether air that moves exerts a force through this effect even on a vehicle that stands."""
-    effect = find(name)
-    return effect.aerodynamic and effect.place == "wrench"
-
-
-def that_act(names: Iterable[str], among: Iterable[str] = ()) -> list[str]:
-    """`names` without air that moves where no effect of them, or of `among`, sees it."""
-    listed = list(names)
-    seen = any(find(n).aerodynamic for n in (*listed, *among))
-    return [n for n in listed if seen or not is_air(n)]
 
 
 def companions(name: str, others: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:
@@ -52,17 +34,6 @@ def companions(name: str, others: Iterable[str], names: Iterable[str]) -> tuple[
     if not is_drag(name) or any(is_drag(n) or is_air(n) for n in present):
         return ()
     return tuple(n for n in names if is_air(n))
-
-
-def require_force(names: Sequence[str]) -> None:
-    """Raise ModelError for a set in which nothing sees that the air moves."""
-    for name in names:
-        if name not in that_act(names):
-            through = ", ".join(n for n in catalogue() if is_drag(n))
-            raise ModelError(
-                f"effect {name}: has no force of its own; add it together with an effect through which the air acts: "
-                f"{through}"
-            )
 
 
 def awake(values: Mapping[str, Array], fixed: Sequence[ModelEffect], vehicle: Vehicle) -> dict[str, Array]:

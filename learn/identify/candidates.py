@@ -5,7 +5,7 @@ Of the catalogue, or of the names that a user gave, an effect is tried unless
     the model has it already, in one of its forms   it is then fitted together with every candidate
     it needs what model or logs lack                `learn.data.applicable.inapplicable`
     the flights cannot show it                      `learn.data.applicable.unexcited`: never that fast, that low ...
-    it is air that moves, and no effect through         alone it has no force (`learn.identify.air`)
+    it is air that moves, and no effect through         alone it has no force (`plant.air`)
     which the air acts is tried or in the model
     it is one of time, and on most axes of every    a lag found there would be the controller's own phase
     flight the commands answer the motion           (`learn.diagnose.response`); not where a user asked for it by name
@@ -20,14 +20,15 @@ from wrenchgap.flight.offsets import Problem
 from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.diagnose.timing import FlightTiming
-from wrenchgap.learn.identify.air import that_act
+from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 
 LAGS = ("servo_lag", "motor_lag", "asymmetric_motor_lag", "command_delay", "backlash")
 """Effects that show in when, not in how much: where commands answer the motion they are not identifiable."""
 FEEDBACK_AXES = 3
-"""Axes on which the commands answer the motion, from which on a flight says nothing about lags and delays."""
+"""Axes on which the commands answer the motion, from which on a flight says nothing about lags and delays; all of them
+where fewer were measured."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def feedback_dominated(timing: Sequence[FlightTiming]) -> tuple[Untried, ...]:
     details = []
     for flight in timing:
         axes = [r.axis for r in flight.responses if r.offset.problem is Problem.FEEDBACK]
-        if len(axes) < FEEDBACK_AXES:
+        if len(axes) < max(1, min(FEEDBACK_AXES, len(flight.responses))):
             return ()
         details.append(f"{flight.flight}: on {', '.join(axes)}")
     return tuple(Untried(name, Lack.FEEDBACK, details[0]) for name in LAGS) if details else ()

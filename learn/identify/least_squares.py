@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.air import awake, is_air
+from wrenchgap.learn.identify.air import awake
+from wrenchgap.plant.air import is_air
 from wrenchgap.plant.effects import Parameter, find
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model import Model

@@ -22,9 +22,10 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.data.blocks import INDISTINCT, LARGE_EVIDENCE, Contrast, contrast, cosine, evidence, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
-from wrenchgap.learn.identify.air import companions, that_act
+from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
 from wrenchgap.learn.parallel import each
+from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.plant.effects.body_drag import too_slow
-from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, WrenchEffect
+from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.plant.effects.body_drag import BodyDrag
+from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter
 from wrenchgap.plant.vehicle import Vehicle
 
 AIR_DENSITY = 1.225
 """Of the International Standard Atmosphere at sea level [kg/m^3]."""
 
 
-class BodyDragAreas(WrenchEffect):
+class BodyDragAreas(BodyDrag):
     """Drag on the body along the velocity's components, each with its own area, in the square of the speed.
 
         F_i = -1/2 rho A_i |v| v_i   (i = x, y, z of B),   at the centre of mass
@@ -24,22 +25,15 @@ class BodyDragAreas(WrenchEffect):
     """
 
     name = "body_drag_areas"
-    family = "body_drag"
     form = "|v| v with an area per axis"
     excited_by = "translation faster than about 2 m/s, in every body direction"
     confused_with = ("body_drag", "wind", "rotor_drag")
-    needs_pose = True
-    aerodynamic = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Drag areas along body x, y and z (typical: a tenth of the weight at 5 m/s)."""
-        weight = vehicle.body.mass * 9.81
+        weight = vehicle.body.mass * GRAVITY
         largest = 0.08 * weight / AIR_DENSITY
         return tuple(Parameter(f"area_{a}", "m^2", 0.0, largest, 0.1 * largest) for a in "xyz")
-
-    def unexcited(self, context: Context) -> str | None:
-        """Drag needs speed."""
-        return too_slow(context)
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Drag force at the centre of mass, about O."""

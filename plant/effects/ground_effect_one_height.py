@@ -16,7 +16,6 @@ class GroundEffectOneHeight(GroundEffect):
     """
 
     name = "ground_effect_one_height"
-    family = "ground_effect"
     form = "one height for all rotors"
     confused_with = ("ground_effect", "thrust_scale", "mass")
 

@@ -40,6 +40,7 @@ CASES = {
     "remove servo_lag HEXA -o out.toml": "servo_lag | none",
     "simulate HEXA -t hover --hide com_offset=q:1 -o out.mcap": "'q' | x, y, z",
     "simulate HEXA -t hover --hide com_offset=x:much -o out.mcap": "much | not a number",
+    "simulate HEXA -t hover --hide wind=velocity_x:3 -o out.mcap": "wind: has no force of its own | body_drag",
     "simulate HEXA -t looping -o out.mcap": "looping | figure8",
     "simulate HEXA -t hover -o out.bag": "out.bag | .mcap",
     "compare LOG -m @another.toml --gp @some.gp OUT": "another | tilt_hexarotor | wrenchgap learn",
