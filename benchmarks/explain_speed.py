@@ -23,8 +23,8 @@ import numpy as np
 
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.identify.explain import explain
 from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.posterior.explain import explain
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.sensors import imu_errors

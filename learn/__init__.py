@@ -25,7 +25,7 @@ __getattr__, __all__ = names_of(
         "wrenchgap.learn.diagnose.model_checks": ("LogReport",),
         "wrenchgap.learn.diagnose.where": ("Where",),
         "wrenchgap.learn.identify.add": ("Addition",),
-        "wrenchgap.learn.identify.explain": ("Explanation", "Verdict"),
+        "wrenchgap.learn.posterior.explain": ("Explanation", "Verdict"),
         "wrenchgap.learn.identify.learning": ("Learnt",),
         "wrenchgap.learn.process.gp": ("FitSettings", "GaussianProcess"),
     },
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from wrenchgap.learn.diagnose.model_checks import LogReport as LogReport
     from wrenchgap.learn.diagnose.where import Where as Where
     from wrenchgap.learn.identify.add import Addition as Addition
-    from wrenchgap.learn.identify.explain import Explanation as Explanation
-    from wrenchgap.learn.identify.explain import Verdict as Verdict
     from wrenchgap.learn.identify.learning import Learnt as Learnt
+    from wrenchgap.learn.posterior.explain import Explanation as Explanation
+    from wrenchgap.learn.posterior.explain import Verdict as Verdict
     from wrenchgap.learn.process.gp import FitSettings as FitSettings
     from wrenchgap.learn.process.gp import GaussianProcess as GaussianProcess

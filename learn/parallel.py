@@ -78,7 +78,7 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
         _remove(question)
 
 
-def get_ready(jobs: int, what: str = "wrenchgap.learn.identify.search") -> None:
+def get_ready(jobs: int, what: str = "wrenchgap.learn.posterior.explain") -> None:
     """Let the workers of a later `each` start, and import the module `what`, while this process reads logs."""
     if jobs > 1:
         with ctrl_c_stays_here():

@@ -27,11 +27,11 @@ from wrenchgap.learn.diagnose import model_checks
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify import add as adding
-from wrenchgap.learn.identify import explain as explaining
 from wrenchgap.learn.identify import learning
 from wrenchgap.learn.identify.add import Addition, labels
-from wrenchgap.learn.identify.explain import Explanation
 from wrenchgap.learn.identify.learning import Learnt
+from wrenchgap.learn.posterior import explain as explaining
+from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.predictors import predictors

@@ -13,7 +13,7 @@ from benchmarks.hidden_effects.cases import UNSEEN, Case
 from benchmarks.hidden_effects.engine import ALWAYS, Truth, fly
 from benchmarks.hidden_effects.hidden import HOVER_THRUST
 from wrenchgap import compare, explain, open_flights
-from wrenchgap.learn.identify.explain import Explanation
+from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present import explanation
 from wrenchgap.replay.present.documents import plain

@@ -14,8 +14,8 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
-from wrenchgap.learn.identify.explain import Explanation, explain
 from wrenchgap.learn.identify.learning import TORQUE, learn_process, samples
+from wrenchgap.learn.posterior.explain import Explanation, explain
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.effects.lag import first_order

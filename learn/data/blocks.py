@@ -46,6 +46,8 @@ SIGNIFICANT, LARGE, INDISTINCT, UNSTEADY = 3.0, 2.0, 2.5, 1.0
 LEVEL = 0.01
 LARGE_EVIDENCE = 0.5
 """Evidence (sum of log rms ratios over axes) of a large gain: 40 % off the rms of one axis, or as much over several."""
+LEAST_EVIDENCE = 0.2
+"""Smallest evidence worth a name: e.g. 7 % of the rms of three axes."""
 DISCREPANCY = 0.25
 """Share of the better model's excess over the noise that may be chance's choice between two models."""
 

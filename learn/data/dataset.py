@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.answering import answerable
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import WrenchModel
@@ -29,7 +30,7 @@ class Dataset:
 
     `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
     `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
-    independent. An axis that one of the records did not measure is out: NaN in `measured` and `noise`, weight zero.
+    independent. `answering` are the axes on which commands answer the motion (`learn.data.answering`). An axis that one of the records did not measure is out: NaN in `measured` and `noise`, weight zero.
     """
 
     records: tuple[Record, ...]
@@ -39,6 +40,7 @@ class Dataset:
     flight: NDArray[np.intp]
     weights: Array
     independence: float
+    answering: tuple[int, ...] = ()
 
     def predict(self, model: WrenchModel) -> Array:
         """Predicted measured wrench (K, 6)."""
@@ -48,6 +50,23 @@ class Dataset:
     def evaluators(self) -> tuple[Evaluator, ...]:
         """One for each record; they remember what models have in common."""
         return tuple(Evaluator(record) for record in self.records)
+
+    @cached_property
+    def answerable(self) -> Array:
+        """Orthonormal basis (K, A) of what those answers could explain on an axis."""
+        return answerable(self.records, self.block)
+
+    def unanswered(self, values: Array) -> Array:
+        """Values (K, 6, ...) without what commands that answer the motion could explain, on the axes where they do."""
+        if not self.answering:
+            return values
+        out = values.copy()
+        basis = self.answerable
+        for axis in self.answering:
+            out[:, axis] -= np.tensordot(basis, basis.T @ values[:, axis].reshape(len(values), -1), 1).reshape(
+                values[:, axis].shape
+            )
+        return out
 
     @property
     def measured_axes(self) -> NDArray[np.bool_]:
@@ -68,7 +87,7 @@ def length_scale(model: Model) -> float:
     return float(np.sqrt(1.5 * np.trace(body.inertia) / body.mass))
 
 
-def dataset(records: Sequence[Record], model: Model) -> Dataset:
+def dataset(records: Sequence[Record], model: Model, answering: Sequence[int] = ()) -> Dataset:
     """Stack records; weights are 1/N for forces and 1/(N l) for torques, l the vehicle's `length_scale`."""
     if not records:
         raise FitError("no stretch of flight is long enough to be used; see `wrenchgap inspect`")
@@ -94,6 +113,7 @@ def dataset(records: Sequence[Record], model: Model) -> Dataset:
         np.concatenate([np.full(len(r), names.index(r.flight)) for r in records]),
         np.where(known, np.repeat([1.0, 1.0 / length_scale(model)], 3), 0.0),
         min(1.0, first.dt_kept * 2.0 * first.cutoff_hz),
+        tuple(answering),
     )
 
 

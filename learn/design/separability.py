@@ -22,7 +22,7 @@ independent samples. So
     separation = difference / hypot(spread, DISCREPANCY sum_l (s_l^2 - sensor noise_l^2) / v_l).
 
 A direction "truth A, imitated by B" does not count where B has so many parameters more than A that
-`learn.identify.search` would not take it for a rival: both explain the flight, and the simpler one is named.
+`explain` would not prefer it: both explain the flight, and the simpler one is named.
 """
 
 from __future__ import annotations
@@ -35,12 +35,11 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import INDISTINCT, Contrast, by_block, contrast
+from wrenchgap.learn.data.blocks import INDISTINCT, LEAST_EVIDENCE, Contrast, by_block, contrast
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms, weighted
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.fit import Fit, fit, held_out
-from wrenchgap.learn.identify.search import LEAST_EVIDENCE, comparable
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -222,6 +221,11 @@ def direction(
         comparable(few, many),
         (added, imitated),
     )
+
+
+def comparable(size: int, other: int) -> bool:
+    """Whether an effect of `other` parameters is simple enough to stand in the place of one of `size`."""
+    return other <= size + 2 or other <= 1.5 * size
 
 
 def thorough(data: Dataset, base: Model, name: str, also: Sequence[str] = ()) -> Fit:

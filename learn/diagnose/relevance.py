@@ -15,7 +15,7 @@ is on further blocks. Evidence would be cheaper, but what an incomplete set of i
 takes the colour for signal.
 
 Groups are found by forward selection, the one that takes off the most first, as long as the next does beyond chance
-(paired t over blocks, scale-free over axes, as in `learn.identify.explain`).
+(paired t over blocks, scale-free over axes, as in `learn.posterior.explain`).
 
 **The command is special.** A controller with feedback answers any disturbance, so the commanded wrench goes with
 whatever is wrong: in hover the residual is minus the command. It is therefore tried last, and counts only for what the

@@ -6,12 +6,13 @@ say (`--shift`) or for `explain` to weigh (`command_delay`, `servo_lag`, `motor_
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight.derivative import angular_velocity, smooth
-from wrenchgap.flight.flight import Array, Flight, OdometrySeries
+from wrenchgap.flight.flight import AXES, Array, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets
 from wrenchgap.learn.data.opening import OpenFlight
@@ -130,6 +131,12 @@ def timing_of(opened: OpenFlight, model: Model) -> FlightTiming:
     """Offsets between the topics of a flight while it is in the air, and of the response behind its commands."""
     flown = [(float(r.time[0]), float(r.time[-1])) for r in opened.records]
     return timing(opened.flight, flown, responses(opened.flight, model.vehicle, opened.records))
+
+
+def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
+    """Axes on which the commands of a flight answer the motion."""
+    found = {r.axis for t in timing for r in t.responses if r.offset.problem is Problem.FEEDBACK}
+    return tuple(k for k, axis in enumerate(AXES) if axis in found)
 
 
 def _effect_error(offset: Offset, odometry: OdometrySeries | None) -> float | None:

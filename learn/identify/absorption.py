@@ -28,8 +28,7 @@ from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, rms
 from wrenchgap.learn.data.inputs import pooled_inputs
 from wrenchgap.learn.data.prediction import Process
-from wrenchgap.learn.identify.fit import Fit, fit, held_out
-from wrenchgap.learn.identify.search import MATERIAL
+from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.mismatch import output_indices

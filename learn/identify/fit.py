@@ -17,6 +17,9 @@ per parameter, by the evidence: s_p^2 <- theta_p^2 + var_p (automatic relevance 
 Theory, Inference, and Learning Algorithms", 45.4; EM form, Tipping, JMLR 2001). Where the data leave open which rotor
 is weak, one weak rotor is then preferred to twelve slightly odd ones.
 
+On axes where commands answer the motion (`learn.data.answering`) residual and derivatives are taken without what any such
+answer could explain.
+
 Standard deviations have four parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
 honest when residuals are coloured; the width of the prior in directions that the data leave open (of a sparse effect
 too: that one weak rotor is likelier than twelve odd ones does not show which); `MISFIT` of the value; and for times a
@@ -75,10 +78,10 @@ def _fit(problem: Problem, begin: Fit | None, iterations: int) -> Fit:
     data = problem.data
     point = problem.start(begin)
     known = data.measured_axes
-    size = np.sqrt(np.mean((point.residual * data.weights)[:, known] ** 2))
+    size = np.sqrt(np.mean((data.unanswered(point.residual) * data.weights)[:, known] ** 2))
     weights = data.weights / max(float(size), 1e-30)
     point, jacobian, first = problem.minimise(point, None, weights, iterations)
-    left = np.sqrt(np.mean(point.residual**2, axis=0))
+    left = np.sqrt(np.mean(data.unanswered(point.residual) ** 2, axis=0))
     weights = np.where(known, 1.0 / np.where(known, np.maximum(left, data.noise), 1.0), 0.0)
     point, jacobian, second = problem.minimise(point, jacobian, weights, iterations)
     if problem.sparse.any():
@@ -102,6 +105,8 @@ def _fit(problem: Problem, begin: Fit | None, iterations: int) -> Fit:
     )
 
 
+MATERIAL = 0.2
+"""Smallest parameter worth a name, in typical sizes (`Parameter.scale`): e.g. 1 % of thrust, 6 ms of lag."""
 SMALL = 0.3
 """Change of a prediction, relative to the residual, up to which its linearisation will do in a search."""
 

@@ -200,7 +200,7 @@ class Problem:
 
     def cost(self, x: Array, residual: Array, weights: Array) -> float:
         """The minimised quantity."""
-        data_part = self.data.independence * float(np.sum((residual * weights) ** 2))
+        data_part = self.data.independence * float(np.sum((self.data.unanswered(residual) * weights) ** 2))
         return data_part + float(np.sum((x / self.scale) ** 2))
 
     def step(
@@ -215,8 +215,8 @@ class Problem:
     ) -> tuple[Array, Array]:
         """Curvature H and gradient g of the data's half of the cost, without the prior."""
         factor = np.sqrt(self.data.independence) * weights
-        A = (jacobian[rows] * factor[:, None]).reshape(-1, point.x.size)
-        return A.T @ A, A.T @ (point.residual[rows] * factor).reshape(-1)
+        A = (self.data.unanswered(jacobian)[rows] * factor[:, None]).reshape(-1, point.x.size)
+        return A.T @ A, A.T @ (self.data.unanswered(point.residual)[rows] * factor).reshape(-1)
 
     def bounded_step(self, point: Point, H: Array, g: Array) -> Array:
         """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
@@ -247,14 +247,15 @@ class Problem:
         form that is nearly right and stamps that are nearly right may be off by.
         """
         prior = 1.0 / (self.data.independence * self.typical**2)
-        A = jacobian * weights[:, None]
-        scores = np.einsum("klp,kl->kp", A, point.residual * weights)
+        A = self.data.unanswered(jacobian) * weights[:, None]
+        scores = np.einsum("klp,kl->kp", A, self.data.unanswered(point.residual) * weights)
         blocks = np.zeros((int(self.data.block.max()) + 1, point.x.size))
         np.add.at(blocks, self.data.block, scores)
         flat = A.reshape(-1, point.x.size)
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
         count = len(blocks)
         whole = count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse
+        whole += between_flights(self.data, scores, inverse, whole)
         whole += inverse @ np.diag(prior) @ inverse / self.data.independence
         seconds = np.array([p.unit == "s" for _, p in self.parameters], dtype=bool)
         dt = max(r.dt for r in self.data.records)
@@ -267,3 +268,16 @@ class Problem:
         margin = 5e-3 * (high - low)
         stuck = ((theta - low < margin) & (low != 0.0)) | ((high - theta < margin) & (high != 0.0))
         return tuple(f"{n}.{p.name}" for (n, p), s in zip(self.parameters, stuck, strict=True) if s)
+
+
+def between_flights(data: Dataset, scores: Array, inverse: Array, within: Array) -> Array:
+    """What the variances of the sandwich over blocks (P, P) lack where flights differ by more than their blocks: a
+    diagonal (P, P). `scores` (K, P), `inverse` (P, P) curvature.
+    """  # noqa: D205
+    count = int(data.flight.max()) + 1
+    if count < 2:
+        return np.zeros_like(within)
+    flights = np.zeros((count, scores.shape[1]))
+    np.add.at(flights, data.flight, scores)
+    between = count / (count - 1) * inverse @ (flights.T @ flights) @ inverse
+    return np.diag(np.maximum(np.diag(between) - np.diag(within), 0.0))

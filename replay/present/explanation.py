@@ -15,9 +15,11 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.unmeasured import Why
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.diagnose.resonance import Oscillation
-from wrenchgap.learn.identify.explain import Explanation, Verdict
-from wrenchgap.learn.identify.search import Candidate, Member, Step
 from wrenchgap.learn.identify.validation import Validation
+from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.explain import Explanation, Verdict
+from wrenchgap.learn.posterior.members import Member
+from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import comparison, timing, where
 from wrenchgap.replay.present.design import design_command
@@ -48,11 +50,13 @@ CONCENTRATED = 0.7
 PROMINENT = 0.3
 """Parameters of this share of the largest, in typical sizes, are named in the verdict."""
 MOST = 10
-"""Candidates shown of the first step; of the others, four."""
+"""Candidates shown."""
+MOST_CLASSES, MOST_SETS, LIGHT = 3, 5, 0.02
+"""Classes and sets of each that are put in words; sets of less weight than that are not."""
 
 
 def parts(found: Explanation) -> list[Part]:
-    """Timing, verdict, members, how the set was found, errors before and after."""
+    """Timing, verdict, members, classes, candidates, errors before and after."""
     out: list[Part] = []
     for one in found.timing:
         out += [Line(text, "dim") for text in timing.certain_offsets(one)]
@@ -60,12 +64,8 @@ def parts(found: Explanation) -> list[Part]:
     out += [Line(summary(found), "bold"), Line()]
     if found.members:
         out += [members(found), Line(MEMBERS_LEGEND + "\n", "dim")]
-    for step in found.steps:
-        if step.chosen is None and step.on:
-            out.append(Line(f"on top of {', '.join(step.on)}: no further effect stands out\n"))
-        else:
-            title = f"how it was found: on top of {', '.join(step.on)}" if step.on else "candidates"
-            out.append(ranking(title, step, most=4 if step.on else MOST))
+    out += [Line(in_words(c)) for c in found.classes[:MOST_CLASSES]] + [Line()]
+    out.append(ranking(found))
     out.append(Line(RANKING_LEGEND + "\n", "dim"))
     if found.fit.snapshot:
         out += [parameters(found.fit.snapshot, "fitted together"), Line(INTERVAL_LEGEND + "\n", "dim")]
@@ -76,8 +76,6 @@ def parts(found: Explanation) -> list[Part]:
         rows, title = [("rms before", tested.before), ("rms after", tested.after)], ", ".join(tested.comparison.flights)
         out.append(before_after(f"unseen: {title}", rows, tested.reduction))
         out += note_lines(validation_warnings(tested), "warning")
-    if found.dropped:
-        out.append(Line(f"found on the way, then dropped or replaced: {', '.join(found.dropped)}"))
     lacking = not_tried(found.untried).items()
     out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
     return [*out, *note_lines(sentences(note for f in found.flights for note in f.notes))]
@@ -171,8 +169,6 @@ def what_next(found: Explanation, model: str, paths: Sequence[str]) -> list[Line
     option = f" --unmeasured {','.join(axis for axis in AXES if axis in said)}" if said else ""
     out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths)}{option}" for g in found.groups]
     model, logs = shlex.quote(model), shlex.join(paths) + option
-    if found.full:
-        out.append("the search ended at its limit of effects: add these, then explain with the new model, for more")
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN:
         out.append(f"next: wrenchgap where {logs} -m {model}: something is missing that the catalogue does not hold")
@@ -198,14 +194,24 @@ def reason(one: Untried) -> str:
 
 
 MEMBERS_LEGEND = (
-    "confidence: empirical hit rate at this strength of evidence, on hidden effects (docs/hidden-effects.md)   "
-    "share: of the error energy that returns without it   group: indistinguishable from it here   nearest other: and "
-    "by how many standard errors it fits worse"
+    "confidence: weight of the sets of effects that name it or one of its group   share: of the error energy that "
+    "returns without it   group: indistinguishable from it here   nearest other: and by how many standard errors it "
+    "fits worse"
 )
 RANKING_LEGEND = (
-    "* chosen   = indistinguishable from it   score: share of the error energy that is gone   F, M: change of rms on "
-    "held-out time   t: paired over blocks of time, significant above 3"
+    "* named   = indistinguishable from one that is   score: share of the error energy that is gone   F, M: change of "
+    "rms on held-out time   t: paired over blocks of time, significant above 3"
 )
+
+
+def in_words(one: Class) -> str:
+    """The sets of a class with their weights, and on what all of them agree."""
+    shown = [s for s in one.sets[:MOST_SETS] if s.weight >= LIGHT or s is one.sets[0]]
+    listed = [f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown]
+    if len(listed) == 1:
+        return f"{share(one.weight)} of the weight: {listed[0]}"
+    common = f"; in all of them: {', '.join(one.established)}" if one.established else ""
+    return f"{share(one.weight)} of the weight, indistinguishable here: {' or '.join(listed)}{common}"
 
 
 def members(found: Explanation) -> Table:
@@ -214,9 +220,9 @@ def members(found: Explanation) -> Table:
     for column in out.columns[-2:]:
         column.justify = "left"
     for m in found.members:
-        group = ", ".join(f"{_together(r.candidate)} (cosine {r.cosine:.2f})" for r in m.alike)
-        others = [r for r in m.rivals if not r.alike and r.candidate.worthy]
-        far = f"{_together(others[0].candidate)} ({others[0].separation:.1f})" if others else "-"
+        group = ", ".join(f"{r.name} ({share(r.weight)})" for r in m.alike)
+        others = [r for r in m.rivals if not r.alike]
+        far = f"{others[0].name} ({others[0].separation:.1f})" if others else "-"
         sure = f"{100 * found.confidence(m):.0f} %"
         out.add_row(m.name, sure, share(m.share), f"{m.significance:.1f}", group or "-", far)
     return out
@@ -227,13 +233,15 @@ def _together(candidate: Candidate) -> str:
     return " + ".join(candidate.names)
 
 
-def ranking(title: str, step: Step, most: int | None = None) -> Table:
-    """Candidates of one step of the selection, best first; those that can stand for the chosen one are marked."""
-    out = table(title, "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2)
+def ranking(found: Explanation) -> Table:
+    """Candidates, each by itself, best first; those that are named or indistinguishable from a named one are marked."""
+    out = table("each effect by itself", "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2)
     out.columns[-1].justify = "left"
-    alike = {name for name, _ in step.alike}
-    for candidate in step.candidates[:most]:
-        mark = "*" if candidate.name == step.chosen else "=" if candidate.name in alike else ""
+    alike = {name for m in found.members for r in m.alike for name in r.names}
+    for k, candidate in enumerate(found.ranking):
+        mark = "*" if candidate.name in found.effects else "=" if candidate.name in alike else ""
+        if k >= MOST and not mark:
+            continue
         limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
         words = escape(parameters_in_words(candidate.values)) + limit
@@ -244,26 +252,23 @@ def ranking(title: str, step: Step, most: int | None = None) -> Table:
 def to_json(found: Explanation) -> dict[str, Any]:
     """The body of the `explain` schema."""
     fitted = {s.effect: s.values for s in found.fit.snapshot}
+    ranked = [_candidate_json(c) for c in found.ranking]
     return {
         "verdict": str(found.verdict),
         "effects": list(found.effects),
         "groups": [list(group) for group in found.groups],
         "members": [_member_json(found, m) for m in found.members],
         "left": _left_json(found),
-        "ranking": [_candidate_json(c) for c in found.ranking],
+        "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
-        "steps": [
-            {
-                **entries(step, "on", "chosen"),
-                "alike": [{"effect": name, "cosine": cosine} for name, cosine in step.alike],
-                "candidates": [_candidate_json(c) for c in step.candidates],
-            }
-            for step in found.steps
-        ],
+        "steps": [{"on": [], "chosen": _first(found), "alike": [], "candidates": ranked}],
+        "classes": [_class_json(c) for c in found.classes],
+        "firm": list(found.firm),
+        "open": [axis for axis, left in zip(AXES, found.open, strict=True) if left],
         "air": None if found.air is None else entries(found.air, "wind_E", "std"),
-        "dropped": list(found.dropped),
+        "dropped": [],
         "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
         **entries(found, "rms_before", "rms_after", "noise"),
         "unmeasured": unmeasured(found.noise),
@@ -275,14 +280,27 @@ def to_json(found: Explanation) -> dict[str, Any]:
     }
 
 
+def _first(found: Explanation) -> str | None:
+    """The best candidate by itself that is named."""
+    return next((c.name for c in found.ranking if c.name in found.effects), None)
+
+
+def _class_json(one: Class) -> dict[str, Any]:
+    return {
+        "weight": one.weight,
+        "sets": [{"effects": list(s.names), "weight": s.weight} for s in one.sets],
+        "established": [{"effect": name} for name in one.established],
+    }
+
+
 def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
-    names = ("effect=name", "separation", "cosine", "alike", "worthy=candidate.worthy", "score=candidate.score")
+    rivals = [{**entries(r, "effect=name", "separation", "cosine", "alike", "weight")} for r in member.rivals]
     return {
         "effect": member.name,
         "probability": found.confidence(member),
         **entries(member, "share", "significance", "evidence"),
         "group": [member.name, *(r.name for r in member.alike)],
-        "rivals": [entries(r, *names, "companions=candidate.companions") for r in member.rivals],
+        "rivals": rivals,
     }
 
 

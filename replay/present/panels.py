@@ -9,7 +9,6 @@ from wrenchgap.learn import Design, Explanation
 from wrenchgap.learn.data.comparison import Stretch
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.identify import staircase as steps
-from wrenchgap.learn.identify.search import Step
 from wrenchgap.learn.identify.staircase import Basis
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.vehicle import Vehicle
@@ -89,7 +88,7 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
         tuple(named),
         tuple(candidates),
         found.groups,
-        tuple(map(_trace, found.steps)),
+        tuple(explanation.in_words(c) for c in found.classes),
         tuple(f"{', '.join(names)}: {reason}" for reason, names in not_tried),
     )
 
@@ -99,15 +98,6 @@ def _values(found: Explanation, name: str) -> tuple[Value, ...]:
     return tuple(
         Value(p.name, p.unit, float(v), float(std), p.low, p.high, p.scale) for (n, p), v, std in rows if n == name
     )
-
-
-def _trace(step: Step) -> str:
-    on = f"on top of {', '.join(step.on)}" if step.on else "on the current model"
-    if step.chosen is None:
-        return f"{on}: no further effect stands out"
-    best = step.candidates[0]
-    most = int(np.nanargmax(best.reduction))
-    return f"{on}: {step.chosen} (t {best.significance:.1f}, {AXES[most]} reduced by {share(best.reduction[most])})"
 
 
 def next_flight(found: Design, names: tuple[str, ...]) -> NextFlight:

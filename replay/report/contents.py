@@ -26,9 +26,9 @@ from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.identify.add import Addition, add
-from wrenchgap.learn.identify.explain import Explanation, explain
 from wrenchgap.learn.identify.learning import absorption, default_mean, learn_process
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
+from wrenchgap.learn.posterior.explain import Explanation, explain
 from wrenchgap.learn.process.predictors import OtherFilter
 from wrenchgap.plant.history import order_of
 from wrenchgap.plant.model import Model

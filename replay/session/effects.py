@@ -12,8 +12,8 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.identify import add as adding
-from wrenchgap.learn.identify import explain as searching
 from wrenchgap.learn.identify.staircase import Basis, Steps, staircase, steps
+from wrenchgap.learn.posterior import explain as searching
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import Model

@@ -17,8 +17,8 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.learn.identify.add import add
 from wrenchgap.learn.identify.candidates import Candidates, candidates
-from wrenchgap.learn.identify.explain import search_dataset
 from wrenchgap.learn.identify.fit import fit
+from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Body, Vehicle

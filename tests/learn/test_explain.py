@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.identify.candidates import candidates
-from wrenchgap.learn.identify.explain import SEARCH_SECONDS, search_dataset
+from wrenchgap.learn.posterior.explain import SEARCH_SECONDS, search_dataset
 
 TIMING = {"servo_lag", "command_delay", "motor_lag"}
 SOME = ("com_offset", "payload", "mass", "thrust_scale", "tether", "constant_wrench", "servo_lag", "arm_reaction")

@@ -12,8 +12,8 @@ import pytest
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn import parallel
 from wrenchgap.learn.identify.candidates import candidates
-from wrenchgap.learn.identify.explain import search_dataset
 from wrenchgap.learn.parallel import each
+from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import find
 

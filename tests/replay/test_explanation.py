@@ -16,8 +16,8 @@ import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
-from wrenchgap.learn.identify.explain import Verdict
 from wrenchgap.learn.identify.search import Search
+from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.explanation import members, not_tried, oscillation_in_words, summary, to_json, what_next

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from wrenchgap.learn.identify.explain import Explanation
-from wrenchgap.learn.identify.search import Candidate
+from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import share
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.learn.identify.search import Candidate
 from wrenchgap.learn.identify.staircase import Basis, Staircase
+from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, unit_of
 from wrenchgap.replay.present.staircase import label, remains

@@ -9,8 +9,8 @@ from typing import Any
 from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.identify.search import LIKE, Candidate, Step
 from wrenchgap.learn.identify.staircase import Staircase
+from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
@@ -105,17 +105,11 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     return {
         "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
-        "first": _candidates("First step, each effect alone", shown),
-        "later": [_later(step) for step in found.steps if step.on],
+        "first": _candidates("Each effect alone", shown),
+        "classes": [explanation.in_words(c) for c in found.classes],
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
-        "dropped": ", ".join(found.dropped),
     }
-
-
-def _later(step: Step) -> tuple[str, Table]:
-    then = f"{step.chosen} is next" if step.chosen else "no further effect stands out"
-    return f"On top of {', '.join(step.on)}: {then}", _candidates("", step.candidates[:MOST_LATER])
 
 
 def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
@@ -139,13 +133,12 @@ def _members(found: Explanation) -> Table | None:
         rivals = ", ".join(f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in listed)
         rows.append([m.name, sure, share(m.share), f"{m.significance:.1f}", rivals or "none near"])
     caption = (
-        "Each named effect was taken out again, and others were tried in its place; two effects with a separation "
-        f"below {INDISTINCT:g} and a cosine above {LIKE:g} are indistinguishable on these flights. Confidence: the "
-        "empirical hit rate of names at this strength of evidence, on hidden effects of an independent engine. Share: "
-        "of the error energy that returns without the effect; a small one may still be certain. t: of the set with it "
-        "against the set without it."
+        "Confidence: the weight of the sets of effects that name it, or what is indistinguishable from it. Share: of the "
+        "error energy that returns without the effect; a small one may still be certain. t: of the set with it against "
+        "the set without it, on held-out time. Instead: what other sets have in its place, and by how many standard "
+        f"errors those fit worse; below {INDISTINCT:g} the two are indistinguishable on these flights."
     )
-    heads = ("effect", "confidence", "share", "t", "tried in its place (separation)")
+    heads = ("effect", "confidence", "share", "t", "instead (separation)")
     return Table(heads, rows, texts=(4,), caption=caption) if rows else None
 
 

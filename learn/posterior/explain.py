@@ -35,14 +35,17 @@ from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
-from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of
+from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.candidates import Candidates, candidates
-from wrenchgap.learn.identify.confidence import confidence
 from wrenchgap.learn.identify.fit import Fit, with_fit
-from wrenchgap.learn.identify.search import Candidate, Member, Search, Step
 from wrenchgap.learn.identify.validation import Validation, validate
 from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
+from wrenchgap.learn.posterior.posterior import Posterior, posterior
+from wrenchgap.learn.posterior.table import Candidate, Ground, ground, table
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
@@ -67,6 +70,9 @@ LOUD, UNEXPLAINED = 2.5, 0.25
 was."""
 QUIET = 1.5
 """Rms over the noise below which nothing is looked for in what is left."""
+PREDICTABLE = 0.3
+"""Share of what is left that must depend on what was logged to be missing physics, where commands answer the motion:
+those answer turbulence too, and states that it has moved go with it."""
 UNUSUAL = 0.1
 """Share of the time, the worst, that a verdict disregards."""
 FEWEST = 5
@@ -77,23 +83,25 @@ FEWEST = 5
 class Explanation(Result):
     """What is missing, according to the logs. `rms_*` are (6,) held-out; `noise` (6,) is the sensor noise.
 
-    `effects` are the members' names, that with the largest share of the error first; `steps` the trace of the forward
-    search. `oscillation` is one found in the residual; `depends` says on what that depends, where the verdict is
-    "unknown"; `concentrated` is the share of the residual that sits in the worst tenth of the time; `left` is its rms
-    over that of the noise, the worse of force and torque. `timing` is that of each of `flights`; `validation` the test
-    on flights that were not fitted, where some were given.
+    `effects` are the members' names, that with the largest share of the error first; `ranking` has every candidate by
+    itself. `posterior` weighs the sets, `open` are axes (6,) on which structure is left. `oscillation` is one found in
+    the residual; `depends` says on what that depends, where the verdict is "unknown"; `concentrated` is the share of
+    the residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
+    and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
+    some were given.
     """
 
     verdict: Verdict
     members: tuple[Member, ...]
-    steps: tuple[Step, ...]
+    ranking: tuple[Candidate, ...]
+    posterior: Posterior
     fit: Fit
     model: Model
     rms_before: Array
     rms_after: Array
     noise: Array
     untried: tuple[Untried, ...]
-    dropped: tuple[str, ...]
+    open: NDArray[np.bool_]
     oscillation: Oscillation | None
     depends: Relevance | None
     concentrated: float
@@ -113,8 +121,19 @@ class Explanation(Result):
         return tuple(m.name for m in self.members)
 
     def confidence(self, member: Member) -> float:
-        """How often a name with this much evidence is right (`learn.identify.confidence`)."""
-        return confidence(member, self.left, self.verdict is Verdict.UNKNOWN)
+        """Probability that the member, or one of its group, is there (`Posterior.probability`)."""
+        return member.probability
+
+    @property
+    def firm(self) -> tuple[str, ...]:
+        """Names in nine tenths of the weight of all sets, of an effect with several forms that of its family."""
+        named = {family(n) for n in self.effects}
+        return tuple(n for n in self.posterior.firm if n in named)
+
+    @property
+    def classes(self) -> tuple[Class, ...]:
+        """Sets of effects that these logs cannot tell apart, by class, heaviest first."""
+        return self.posterior.classes
 
     @property
     def air(self) -> AirVelocity | None:
@@ -126,16 +145,6 @@ class Explanation(Result):
         """For each member that has one: its name, and what these logs cannot tell from it."""
         return tuple((m.name, *(r.name for r in m.alike)) for m in self.members if m.alike)
 
-    @property
-    def full(self) -> bool:
-        """Whether the search took as many effects as it may, and more might be there."""
-        return bool(self.steps) and self.steps[-1].chosen is not None
-
-    @property
-    def ranking(self) -> tuple[Candidate, ...]:
-        """All candidates of the first step, best first."""
-        return self.steps[0].candidates if self.steps else ()
-
 
 def explain(
     flights: Sequence[OpenFlight],
@@ -143,11 +152,10 @@ def explain(
     *,
     names: Sequence[str] = (),
     validation: Sequence[OpenFlight] = (),
-    most: int = 4,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Explanation:
-    """Find the effects that `model` is missing on flights that were opened for it, at most `most` of them.
+    """Find the effects that `model` is missing on flights that were opened for it.
 
     Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
     fitted, the result is tested on them. `jobs` processes, by default one for each core. Raises ModelError for unknown
@@ -156,9 +164,9 @@ def explain(
     report = progress or (lambda fraction, words: None)
     report(0.0, "timing of the topics")
     timing = tuple(timing_of(f, model) for f in flights)
-    data = dataset([r for f in flights for r in f.records], model)
-    chosen = candidates(data.records, model, names, timing)
-    found = search_dataset(data, model, chosen, most=most, jobs=cores() if jobs is None else jobs, progress=report)
+    data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
+    chosen = candidates(data.records, model, names)
+    found = search_dataset(data, model, chosen, jobs=cores() if jobs is None else jobs, progress=report)
     tested = validate(validation, flights, model, found.model) if validation else None
     return replace(found, flights=tuple(flights), timing=timing, validation=tested)
 
@@ -168,39 +176,46 @@ def search_dataset(
     model: Model,
     chosen: Candidates,
     *,
-    most: int = 4,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Explanation:
     """The part of `explain` that needs no flights: search, what is left, verdict."""
+    tell = progress or (lambda fraction, words: None)
     some = spread_out(data.records, SEARCH_SECONDS)
-    part = data if some is data.records else dataset(some, model)
-    search = Search(part, model, chosen.tried, progress, jobs)
-    members = search.run(most)
-    whole = search if part is data else Search(data, model, chosen.tried, progress)
-    if whole is not search:
-        whole.take([m.name for m in members], search.fit)
-    named = {m.name for m in members}
-    left = part, search.current
-    swinging = oscillation(*left) if _over_noise(*left) > QUIET else None
-    verdict = _verdict(members, part, search.given, search.current, swinging)
-    failed = tuple(Untried(name, Lack.FIT, words) for name, words in search.failed.items())
+    on = ground(data if some is data.records else dataset(some, model, data.answering), model)
+    tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.5 * f, words))
+    found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.3 * f, words))
+    tell(0.8, "fitting what was named")
+    best, named = needed(on, found, jobs)
+    every, whole = (on, best) if on.data is data else _whole(data, model, [m.name for m in named], best)
+    swinging = oscillation(on.data, best.left) if _over_noise(on.data, best.left) > QUIET else None
+    loud = _open(on, best.left)
+    depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
+    verdict = _verdict(on, named, loud, swinging, depends)
+    failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
     return Explanation(
         verdict,
-        members,
-        tuple(search.steps),
+        named,
+        tried.candidates,
+        found,
         whole.fit,
         with_fit(model, whole.fit),
-        rms(whole.given),
-        rms(whole.current),
+        rms(every.given),
+        rms(whole.left),
         data.noise,
         (*chosen.untried, *failed),
-        tuple(dict.fromkeys(s.chosen for s in search.steps if s.chosen and s.chosen not in named)),
+        loud,
         swinging,
-        relevance(*left) if verdict is Verdict.UNKNOWN and len(np.unique(part.block)) >= FEWEST else None,
-        _concentrated(*left),
-        _over_noise(*left),
+        depends,
+        _concentrated(on.data, best.left),
+        _over_noise(on.data, best.left),
     )
+
+
+def _whole(data: Dataset, model: Model, names: Sequence[str], best: Fitted) -> tuple[Ground, Fitted]:
+    """What was named on a part of long logs, fitted to all of them."""
+    on = ground(data, model)
+    return on, fitted(on, names, best.fit)
 
 
 def _concentrated(data: Dataset, residual: Array) -> float:
@@ -220,15 +235,31 @@ def _over_noise(data: Dataset, residual: Array) -> float:
     return float(np.nanmax(force_and_torque(rms(residual)) / force_and_torque(data.noise)))
 
 
+def _open(on: Ground, left: Array) -> NDArray[np.bool_]:
+    """Axes (6,) on which structure is left: those of force, or of torque, where one of the two stays well above the
+    noise and above a quarter of what it was.
+    """  # noqa: D205
+    usual = _usual(on.data, left)
+    before, after = (rms(on.data.unanswered(r)[usual]) for r in (on.given, left))
+    noise = on.data.noise
+    loud = (after > LOUD * noise) & (after > UNEXPLAINED * before)
+    worse = force_and_torque(after) > np.maximum(LOUD * force_and_torque(noise), UNEXPLAINED * force_and_torque(before))
+    return np.asarray(loud & np.repeat(worse, 3))
+
+
 def _verdict(
-    members: Sequence[Member], data: Dataset, given: Array, current: Array, swinging: Oscillation | None
+    on: Ground,
+    named: Sequence[Member],
+    loud: NDArray[np.bool_],
+    swinging: Oscillation | None,
+    depends: Relevance | None,
 ) -> Verdict:
-    """Unknown where force or torque stay well above the noise and above a quarter of what they were, or swing."""
-    usual = _usual(data, current)
-    before, after = force_and_torque(rms(given[usual])), force_and_torque(rms(current[usual]))
-    noise = force_and_torque(data.noise)
-    if swinging is not None or np.any((after > LOUD * noise) & (after > UNEXPLAINED * before)):
+    """Unknown where something swings, or structure is left; where commands answer the motion, and with it turbulence,
+    only structure that can be predicted is one.
+    """  # noqa: D205
+    turbulent = bool(on.data.answering) and (depends is None or depends.explained < PREDICTABLE)
+    if swinging is not None or (loud.any() and not turbulent):
         return Verdict.UNKNOWN
-    if not members:
+    if not named:
         return Verdict.NOTHING
-    return Verdict.GROUP if members[0].alike else Verdict.EFFECT
+    return Verdict.GROUP if named[0].alike else Verdict.EFFECT

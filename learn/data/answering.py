@@ -1,0 +1,50 @@
+"""What commands that answer the motion could explain, whatever the vehicle is like.
+
+In every stabilised vehicle torque commands answer the motion, and with it whatever disturbs: measured and commanded
+wrench are related through the controller. What any such relation could explain is no evidence for an effect, and where
+it is taken for one the answer is biased (Forssell and Ljung, Automatica 35, 1999: direct identification in closed loop
+where the noise model is wrong). The mean over a block of time is left in: no controller explains that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.measurement import Record
+
+LAGS = (0.0, 0.03, 0.08, 0.2)
+"""Time constants [s] of the first-order lags behind which commands are seen."""
+
+
+def answers(records: Sequence[Record]) -> Array:
+    """All commands that change, each behind first-order lags of `LAGS`: (K, A), K samples of all records."""
+    moving = [a for a in range(6) if max(float(np.std(r.commanded[:, a])) for r in records) > 0.0]
+    rows = [
+        np.stack([lagged(r.commanded[:, a], tau / r.dt_kept) for a in moving for tau in LAGS], axis=1)
+        if moving
+        else np.zeros((len(r), 0))
+        for r in records
+    ]
+    return np.concatenate(rows)
+
+
+def answerable(records: Sequence[Record], block: NDArray[np.intp]) -> Array:
+    """Orthonormal basis (K, A) of `answers` without their means over the blocks (K,) of time."""
+    signals = answers(records)
+    count = np.bincount(block)[:, None]
+    means = np.stack([np.bincount(block, weights=s) for s in signals.T], axis=1) / count if signals.size else signals
+    varying = signals - means[block] if signals.size else signals
+    size = np.linalg.norm(varying, axis=0)
+    left, spread, _ = np.linalg.svd(varying[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(left[:, spread > 1e-6 * spread.max(initial=0.0)])
+
+
+def lagged(signal: Array, samples: float) -> Array:
+    """A signal (N,) behind a first-order lag of so many samples, at rest where it begins."""
+    decay = np.exp(-1.0 / samples) if samples > 0.0 else 0.0
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal, zi=[decay * signal[0]])[0])

@@ -1,0 +1,94 @@
+"""Candidates as straight lines: what each adds to the prediction, linearised where it fits best alone.
+
+At the sizes that occur, effects are nearly linear in their parameters and nearly add up, so that the prediction of a
+set is the sum of its columns, and thousands of sets cost what one fit costs (`learn.posterior.sets`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.identify.fit import Fit
+from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.model import Model
+
+DULL = 0.25
+"""A fitted value, in typical sizes, below which an effect that starts away from zero is linearised at its typical
+size: a derivative at no lag at all says nothing of lags."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One candidate: `offset` (K, 6) + `jacobian` (K, 6, P) theta is what it adds to the prediction.
+
+    `names` are the effect and those that come with it (air that moves, with a drag). Parameters count from `origin`
+    (P,), the values that the model has, zero where it lacks the effect; `theta` (P,) is where it was linearised; `low`,
+    `high`, `scale` and `sparse` (P,) are those of its parameters (`plant.effects.Parameter`).
+    """
+
+    names: tuple[str, ...]
+    origin: Array
+    theta: Array
+    offset: Array
+    jacobian: Array
+    low: Array
+    high: Array
+    scale: Array
+    sparse: NDArray[np.bool_]
+
+    @property
+    def key(self) -> str:
+        """What the candidate is called in a set."""
+        return " + ".join(self.names)
+
+
+def column(data: Dataset, model: Model, fitted: Fit, names: tuple[str, ...]) -> Column:
+    """The column of `names` from their fit."""
+    problem = Problem(data, model, names)
+    without = Problem(data, model, ())
+    left = without.at(np.zeros(without.low.size)).residual
+    part = slice(0, problem.size)
+    own = {e.name: e.theta for e in model.effects}
+    sizes = {n: len(find(n).parameters(model.vehicle)) for n in names}
+    origin = np.concatenate([own.get(n, np.zeros(size)) for n, size in sizes.items()])
+    x = np.zeros(problem.low.size)
+    x[part] = fitted.theta
+    derivative = fitted.jacobian[:, :, part]
+    parameters = [p for _, p in problem.parameters]
+    dull = [k for k, p in enumerate(parameters) if p.start != 0.0 and x[k] < DULL * p.scale]
+    for k in dull:
+        x[k] = min(parameters[k].scale, parameters[k].high)
+    point = problem.at(x)
+    if dull:
+        derivative = problem.jacobian(point)[:, :, part]
+    theta = x[part] - origin
+    return Column(
+        names,
+        origin,
+        theta,
+        left - point.residual - derivative @ theta,
+        derivative,
+        problem.low[part] - origin,
+        problem.high[part] - origin,
+        problem.scale[part],
+        problem.sparse[part],
+    )
+
+
+def compatible(keys: tuple[str, ...], columns: dict[str, Column]) -> bool:
+    """Whether these may stand in one set: one form of a family, and nothing beside an effect that it is a part of."""
+    names = [n for key in keys for n in columns[key].names]
+    shared = [family(n) for n in names]
+    parts = {p for n in names for p in find(n).parts}
+    return len(set(shared)) == len(shared) and not parts & set(names)
+
+
+def complexity(names: tuple[str, ...]) -> int:
+    """How many effects of one kind each these are: what stands for several together counts as those."""
+    return sum(max(1, len(find(n).parts) - 1) for n in names)

@@ -1,0 +1,118 @@
+"""The search over sets: with the noise's spectrum held fixed every set is a small solve, and thousands are tried.
+
+What is always there is eliminated once. All pairs are scored; then, as long as a better set is found, the best `WIDTH`
+sets are changed by one effect in every way: one more, one less, one for another. There is no limit to their number but
+the evidence.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior.columns import compatible
+from wrenchgap.learn.posterior.score import DISCREPANCY, Keys, Scorer, bounded, occam, relevant
+
+WIDTH = 7
+"""Best sets that are changed further in each round."""
+PROMISING = 5
+"""Effects that are tried in the place of another, or beside the others."""
+ROUNDS = 30
+
+
+class Hunt:
+    """Scores of sets at fixed variances of the noise."""
+
+    def __init__(self, scorer: Scorer, variance: Array) -> None:
+        space = self.space = scorer.spectrum
+        self.scorer = scorer
+        whole = np.tensordot(scorer.count / variance, space.products, axes=([0, 1], [0, 1]))
+        always = space.always
+        inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
+        across = whole[always]
+        self.whole = whole - across.T @ np.linalg.solve(inner, across)
+        self.scores: dict[Keys, float] = {(): 0.0}
+
+    def score(self, keys: Sequence[str]) -> float:
+        """Log probability of a set, that of the empty one being zero; minus infinity for what cannot be one."""
+        keys = tuple(sorted(keys))
+        if keys not in self.scores:
+            possible = compatible(keys, self.space.columns)
+            self.scores[keys] = self._score(keys) if possible else -np.inf
+        return self.scores[keys]
+
+    def _score(self, keys: Keys) -> float:
+        space = self.space
+        unknown = np.concatenate([space.parameters[k] for k in keys])
+        fixed = [0, *(space.offset[k] for k in keys)]
+        y = np.array([1.0, *(-1.0 for _ in keys)])
+        A = self.whole[np.ix_(unknown, unknown)]
+        b = self.whole[np.ix_(unknown, fixed)] @ y
+        c = y @ self.whole[np.ix_(fixed, fixed)] @ y
+        low, high, typical = space.low[unknown], space.high[unknown], space.scale[unknown]
+        scale = relevant(A, b, low, high, typical, space.sparse[unknown], typical)
+        theta = bounded(A, b, low, high, scale)
+        fitted = -0.5 * (c - 2.0 * theta @ b + theta @ A @ theta - self.whole[0, 0])
+        inexact = 0.5 * (DISCREPANCY * self._sizes(keys, theta)) ** 2
+        return float(fitted - inexact + occam(A, theta, scale) + self.scorer.prior_of(keys))
+
+    def _sizes(self, keys: Keys, theta: Array) -> float:
+        """What the members add, their sizes summed whatever their signs, in units of the noise."""
+        total, at = 0.0, 0
+        for k in keys:
+            rows = np.append(self.space.parameters[k], self.space.offset[k])
+            own = np.append(theta[at : at + len(rows) - 1], 1.0)
+            total += np.sqrt(max(float(own @ self.whole[np.ix_(rows, rows)] @ own), 0.0))
+            at += len(rows) - 1
+        return total
+
+    def run(self) -> list[Keys]:
+        """All sets that were scored, best first."""
+        names = list(self.space.columns)
+        for first, second in itertools.combinations(names, 2):
+            self.score((first, second))
+        for name in names:
+            self.score((name,))
+        changed: set[Keys] = set()
+        for _ in range(ROUNDS):
+            front = [keys for keys in self.best()[:WIDTH] if keys not in changed]
+            if not front:
+                break
+            for keys in front:
+                changed.add(keys)
+                self._change(keys)
+        return self.best()
+
+    def best(self) -> list[Keys]:
+        """Sets that can be, best first."""
+        return sorted((k for k, v in self.scores.items() if np.isfinite(v)), key=lambda k: -self.scores[k])
+
+    def _change(self, keys: Keys) -> None:
+        """Score the sets that differ by one effect: one less, and in its place or beside all those that promise most."""
+        for rest in (keys, *(tuple(k for k in keys if k != gone) for gone in keys)):
+            self.score(rest)
+            for n in self._promising(rest):
+                self.score((*rest, n))
+
+    def _promising(self, keys: Keys) -> list[str]:
+        """What would take most off what a set leaves, to second order and without bounds."""
+        space = self.space
+        unknown = np.concatenate([np.zeros(0, np.intp), *(space.parameters[k] for k in keys)])
+        fixed = [0, *(space.offset[k] for k in keys)]
+        y = np.array([1.0, *(-1.0 for _ in keys)])
+        residual = self.whole[:, fixed] @ y
+        A = self.whole[np.ix_(unknown, unknown)] + np.diag(space.scale[unknown] ** -2.0)
+        across = np.linalg.solve(A, self.whole[unknown])
+        left = residual - across.T @ residual[unknown]
+        gains: dict[str, float] = {}
+        for n, mine in space.parameters.items():
+            if n in keys:
+                continue
+            rows = np.append(mine, space.offset[n])
+            H = self.whole[np.ix_(rows, rows)] - self.whole[np.ix_(rows, unknown)] @ across[:, rows]
+            narrow = np.append(space.scale[mine] ** -2.0, 1.0)
+            gains[n] = float(left[rows] @ np.linalg.solve(H + np.diag(narrow), left[rows]))
+        return sorted(gains, key=lambda n: -gains[n])[:PROMISING]

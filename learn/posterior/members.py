@@ -1,0 +1,159 @@
+"""Members of the likeliest set: what each of them takes off, and what may stand in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import INDISTINCT, LARGE_EVIDENCE, LEAST_EVIDENCE, contrast, evidence, significant
+from wrenchgap.learn.data.errors import energy
+from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
+from wrenchgap.learn.parallel import each
+from wrenchgap.learn.posterior.classes import NamedSet
+from wrenchgap.learn.posterior.posterior import Posterior
+from wrenchgap.learn.posterior.table import Ground
+from wrenchgap.plant.air import that_act
+from wrenchgap.plant.effects import family
+from wrenchgap.plant.model import Model
+
+MOST_RIVALS = 6
+"""Alternatives in a member's place that are listed."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """What stands in a member's place in another set: one effect, or several together.
+
+    `separation` is by how many standard errors that set fits worse, the square root of twice the log of the odds;
+    `weight` its share of all; `cosine` that of the changes that the two make to the prediction.
+    """
+
+    names: tuple[str, ...]
+    separation: float
+    weight: float
+    cosine: float
+
+    @property
+    def name(self) -> str:
+        """All of them."""
+        return " + ".join(self.names)
+
+    @property
+    def alike(self) -> bool:
+        """Whether these logs cannot tell the two apart."""
+        return self.separation < INDISTINCT
+
+
+@dataclass(frozen=True)
+class Member:
+    """An effect of the likeliest set: what it alone takes off, and what else might stand in its place.
+
+    `share` of the given model's energy is lost without it; `significance` and `evidence` are those of the set with it
+    against the set without it, on held-out time (`learn.data.answering`); `probability` is that of the effect or one of its group.
+    """
+
+    name: str
+    share: float
+    significance: float
+    evidence: float
+    probability: float
+    rivals: tuple[Rival, ...]
+
+    @property
+    def needed(self) -> bool:
+        """Whether held-out time is predicted worse without it, beyond chance and by enough to matter."""
+        return self.evidence > LEAST_EVIDENCE and significant(self.significance, large=self.evidence > LARGE_EVIDENCE)
+
+    @property
+    def alike(self) -> tuple[Rival, ...]:
+        """The rest of its group; another form of the same effect is the same name, and no news."""
+        own = family(self.name)
+        return tuple(r for r in self.rivals if r.alike and {family(n) for n in r.names} != {own})
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A set fitted together, the model's other effects as they are, and its residual (K, 6) on held-out time."""
+
+    fit: Fit
+    left: Array
+
+
+def fitted(on: Ground, names: Sequence[str], start: Fit | None = None) -> Fitted:
+    """Fit the named effects, all parameters anew."""
+    found = fit(on.data, on.model, names, start=start)
+    return Fitted(found, held_out(on.data, on.model, names, found))
+
+
+def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...]]:
+    """The likeliest set without those of its effects that are too small for a name when all are fitted together, or
+    that held-out time does not need: those go, the least needed first. The fit, and the members by what they take off.
+    """  # noqa: D205
+    names = list(found.best.names)
+    best = fitted(on, names)
+    while True:
+        listed = members(on, found, names, best, jobs)
+        idle = [m for m in listed if not (material(best.fit, on.model, m.name) and m.needed)]
+        if not idle:
+            return best, listed
+        gone = min(idle, key=lambda m: m.evidence).name
+        names = that_act([n for n in names if n != gone], on.own)
+        best = fitted(on, names, best.fit)
+
+
+def material(fitted: Fit, model: Model, name: str) -> bool:
+    """Whether any parameter of the effect, or its change from what the model has, is worth a name."""
+    own = {e.name: e.theta for e in model.effects}
+    rows = [(v, p) for (owner, p), v in zip(fitted.parameters, fitted.theta, strict=True) if owner == name]
+    origin = own.get(name, np.zeros(len(rows)))
+    return any(abs(v - o) >= MATERIAL * p.scale for (v, p), o in zip(rows, origin, strict=True))
+
+
+def members(on: Ground, found: Posterior, names: Sequence[str], best: Fitted, jobs: int = 1) -> tuple[Member, ...]:
+    """Of the likeliest set, or those `names` of it, which leave `best`; that which takes off most first."""
+
+    def without(name: str) -> Array:
+        return fitted(on, that_act([n for n in names if n != name], on.own), best.fit).left
+
+    left = dict(zip(names, each(without, names, jobs, (on.data, on.model)), strict=True))
+    weights = on.data.weights
+    after = on.data.unanswered(best.left)
+    out = []
+    for name in names:
+        lost = energy(left[name], weights) - energy(best.left, weights)
+        before = on.data.unanswered(left[name])
+        rivals = rivals_of(name, found)
+        alike = {n for r in rivals if r.alike for n in r.names}
+        out.append(
+            Member(
+                name,
+                lost / max(energy(on.given, weights), 1e-30),
+                contrast(on.data, before, after).t,
+                evidence(before, after),
+                found.probability({name} | alike),
+                rivals,
+            )
+        )
+    return tuple(sorted(out, key=lambda m: -m.share))
+
+
+def rivals_of(name: str, found: Posterior) -> tuple[Rival, ...]:
+    """What other sets have where the likeliest has this effect, all else being named alike; the nearest first."""
+    best = found.best
+    rest = set(best.names) - {name}
+    rivals: dict[tuple[str, ...], Rival] = {}
+    for other in found.sets:
+        instead = tuple(n for n in other.names if n not in best.names)
+        if name not in other.names and instead and rest <= set(other.names) and instead not in rivals:
+            rivals[instead] = _rival(best, other, instead)
+    return tuple(sorted(rivals.values(), key=lambda r: r.separation))[:MOST_RIVALS]
+
+
+def _rival(best: NamedSet, other: NamedSet, instead: tuple[str, ...]) -> Rival:
+    odds = np.log(max(best.weight, 1e-300) / max(other.weight, 1e-300))
+    a, b = best.contender.predicted.ravel(), other.contender.predicted.ravel()
+    alike = float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30))
+    return Rival(instead, float(np.sign(odds) * np.sqrt(2.0 * abs(odds))), other.weight, alike)

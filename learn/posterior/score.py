@@ -1,0 +1,212 @@
+"""The probability of a set of effects, up to a constant, at noise whose spectrum is unknown.
+
+For a set S with parameters theta, the coefficients of axis l in band k leave the mean square s_kl(theta). Their
+variance is unknown, with an inverse-gamma prior about that of the sensors; integrated out it leaves
+
+    log p = -1/2 sum_kl (N_kl + NU) log((N_kl s_kl + NU s0_kl) / (N_kl + NU)) - 1/2 sum_p (theta_p / s_p)^2
+            - 1/2 log det(A S S + I) - PRICE complexity(S)
+
+a Student likelihood (Gelman et al., "Bayesian Data Analysis", 3rd ed., 3.2), the prior, and Laplace's approximation of
+the integral over theta, A the curvature (MacKay, "Information Theory, Inference, and Learning Algorithms", 27). An axis
+on which a law is nearly right, and no more, has the larger variance that it shows, and counts for less.
+
+N_kl are coefficients that count. What a spectrum shows above the sensors' own is no independent noise in every
+coefficient: a form that is nearly right errs the same way everywhere. Of that share, `SHOWN` values count for each
+block, band and axis (`Scorer`).
+
+No law is exactly right: what an effect adds is known to a share (`DISCREPANCY`). The mean square of a cell therefore
+has added to it the square of that share of all that its effects add there, their sizes summed whatever their signs:
+what effects that cancel each other leave is known no better than each of them. Source: model discrepancy, Kennedy and
+O'Hagan, J. R. Stat. Soc. B 63, 2001.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior.columns import complexity
+from wrenchgap.learn.posterior.spectrum import Spectrum
+
+Keys = tuple[str, ...]
+
+NU = 2.0
+"""Values that the prior of a variance is worth."""
+PRICE = 3.0
+"""Log odds against every further effect of a set."""
+DISCREPANCY = 0.05
+"""Share to which the law of an effect is known."""
+SHOWN = 2.0
+"""Values that count for each block, band and axis of what exceeds the sensors' noise."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A set at its best parameters: `theta` by column, `left` (bands, axes) mean squares, `inexact` (bands, axes) those
+    that laws may be off by, the modelled `variance` of both.
+
+    `log_probability` in all; `prior` that part of it which does not come from the flights. `weights` (Q,) multiply the
+    stacked quantities of the spectrum to give what the set leaves.
+    """
+
+    keys: Keys
+    theta: dict[str, Array]
+    left: Array
+    inexact: Array
+    variance: Array
+    log_probability: float
+    prior: float
+    weights: Array
+
+
+class Scorer:
+    """Scores sets on one spectrum, with the counts that a reference spectrum gives."""
+
+    def __init__(self, spectrum: Spectrum, reference: Array) -> None:
+        self.spectrum = spectrum
+        self.reference = reference
+        above = 1.0 - spectrum.sensor / np.maximum(reference, spectrum.sensor)
+        shown = np.minimum(1.0, SHOWN * spectrum.blocks / np.maximum(spectrum.count, 1.0))
+        self.count = spectrum.count * (1.0 - above + above * shown)
+        self.variance = self.pooled(reference)
+        self.known: dict[Keys, Scored] = {}
+
+    def pooled(self, left: Array) -> Array:
+        """The variance that mean squares (bands, axes) and its prior make likely."""
+        return (self.count * left + NU * self.spectrum.sensor) / (self.count + NU)
+
+    def prior_of(self, keys: Keys) -> float:
+        """Log probability of the set before any flight."""
+        return -PRICE * sum(complexity(self.spectrum.columns[k].names) for k in keys)
+
+    def __call__(self, keys: Sequence[str], rounds: int = 8) -> Scored:
+        """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
+        keys = tuple(sorted(keys))
+        if keys not in self.known:
+            self.known[keys] = self._scored(keys, rounds)
+        return self.known[keys]
+
+    def _scored(self, keys: Keys, rounds: int) -> Scored:
+        space = self.spectrum
+        unknown = np.concatenate([*(space.parameters[k] for k in keys), space.always])
+        fixed = np.array([0, *(space.offset[k] for k in keys)])
+        every = np.concatenate((unknown, fixed))
+        products = space.products[:, :, every[:, None], every]
+        size = len(unknown)
+        weights = np.concatenate((np.zeros(size), [1.0], -np.ones(len(keys))))
+        start = [space.columns[k].theta for k in keys]
+        theta = np.concatenate([*start, np.zeros(len(space.always))])
+        low, high, sparse = space.low[unknown], space.high[unknown], space.sparse[unknown]
+        scale = space.scale[unknown]
+        last = -np.inf
+        owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
+        members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
+        last = -np.inf
+        for _ in range(rounds):
+            weights[:size] = -theta
+            left, inexact = mean_squares(products, weights, members)
+            variance = self.pooled(left + inexact)
+            value = -0.5 * np.sum((self.count + NU) * np.log(variance)) - 0.5 * np.sum((theta / scale) ** 2)
+            if abs(value - last) < 0.05:
+                break
+            last = value
+            whole = np.tensordot(self.count / variance, products, axes=([0, 1], [0, 1]))
+            A, b = whole[:size, :size], whole[:size, size:] @ weights[size:]
+            scale = relevant(A, b, low, high, scale, sparse, space.scale[unknown])
+            theta = bounded(A, b, low, high, scale)
+        weights[:size] = -theta
+        left, inexact = mean_squares(products, weights, members)
+        variance = self.pooled(left + inexact)
+        likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
+        prior = occam(A, theta, scale) + self.prior_of(keys)
+        spread = np.zeros(space.low.size)
+        spread[every] = weights
+        values = {k: theta[m[:-1]] for k, m in zip(keys, members, strict=True)}
+        return Scored(keys, values, left, inexact, variance, likelihood + prior, prior, spread)
+
+    def by_block(self, scored: Scored) -> Array:
+        """What each block of time (blocks,) contributes to the log likelihood."""
+        space = self.spectrum
+        used = np.flatnonzero(scored.weights)
+        left = (space.coefficients[:, :, used] @ scored.weights[used]) ** 2 + scored.inexact[space.band]
+        share = (self.count / np.maximum(space.count, 1.0))[space.band]
+        variance = scored.variance[space.band]
+        return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)
+
+
+def mean_squares(products: Array, weights: Array, members: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
+    """By band and axis: what is left, and what the laws of the members may be off by."""
+    left = np.einsum("klij,i,j->kl", products, weights, weights)
+    sizes = np.zeros(left.shape)
+    for m in members:
+        own = np.einsum("klij,i,j->kl", products[:, :, m[:, None], m], weights[m], weights[m])
+        sizes += np.sqrt(np.maximum(own, 0.0))
+    return np.maximum(left, 0.0), (DISCREPANCY * sizes) ** 2
+
+
+def occam(A: Array, theta: Array, scale: Array) -> float:
+    """The prior at theta times the width of the posterior: log of what the integral over theta adds."""
+    determinant = float(np.linalg.slogdet(A * np.outer(scale, scale) + np.eye(len(scale)))[1])
+    return -0.5 * float(np.sum((theta / scale) ** 2)) - 0.5 * determinant
+
+
+def relevant(
+    A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Array, typical: Array, rounds: int = 8
+) -> Array:
+    """The prior's sizes; of sparse parameters those that the evidence makes likely (`learn.identify.fit`)."""
+    if not sparse.any():
+        return scale
+    for _ in range(rounds):
+        posterior = np.linalg.inv(A + np.diag(scale**-2.0))
+        theta = np.clip(posterior @ b, low, high)
+        size = np.maximum(np.sqrt(theta**2 + np.diag(posterior)), 1e-2 * typical)
+        changed = np.where(sparse, size, scale)
+        done = np.max(np.abs(np.log(changed / scale))) < 0.1
+        scale = changed
+        if done:
+            break
+    return scale
+
+
+def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array, rounds: int = 40) -> Array:
+    """Where 1/2 theta A theta - b theta + 1/2 |theta / scale|^2 is least within the bounds: an active-set method.
+
+    Source: Nocedal and Wright, "Numerical Optimization", 2nd ed., 16.5.
+    """
+    size = len(scale)
+    H, g, lower, upper = A * np.outer(scale, scale) + np.eye(size), b * scale, low / scale, high / scale
+    x, free = np.zeros(size), np.ones(size, dtype=bool)
+    for _ in range(rounds):
+        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
+        new = x.copy()
+        new[inner] = np.linalg.solve(H[np.ix_(inner, inner)], g[inner] - H[np.ix_(inner, outer)] @ x[outer])
+        crossed = free & ((new < lower - 1e-12) | (new > upper + 1e-12))
+        if crossed.any():
+            x, free = np.clip(new, lower, upper), free & ~crossed
+            continue
+        x = new
+        push = g - H @ x
+        back = ~free & (((x <= lower) & (push > 1e-9)) | ((x >= upper) & (push < -1e-9)))
+        if not back.any():
+            break
+        free[np.argmax(np.where(back, np.abs(push), 0.0))] = True
+    return np.asarray(np.clip(x, lower, upper) * scale)
+
+
+def saturated(spectrum: Spectrum, rounds: int = 3) -> Array:
+    """Mean squares (bands, axes) that everything at once leaves: where the noise's spectrum starts."""
+    unknown = np.concatenate([*spectrum.parameters.values(), spectrum.always])
+    left = spectrum.products[:, :, 0, 0]
+    weights = np.zeros(spectrum.low.size)
+    weights[0] = 1.0
+    for _ in range(rounds):
+        variance = np.maximum(left, spectrum.sensor)
+        whole = np.tensordot(spectrum.count / variance, spectrum.products, axes=([0, 1], [0, 1]))
+        narrow = np.diag((0.5 * spectrum.scale[unknown]) ** -2.0)
+        weights[unknown] = -np.linalg.solve(whole[np.ix_(unknown, unknown)] + narrow, whole[unknown, 0])
+        left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
+    return left

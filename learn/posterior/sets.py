@@ -1,0 +1,147 @@
+"""Sets that are worth a look, each with all that is said of it, and their weights.
+
+Weights are pseudo-BMA with the Bayesian bootstrap over blocks of time: how often each set would win on flights like
+these. Source: Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec. 3.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
+from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.hunt import Hunt
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
+from wrenchgap.learn.posterior.spectrum import Spectrum
+
+TOP = 30
+"""Best sets of a hunt that are scored with the spectrum unknown."""
+DRAWS = 1000
+SEED = 0
+MIMICRY = 0.25
+"""Share of what a set leaves above the noise that may have made the difference which one of its members makes."""
+
+
+MAJOR = 1.5
+"""Evidence from which on an effect that others push to the limit of what is plausible is named all the same."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One candidate of a set: `names` of its effects, `size` of its largest parameter in typical sizes.
+
+    `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the rms grows without it; `trust` the share of that which
+    what the set leaves unexplained could not have made as well (`MIMICRY`).
+    """
+
+    names: tuple[str, ...]
+    theta: Array
+    size: float
+    stuck: bool
+    evidence: float
+    trust: float
+
+    @property
+    def named(self) -> bool:
+        """Whether it is large enough for a name, and matters enough."""
+        enough = MAJOR if self.stuck else LEAST_EVIDENCE
+        return self.size >= MATERIAL and self.evidence > enough and self.trust > 0.5
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A set as scored. `by_block` (blocks,) is its log likelihood; `predicted` (K, L) the cosine coefficients of what
+    it adds to the prediction; `left` (L,) mean squares by axis.
+    """  # noqa: D205
+
+    scored: Scored
+    parts: tuple[Part, ...]
+    by_block: Array
+    predicted: Array
+    left: Array
+
+    @property
+    def keys(self) -> Keys:
+        """Its candidates."""
+        return self.scored.keys
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects of those that are named, that with the most evidence first."""
+        parts = sorted((p for p in self.parts if p.named), key=lambda p: -p.evidence)
+        return tuple(n for p in parts for n in p.names)
+
+
+def contender(scorer: Scorer, keys: Keys) -> Contender:
+    """All that is said of a set."""
+    space, scored = scorer.spectrum, scorer(keys)
+    sensor = by_axis(scorer, space.sensor)
+    left = by_axis(scorer, scored.left)
+    parts = []
+    for key in scored.keys:
+        c, theta = space.columns[key], scored.theta[key]
+        without = by_axis(scorer, scorer(tuple(k for k in scored.keys if k != key)).left)
+        returns = np.maximum(without / left - 1.0, 0.0)
+        above = np.maximum(1.0 - sensor / left, 0.0) * returns / (returns + 1.0)
+        trust = float(returns.sum() / max(float(np.sum(returns + MIMICRY * above)), 1e-30))
+        evidence = 0.5 * float(np.sum(np.log(without / left)))
+        size = float(np.max(np.abs(theta) / c.scale))
+        parts.append(Part(c.names, theta, size, at_limit(theta, c.low, c.high), evidence, trust))
+    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
+    predicted = -space.coefficients[:, :, used] @ scored.weights[used]
+    return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, left)
+
+
+def at_limit(theta: Array, low: Array, high: Array) -> bool:
+    """Whether a parameter is at a plausible limit other than zero, or within half a per cent of the range of it."""
+    margin = 5e-3 * (high - low)
+    return bool(np.any(((theta - low < margin) & (low != 0.0)) | ((high - theta < margin) & (high != 0.0))))
+
+
+def by_axis(scorer: Scorer, squares: Array) -> Array:
+    """Mean squares (L,) over all coefficients of those by band and axis."""
+    count = scorer.spectrum.count
+    return np.asarray(np.sum(count * squares, axis=0) / np.sum(count, axis=0))
+
+
+def searched(spectrum: Spectrum, rounds: int = 2) -> Scorer:
+    """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves."""
+    reference = saturated(spectrum)
+    for _ in range(rounds):
+        scorer = Scorer(spectrum, reference)
+        search(scorer)
+        reference = ordered(scorer)[0].left
+    return scorer
+
+
+def search(scorer: Scorer, rounds: int = 4) -> None:
+    """Score what hunts find, with the spectrum that the best leaves, until the best stays the best."""
+    scorer(())
+    variance, last = scorer.variance, None
+    for _ in range(rounds):
+        for keys in Hunt(scorer, variance).run()[:TOP]:
+            scorer(keys)
+        best = ordered(scorer)[0]
+        if best.keys == last:
+            break
+        last, variance = best.keys, best.variance
+
+
+def ordered(scorer: Scorer) -> list[Scored]:
+    """Scored sets, the likeliest first."""
+    return sorted(scorer.known.values(), key=lambda s: -s.log_probability)
+
+
+def weights(sets: Sequence[Contender]) -> Array:
+    """Weights (S,): Dirichlet weights of the blocks, the share of every set, and the mean of many such draws."""
+    likelihood: Array = np.array([c.by_block for c in sets])
+    prior = np.array([c.scored.prior for c in sets])
+    blocks = likelihood.shape[1]
+    drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
+    log = drawn @ likelihood.T + prior
+    share = np.exp(log - log.max(axis=1, keepdims=True))
+    return np.asarray((share / share.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -1,0 +1,122 @@
+"""What flights say about columns, by frequency: blocks of time, their cosine transforms, and products of columns.
+
+Residuals are coloured: sensors, turbulence and what nothing explains have each their own spectrum. Records are cut
+into blocks of about `SECONDS`, each is transformed (type-II discrete cosine, orthonormal), and the coefficients of one
+axis in one band of frequencies are taken to have one variance, which is unknown (`learn.posterior.score`). This is
+the Whittle likelihood with a piecewise constant spectrum. Source: Whittle, J. R. Stat. Soc. B 15, 1953; the cosine
+transform in place of Fourier's for finite blocks, Ahmed, Natarajan and Rao, IEEE Trans. Comput. C-23, 1974.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.answering import answers
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
+from wrenchgap.learn.posterior.columns import Column
+
+SECONDS = 2.5
+"""Length of the blocks [s]."""
+EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
+"""Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
+
+class Spectrum:
+    """Products of everything linear, by band and axis.
+
+    The stacked quantities are: what the model leaves, then for each column its parameters and its offset, then what is
+    always there: what the model's own effects may be off by (`known`), accelerometer biases, and on the axes where commands answer the motion free responses to all
+    commands, without their mean (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients.
+    `count` (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
+    """
+
+    def __init__(
+        self, data: Dataset, base: Array, columns: Sequence[Column], mass: float, known: Sequence[Column] = ()
+    ) -> None:
+        self.axes = np.flatnonzero(data.measured_axes)
+        self.columns = {c.key: c for c in columns}
+        flights = int(data.flight.max()) + 1
+        bias = np.zeros((len(base), 6, 3 * flights))
+        for axis in range(3):
+            bias[np.arange(len(base)), axis, 3 * data.flight + axis] = mass
+        free, sizes = responses(data, base)
+        stacked, at = [base[:, :, None]], 1
+        self.parameters: dict[str, NDArray[np.intp]] = {}
+        self.offset: dict[str, int] = {}
+        for c in columns:
+            size = len(c.theta)
+            self.parameters[c.key], self.offset[c.key] = np.arange(at, at + size), at + size
+            stacked += [c.jacobian, c.offset[:, :, None]]
+            at += size + 1
+        stacked += [free, bias, *(c.jacobian for c in known)]
+        nothing, one = np.zeros(1), np.ones(1)
+        limit = np.concatenate((60.0 * sizes, np.full(bias.shape[2], ACCELEROMETER_BIAS), *(c.high for c in known)))
+        self.always = np.arange(at, at + limit.size)
+        self.low = np.concatenate([nothing, *(x for c in columns for x in (c.low, nothing)), -limit])
+        self.high = np.concatenate([nothing, *(x for c in columns for x in (c.high, nothing)), limit])
+        usual = np.full(bias.shape[2], 0.5 * ACCELEROMETER_BIAS)
+        always = np.concatenate((sizes, usual, *(c.scale for c in known)))
+        self.scale = np.concatenate([one, *(x for c in columns for x in (c.scale, one)), always])
+        sparse = [np.zeros(1, bool), *(x for c in columns for x in (c.sparse, np.zeros(1, bool)))]
+        self.sparse = np.concatenate([*sparse, np.zeros(limit.size, bool)])
+        whole = np.concatenate(stacked, axis=2)[:, self.axes]
+        self.coefficients, self.block, hertz = transformed(data.records, whole, self.always[: free.shape[2]])
+        _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
+        self.starts = np.flatnonzero(np.diff(self.block, prepend=-1))
+        self.blocks = len(self.starts)
+        per_band = np.bincount(self.band)
+        self.count = np.repeat(per_band[:, None], len(self.axes), axis=1).astype(float)
+        self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
+        by_band = [np.moveaxis(self.coefficients[self.band == k], 0, 1) for k in range(len(per_band))]
+        self.products = np.array([np.swapaxes(x, 1, 2) @ x / x.shape[1] for x in by_band])
+
+
+def responses(data: Dataset, base: Array) -> tuple[Array, Array]:
+    """Free responses (K, 6, A) of the answering axes to all commands, and their typical sizes (A,)."""
+    signals, axes = answers(data.records), data.answering
+    spread = np.std(signals, axis=0)
+    count = signals.shape[1]
+    out = np.zeros((len(base), 6, len(axes) * count))
+    sizes = np.ones(out.shape[2])
+    for i, axis in enumerate(axes):
+        mine = slice(i * count, (i + 1) * count)
+        out[:, axis, mine] = signals
+        sizes[mine] = np.std(base[:, axis]) / np.maximum(spread, 1e-12)
+    return out, np.maximum(sizes, 1e-12)
+
+
+def transformed(
+    records: Sequence[Record], stacked: Array, without_mean: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp], Array]:
+    """Cosine coefficients (K, L, Q) of the blocks of all records; the block and the frequency [Hz] of each (K,)."""
+    out, block, hertz = [], [], []
+    at = 0
+    for record in records:
+        n, dt = len(record), record.dt_kept
+        cuts = np.linspace(0, n, max(1, round(n * dt / SECONDS)) + 1).astype(int)
+        for first, last in itertools.pairwise(cuts):
+            part = stacked[at + first : at + last].copy()
+            part[:, :, without_mean] -= part[:, :, without_mean].mean(axis=0)
+            out.append(dct(part, axis=0, norm="ortho", type=2))
+            hertz.append(np.arange(last - first) / (2 * (last - first) * dt))
+            block.append(np.full(last - first, len(block)))
+        at += n
+    return np.concatenate(out), np.concatenate(block), np.concatenate(hertz)
+
+
+def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Array:
+    """Variance (bands, 6) of a coefficient from sensors alone: white, filtered forward and backward, for torques
+    differentiated once.
+    """  # noqa: D205
+    low_pass = (1.0 + (hertz / data.records[0].cutoff_hz) ** 4) ** -2.0
+    shapes = np.stack([low_pass] * 3 + [low_pass * hertz**2] * 3, axis=1)
+    shapes *= np.nan_to_num(data.noise) ** 2 / shapes.mean(axis=0)
+    each = [np.bincount(band, weights=shapes[:, axis]) / np.bincount(band) for axis in range(6)]
+    return np.maximum(np.stack(each, axis=1), 1e-30)

@@ -1,0 +1,186 @@
+"""Every candidate by itself on top of the model: the table that a user reads, and the columns that sets are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import LARGE_EVIDENCE, LEAST_EVIDENCE, contrast, evidence, significant
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import energy, reduction, rms
+from wrenchgap.learn.identify.air import companions
+from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.parallel import each
+from wrenchgap.learn.posterior.columns import Column, column
+from wrenchgap.plant.air import that_act
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.history import Value
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.wrench_model import ModelEffect
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that
+    are gone relative to the model that it was tried on; `score` is the share of the given model's energy that is gone
+    in all. `companions` are tried with it as one (`learn.identify.air`).
+    """  # noqa: D205
+
+    name: str
+    fit: Fit
+    residual: Array
+    reduction: Array
+    score: float
+    evidence: float
+    significance: float
+    implausible: tuple[str, ...]
+    companions: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effect and its companions."""
+        return (self.name, *self.companions)
+
+    @property
+    def beyond_chance(self) -> bool:
+        """Whether held-out blocks are predicted better than luck would have it, by enough to be worth a name."""
+        return self.evidence > LEAST_EVIDENCE and significant(self.significance, large=self.evidence > LARGE_EVIDENCE)
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """Parameters of this effect as fitted."""
+        return self.fit.values(self.name)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What effects are tried on: flights and a model; what it leaves (K, 6), and on held-out time but for the
+    accelerometers' biases; the model's own effects that are uncertain, with their standard deviations as sizes.
+    """  # noqa: D205
+
+    data: Dataset
+    model: Model
+    left: Array
+    given: Array
+    known: tuple[Column, ...] = ()
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the model's own effects, which stay as they are unless they are named."""
+        return tuple(e.name for e in self.model.effects)
+
+
+def ground(data: Dataset, model: Model) -> Ground:
+    """What the model leaves on these flights."""
+    problem = Problem(data, model, ())
+    left = problem.at(np.zeros(problem.low.size)).residual
+    known = tuple(uncertain(data, model, e) for e in model.effects if e.std is not None and np.any(e.std > 0.0))
+    return Ground(data, model, left, held_out(data, model, (), fit(data, model, ())), known)
+
+
+def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:
+    """What an effect of the model may be off by: its derivatives, and its standard deviations in place of sizes."""
+    problem = Problem(data, model, (effect.name,))
+    size = problem.size
+    point = problem.start(None)
+    spread = np.maximum(np.nan_to_num(effect.std), 1e-3 * problem.scale[:size])
+    return Column(
+        (effect.name,),
+        effect.theta,
+        np.zeros(size),
+        np.zeros_like(point.residual),
+        problem.jacobian(point)[:, :, :size],
+        np.full(size, -1e3) * spread,
+        np.full(size, 1e3) * spread,
+        spread,
+        np.zeros(size, dtype=bool),
+    )
+
+
+@dataclass(frozen=True)
+class Table:
+    """Candidates, best first; their columns; effects that could not be fitted, with the reason."""
+
+    candidates: tuple[Candidate, ...]
+    columns: tuple[Column, ...]
+    failed: dict[str, str] = field(default_factory=dict)
+
+
+def table(on: Ground, names: Sequence[str], *, jobs: int = 1, progress: Progress | None = None) -> Table:
+    """Try every effect of `names` by itself, air that moves together with each drag that it acts through."""
+    wanted = [n for n in names if n in that_act([n], on.own)]
+
+    def attempt(name: str) -> str | tuple[Candidate, list[Column]]:
+        try:
+            return _attempt(on, name, names)
+        except (ModelError, np.linalg.LinAlgError) as error:  # an inertia that no body has, say
+            return str(error).removeprefix(f"effect {name}: ")
+
+    candidates: list[Candidate] = []
+    columns: list[Column] = []
+    failed: dict[str, str] = {}
+    shared = (on.data, on.model)
+    for k, (name, found) in enumerate(zip(wanted, each(attempt, wanted, jobs, shared), strict=True)):
+        if progress is not None:
+            progress(k / max(len(wanted), 1), f"trying {name}")
+        if isinstance(found, str):
+            failed[name] = found
+            continue
+        one, lines = found
+        candidates.append(replace(one, fit=with_effects(on, one.fit, one.names)))
+        columns += [c for c in lines if np.any(c.jacobian)]
+    candidates.sort(key=lambda c: (bool(c.implausible), -c.score))
+    return Table(tuple(candidates), tuple(columns), failed)
+
+
+def with_effects(on: Ground, fitted: Fit, names: Sequence[str]) -> Fit:
+    """A fit of `names` with its effects, made anew from its values."""
+    effects, at = [], 0
+    for name in names:
+        size = len(find(name).parameters(on.model.vehicle))
+        part = slice(at, at + size)
+        effects.append(ModelEffect(find(name), fitted.theta[part], fitted.std[part]))
+        at += size
+    return replace(fitted, effects=tuple(effects))
+
+
+def _attempt(on: Ground, name: str, names: Sequence[str]) -> tuple[Candidate, list[Column]]:
+    """`name` by itself and with what comes with it: the better of them by held-out time, and the columns of all."""
+    best, line = _candidate(on, (name,))
+    columns = [line]
+    for other in companions(name, on.own, names):
+        both, line = _candidate(on, (name, other))
+        columns.append(line)
+        gained = evidence(best.residual, both.residual)
+        t = contrast(on.data, best.residual, both.residual).t
+        if gained > LEAST_EVIDENCE and significant(t, large=gained > LARGE_EVIDENCE) and not both.implausible:
+            best = both
+    return replace(best, fit=replace(best.fit, effects=())), columns  # effects may not survive pickling
+
+
+def _candidate(on: Ground, added: tuple[str, ...]) -> tuple[Candidate, Column]:
+    found = fit(on.data, on.model, added)
+    left = held_out(on.data, on.model, added, found, exact=False)
+    weights = on.data.weights
+    line = column(on.data, on.model, found, added)
+    return (
+        Candidate(
+            added[0],
+            replace(found, jacobian=np.empty((0, 6, 0))),
+            left,
+            reduction(rms(on.given), rms(left)),
+            1.0 - energy(left, weights) / max(energy(on.given, weights), 1e-30),
+            evidence(on.given, left),
+            contrast(on.data, on.given, left).t,
+            tuple(b for b in found.at_bound if b.split(".")[0] in added),
+            tuple(added[1:]),
+        ),
+        line,
+    )

@@ -1,0 +1,76 @@
+"""A set of effects linearised where it fits best together.
+
+Columns are linearised each by itself; a lag beside another lag, a centre of mass beside a weak rotor, are not quite
+what they are alone. Contenders get one or two Gauss-Newton steps with derivatives of the whole set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.score import Keys, Scorer
+from wrenchgap.learn.posterior.sets import Contender, contender
+from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.learn.posterior.table import Ground
+
+STEPS = 2
+MOVED = 0.2
+"""Change of a parameter in one step, in typical sizes, that calls for another."""
+
+
+def spectrum_of(ground: Ground, columns: Sequence[Column]) -> Spectrum:
+    """Of these columns."""
+    return Spectrum(ground.data, ground.left, columns, ground.model.vehicle.body.mass, ground.known)
+
+
+def linearised_together(
+    ground: Ground, columns: Sequence[Column], theta: Sequence[Array], reference: Array
+) -> Contender | None:
+    """The set of these columns, scored with derivatives where it fits best, beginning at `theta`; `reference` is the
+    noise of `learn.posterior.score.Scorer`. None where the model refuses it there.
+    """  # noqa: D205
+    with threadpool_limits(1, user_api="blas"):
+        try:
+            return _improved(ground, columns, theta, reference)
+        except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
+            return None
+
+
+def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], reference: Array) -> Contender:
+    keys: Keys = tuple(c.key for c in columns)
+    for _ in range(STEPS):
+        columns = together(ground, columns, theta)
+        scorer = Scorer(spectrum_of(ground, columns), reference)
+        found = [scorer(keys).theta[k] for k in keys]
+        moved = [np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True)]
+        theta = found
+        if max(moved) < MOVED:
+            break
+    return contender(scorer, keys)
+
+
+def together(ground: Ground, columns: Sequence[Column], theta: Sequence[Array]) -> list[Column]:
+    """Columns of the members at their values in the set. What does not add up goes to the most curved of them."""
+    problem = Problem(ground.data, ground.model, tuple(n for c in columns for n in c.names))
+    values = np.concatenate(theta)
+    x = np.zeros(problem.low.size)
+    x[: len(values)] = values + np.concatenate([c.origin for c in columns])
+    point = problem.at(np.clip(x, problem.low, problem.high))
+    derivative = problem.jacobian(point)[:, :, : len(values)]
+    offset = ground.left - point.residual - derivative @ values
+    curved = int(np.argmax([np.linalg.norm(c.offset) for c in columns]))
+    out, at = [], 0
+    for k, c in enumerate(columns):
+        part = slice(at, at + len(c.theta))
+        own_offset = offset if k == curved else np.zeros_like(offset)
+        out.append(replace(c, theta=values[part], jacobian=derivative[:, :, part], offset=own_offset))
+        at += len(c.theta)
+    return out
