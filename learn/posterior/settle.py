@@ -26,7 +26,7 @@ EffectSet = tuple[str, ...]
 Values = Mapping[str, Mapping[str, float]]
 """Fitted values of a set where they are known: {effect: {parameter: value}}."""
 Group = tuple[int, ...]
-Pair = tuple[int, int]
+Flags = NDArray[np.bool_]
 
 MOST = 4
 """Bench checks that are worth a reader's time."""
@@ -69,18 +69,16 @@ class _Outcome:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A check on this vehicle, with the outcomes of those explanations of which it says something, in groups."""
+    """A check on this vehicle, with the outcomes of those explanations of which it says something, in groups.
+
+    `apart` (n, n) says which explanations it separates.
+    """
 
     trial: Trial
     setup: Setup
     outcomes: dict[int, _Outcome]
     groups: tuple[Group, ...]
-
-    @property
-    def pairs(self) -> frozenset[Pair]:
-        """Explanations that it tells apart."""
-        sides = combinations(self.groups, 2)
-        return frozenset((min(p), max(p)) for one, other in sides for p in product(one, other))
+    apart: Flags
 
 
 def settle(
@@ -89,7 +87,7 @@ def settle(
     values: Sequence[Values],
     vehicle: Vehicle,
 ) -> tuple[Check, ...]:
-    """At most `MOST` bench checks, the cheapest first, then flights for what they leave open.
+    """At most `MOST` bench checks, the cheapest first, then a flight for the most likely of what they leave open.
 
     `sets` are explanations that fit the same log, `weights` theirs, `values` what is known of each set's fitted values:
     an effect that is not named there has an unknown size, a parameter that is not named is zero. `vehicle` is the one
@@ -102,9 +100,8 @@ def settle(
         return ()
     chosen = _chosen(_candidates(found, vehicle), found)
     bench = [Check("bench", _sentence(c, found), _named(c.groups, found), c.trial.name) for c in chosen]
-    every = frozenset(combinations(range(len(found)), 2))
-    left = every.difference(*(c.pairs for c in chosen))
-    return (*bench, *(_flight(group[:LISTED], found) for group in _open(left, found)))
+    left = ~np.any([c.apart for c in chosen], axis=0) if chosen else np.ones((len(found), len(found)), dtype=bool)
+    return (*bench, _flight(_open(left, found)[:LISTED], found))
 
 
 def _explanations(
@@ -146,7 +143,7 @@ def _candidates(found: Sequence[_Explanation], vehicle: Vehicle) -> list[_Candid
         outcomes = {k: outcome for k, outcome in predicted if outcome is not None}
         groups = _groups(setup, outcomes, found)
         if len(groups) > 1:
-            out.append(_Candidate(trial, setup, outcomes, groups))
+            out.append(_Candidate(trial, setup, outcomes, groups, _apart(groups, len(found))))
     return out
 
 
@@ -188,43 +185,57 @@ def _groups(setup: Setup, outcomes: Mapping[int, _Outcome], found: Sequence[_Exp
     return max((_connected(m, _alike(setup, [outcomes[k] for k in m])) for m in (everyone, sized)), key=worth)
 
 
-def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> NDArray[np.bool_]:
-    """Which outcomes (n, n) the check does not tell apart; one of unknown size is unlike what the model expects only."""
+def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Flags:
+    """Which outcomes (n, n) the check does not tell apart; one of unknown size is unlike the model's reading only."""
     nominal = setup.predict({})
     unknown = np.array([o.value is None for o in outcomes], dtype=bool)
-    values = np.array([nominal if o.value is None else o.value for o in outcomes]).reshape(len(outcomes), -1)
+    values = np.array([nominal if o.value is None else o.value for o in outcomes]).reshape(-1, nominal.size)
     close = np.all(np.abs(values[:, None] - values) <= setup.resolution, axis=-1)
     moved = unknown | np.any(np.abs(values - nominal) > setup.resolution, axis=-1)
-    return np.where(unknown[:, None] | unknown, moved[:, None] & moved, close)
+    either, both = unknown[:, None] | unknown, moved[:, None] & moved
+    return np.asarray(np.where(either, both, close), dtype=bool)
 
 
-def _connected(members: Sequence[int], joined: NDArray[np.bool_]) -> tuple[Group, ...]:
+def _connected(members: Sequence[int], joined: Flags) -> tuple[Group, ...]:
     """Groups of members that any chain of joints (n, n) connects, in the order of their first members."""
+    if not members:
+        return ()
     _, labels = connected_components(joined, directed=False)
     return tuple(tuple(k for k, g in zip(members, labels, strict=True) if g == one) for one in dict.fromkeys(labels))
 
 
+def _apart(groups: Sequence[Group], count: int) -> Flags:
+    """Which of `count` explanations are in different groups (count, count)."""
+    label = np.full(count, -1)
+    for number, group in enumerate(groups):
+        label[list(group)] = number
+    said = label >= 0
+    return np.asarray((label[:, None] != label) & said[:, None] & said, dtype=bool)
+
+
 def _chosen(candidates: Sequence[_Candidate], found: Sequence[_Explanation]) -> list[_Candidate]:
     """Cheapest first, each for pairs that those before do not separate; `MOST` of them at most."""
+    weight = _pair_weights(found)
 
-    def weight(pairs: Iterable[Pair]) -> float:
-        return sum(found[i].weight * found[j].weight for i, j in pairs)
-
-    def lost(one: _Candidate) -> float:
-        return weight(one.pairs.difference(*(c.pairs for c in chosen if c is not one)))
+    def gain(one: _Candidate, others: Sequence[_Candidate]) -> float:
+        return float(weight[one.apart & ~np.any([np.zeros_like(one.apart), *(c.apart for c in others)], axis=0)].sum())
 
     chosen: list[_Candidate] = []
-    done: frozenset[Pair] = frozenset()
     waiting = list(candidates)
     while waiting:
-        best = min(waiting, key=lambda c: (c.trial.minutes, -weight(c.pairs - done)))
+        best = min(waiting, key=lambda c: (c.trial.minutes, -gain(c, chosen)))
         waiting.remove(best)
-        if best.pairs - done:
+        if gain(best, chosen) > 0:
             chosen.append(best)
-            done |= best.pairs
     while len(chosen) > MOST:
-        chosen.remove(min(chosen, key=lambda c: (lost(c), -c.trial.minutes)))
+        chosen.remove(min(chosen, key=lambda c: (gain(c, [o for o in chosen if o is not c]), -c.trial.minutes)))
     return chosen
+
+
+def _pair_weights(found: Sequence[_Explanation]) -> Array:
+    """(n, n): how likely it is that the truth is one of two explanations, up to a factor."""
+    weights = np.array([e.weight for e in found])
+    return np.outer(weights, weights)
 
 
 def _named(groups: Iterable[Group], found: Sequence[_Explanation]) -> tuple[tuple[EffectSet, ...], ...]:
@@ -267,12 +278,12 @@ def _either(sets: Sequence[EffectSet]) -> str:
     return " or ".join((*texts[:LISTED], *more))
 
 
-def _open(left: frozenset[Pair], found: Sequence[_Explanation]) -> list[Group]:
-    """Explanations that a flight has to tell apart: those that the bench leaves together, all where it leaves none."""
-    joined = np.zeros((len(found), len(found)), dtype=bool)
-    joined[tuple(np.array(sorted(left), dtype=int).reshape(-1, 2).T)] = True
+def _open(left: Flags, found: Sequence[_Explanation]) -> Group:
+    """The likeliest explanations that the bench leaves together, all where it leaves none; `left` (n, n)."""
     everyone = tuple(range(len(found)))
-    return [g for g in _connected(everyone, joined) if len(g) > 1] or [everyone]
+    weight = _pair_weights(found)
+    groups = [g for g in _connected(everyone, left) if len(g) > 1] or [everyone]
+    return max(groups, key=lambda g: float(np.triu(weight[np.ix_(g, g)], 1).sum()))
 
 
 def _flight(group: Group, found: Sequence[_Explanation]) -> Check:

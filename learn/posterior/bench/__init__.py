@@ -32,7 +32,7 @@ TRIALS: tuple[Trial, ...] = (
         "1 mm; 1 % of the arm where that is less",
         _LOAD,
     ),
-    Trial("swap", 20, ("rotor_thrust",), rotors.swap, "2 % of a rotor's thrust times the arm"),
+    Trial("swap", 25, ("rotor_thrust",), rotors.swap, "2 % of a rotor's thrust times the arm"),
     Trial("servo_step", 30, ("servo_lag", "command_delay"), arms.servo_step, "4 ms"),
     Trial(
         "rotor_step",

@@ -98,7 +98,7 @@ def swap(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
 
     which = "rotors that turn alike, pair after pair" if pair is None else f"rotor_{pair[0]} and rotor_{pair[1]}"
     return Setup(
-        f"Swap {which}, motors included, and hover as before",
+        f"Swap {which} (propeller, motor and speed controller) and hover as before",
         lambda fitted: total(fitted, 3, ("rotor_thrust", moved)),
         resolution,
         says,
