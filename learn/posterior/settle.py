@@ -2,7 +2,7 @@
 
 Every explanation (set of effects) predicts the reading of every bench check; two are separated by a check where their
 readings differ by more than it resolves. Checks are taken in the order of their cost, each if it separates a pair that
-those before do not; where that makes too many, the ones go without which the least weight stays unsettled.
+those before do not; where that makes too many, those go without which the least weight stays unsettled.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ Flags = NDArray[np.bool_]
 
 MOST = 4
 """Bench checks that are worth a reader's time."""
+WORTH = 0.01
+"""Share of all pairs, by weight, that a check must settle: nobody films servos for an explanation of 1 in 1000."""
 LISTED = 3
 """Explanations that a sentence names for one outcome, and that one flight is for: the heaviest."""
 
@@ -90,8 +92,9 @@ def settle(
     """At most `MOST` bench checks, the cheapest first, then a flight for the most likely of what they leave open.
 
     `sets` are explanations that fit the same log, `weights` theirs, `values` what is known of each set's fitted values:
-    an effect that is not named there has an unknown size, a parameter that is not named is zero. `vehicle` is the one
-    to which the effects were fitted. Where the bench separates all, the flight confirms.
+    an effect that is not named there has an unknown size, a parameter that is not named is zero. `vehicle` is what the
+    effects were fitted to: where the model had effects on its body already, with those in `vehicle.body`. Where the
+    bench separates all, the flight confirms.
     Of less than two sets nothing is to be settled: ().
     Raises ModelError for values of parameters that an effect does not have.
     """
@@ -101,7 +104,7 @@ def settle(
     chosen = _chosen(_candidates(found, vehicle), found)
     bench = [Check("bench", _sentence(c, found), _named(c.groups, found), c.trial.name) for c in chosen]
     left = ~np.any([c.apart for c in chosen], axis=0) if chosen else np.ones((len(found), len(found)), dtype=bool)
-    return (*bench, _flight(_open(left, found)[:LISTED], found))
+    return (*bench, _flight(_open(left, found), found))
 
 
 def _explanations(
@@ -214,18 +217,25 @@ def _apart(groups: Sequence[Group], count: int) -> Flags:
 
 
 def _chosen(candidates: Sequence[_Candidate], found: Sequence[_Explanation]) -> list[_Candidate]:
-    """Cheapest first, each for pairs that those before do not separate; `MOST` of them at most."""
+    """Cheapest first, each for pairs that those before do not separate; `MOST` of them at most.
+
+    Of checks that cost and settle the same, the one in which more explanations change the reading.
+    """
     weight = _pair_weights(found)
 
     def gain(one: _Candidate, others: Sequence[_Candidate]) -> float:
         return float(weight[one.apart & ~np.any([np.zeros_like(one.apart), *(c.apart for c in others)], axis=0)].sum())
 
+    def order(one: _Candidate) -> tuple[float, float, float]:
+        acting = sum(found[k].weight for k, outcome in one.outcomes.items() if outcome.acting)
+        return one.trial.minutes, -gain(one, chosen), -acting
+
     chosen: list[_Candidate] = []
     waiting = list(candidates)
     while waiting:
-        best = min(waiting, key=lambda c: (c.trial.minutes, -gain(c, chosen)))
+        best = min(waiting, key=order)
         waiting.remove(best)
-        if gain(best, chosen) > 0:
+        if gain(best, chosen) >= WORTH:
             chosen.append(best)
     while len(chosen) > MOST:
         chosen.remove(min(chosen, key=lambda c: (gain(c, [o for o in chosen if o is not c]), -c.trial.minutes)))
@@ -233,9 +243,12 @@ def _chosen(candidates: Sequence[_Candidate], found: Sequence[_Explanation]) -> 
 
 
 def _pair_weights(found: Sequence[_Explanation]) -> Array:
-    """(n, n): how likely it is that the truth is one of two explanations, up to a factor."""
-    weights = np.array([e.weight for e in found])
-    return np.outer(weights, weights)
+    """(n, n): how likely it is that the truth is one of two explanations; the sum of all is one, the diagonal zero."""
+    heaviest = max(e.weight for e in found)
+    weights = np.array([max(e.weight, 1e-9 * heaviest) for e in found])  # so that zeros leave something to divide by
+    pairs = np.outer(weights, weights)
+    np.fill_diagonal(pairs, 0.0)
+    return np.asarray(pairs / pairs.sum())
 
 
 def _named(groups: Iterable[Group], found: Sequence[_Explanation]) -> tuple[tuple[EffectSet, ...], ...]:
@@ -272,18 +285,23 @@ def _acting_suffices(candidate: _Candidate, found: Sequence[_Explanation]) -> bo
 
 
 def _either(sets: Sequence[EffectSet]) -> str:
-    """Sets in words, each once: "payload, or mass + com_offset"."""
+    """Sets in words, each once: "payload or mass + com_offset"."""
     texts = list(dict.fromkeys(" + ".join(names) if names else "nothing is missing" for names in sets))
-    more = [f"another {len(texts) - LISTED}"] if len(texts) > LISTED else []
+    more = [f"one of {len(texts) - LISTED} others"] if len(texts) > LISTED else []
     return " or ".join((*texts[:LISTED], *more))
 
 
 def _open(left: Flags, found: Sequence[_Explanation]) -> Group:
-    """The likeliest explanations that the bench leaves together, all where it leaves none; `left` (n, n)."""
-    everyone = tuple(range(len(found)))
-    weight = _pair_weights(found)
-    groups = [g for g in _connected(everyone, left) if len(g) > 1] or [everyone]
-    return max(groups, key=lambda g: float(np.triu(weight[np.ix_(g, g)], 1).sum()))
+    """The likeliest pair that the bench leaves together, `left` (n, n), and what it leaves with them; `LISTED` at most.
+
+    Where it leaves none: the heaviest.
+    """
+    weight = np.where(np.triu(left, 1), _pair_weights(found), 0.0)
+    if not weight.any():
+        return tuple(range(len(found)))[:LISTED]
+    pair = [int(k) for k in np.unravel_index(np.argmax(weight), weight.shape)]
+    third = [k for k in range(len(found)) if k not in pair and left[k, pair].any()]
+    return tuple(sorted((*pair, *third[: LISTED - 2])))
 
 
 def _flight(group: Group, found: Sequence[_Explanation]) -> Check:

@@ -331,6 +331,30 @@ def test_the_flight_is_for_what_the_bench_leaves(checks):
     assert "rotational_drag: body rates on every axis" in found[-1].what
 
 
+def test_nobody_is_sent_for_an_explanation_of_no_weight(checks):
+    names = ("mass", "thrust_scale", "backlash")
+    assert "rock" not in bench(checks(*({n: None} for n in names), weights=[0.5, 0.499, 0.001]))
+    assert "rock" in bench(checks(*({n: None} for n in names), weights=[0.5, 0.4, 0.1]))
+    assert "rock" in bench(checks({"mass": None}, {"backlash": None, "mass": None}, weights=[0.999, 0.001]))
+    assert "weigh" in bench(checks({"mass": None}, {"thrust_scale": None}, weights=[1.0, 0.0]))
+
+
+def test_of_equal_checks_the_one_in_which_both_sides_show(checks):
+    """A step of a servo would only show the delay."""
+    found = checks({"motor_lag": {"tau": 0.05}}, {"command_delay": {"delay": 0.03}})
+    assert tells(found, ["motor_lag"], ["command_delay"]) == ["rotor_step"]
+
+
+def test_the_flight_is_for_a_pair_that_is_open_though_others_weigh_more(checks):
+    """Nothing is known of an effect of one's own: it stays with each of the others, which are told apart."""
+    sets = ({"mass": None}, {"thrust_scale": None}, {"backlash": None}, {"mine": None})
+    found = checks(*sets, weights=[0.4, 0.3, 0.2, 0.1])
+    assert found[-1].separates[0] == (("mass",),)
+    assert (("mine",),) in found[-1].separates
+    left = {frozenset(pair) for pair in itertools.combinations((group[0] for group in found[-1].separates), 2)}
+    assert left - set().union(*(separated(c) for c in found[:-1]))
+
+
 def test_where_five_checks_would_be_needed_the_least_likely_stays_open(checks):
     names = ("mass", "com_offset", "backlash", "imu_misalignment", "wind", "drag_torque")
     found = checks(*({name: None} for name in names), weights=[0.3, 0.25, 0.2, 0.15, 0.07, 0.03])
