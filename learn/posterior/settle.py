@@ -1,8 +1,9 @@
 """What would settle which of several explanations is true: bench checks, the cheapest first, then a flight.
 
 Every explanation (set of effects) predicts the reading of every bench check; two are separated by a check where their
-readings differ by more than it resolves. Checks are taken in the order of their cost, each if it separates a pair that
-those before do not; where that makes too many, those go without which the least weight stays unsettled.
+readings differ by more than it resolves and by more than fitted values are good for. Checks are taken in the order of
+their cost, each if it separates a pair that those before do not; where that makes too many, those go without which the
+least weight stays unsettled.
 """
 
 from __future__ import annotations
@@ -192,11 +193,11 @@ def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Flags:
     """Which outcomes (n, n) the check does not tell apart; one of unknown size is unlike the model's reading only."""
     nominal = setup.predict({})
     unknown = np.array([o.value is None for o in outcomes], dtype=bool)
-    values = np.array([nominal if o.value is None else o.value for o in outcomes]).reshape(-1, nominal.size)
-    close = np.all(np.abs(values[:, None] - values) <= setup.resolution, axis=-1)
-    moved = unknown | np.any(np.abs(values - nominal) > setup.resolution, axis=-1)
+    values = np.array([nominal, *(nominal if o.value is None else o.value for o in outcomes)])
+    close = setup.alike(values)
+    moved = unknown | ~close[0, 1:]
     either, both = unknown[:, None] | unknown, moved[:, None] & moved
-    return np.asarray(np.where(either, both, close), dtype=bool)
+    return np.asarray(np.where(either, both, close[1:, 1:]), dtype=bool)
 
 
 def _connected(members: Sequence[int], joined: Flags) -> tuple[Group, ...]:

@@ -6,10 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 
+INEXACT = 0.1
+"""Share of a fitted value that is open: laws are right to 3 % at best (docs/decisions/0009-honest-intervals.md), two of
+them are compared, at two standard deviations."""
 Fitted = Mapping[str, Array]
 """Effects of known values: theta (P,) in the order of `Effect.parameters`, by name."""
 
@@ -30,9 +34,20 @@ class Setup:
     says: Callable[[Array], str]
     changed: str
 
+    def alike(self, readings: Array) -> NDArray[np.bool_]:
+        """Which readings (n, K) the check does not tell apart, (n, n).
+
+        Their difference must exceed the resolution and what fitted values leave open: `INEXACT` of the larger deviation
+        from the model's reading.
+        """
+        change = np.abs(readings - self.predict({}))
+        larger = np.maximum(change[:, None], change)
+        close = np.abs(readings[:, None] - readings) <= self.resolution + INEXACT * larger
+        return np.asarray(close.all(axis=-1))
+
     def same(self, one: Array, other: Array) -> bool:
-        """Whether the check does not resolve the difference of these two readings (K,)."""
-        return bool(np.all(np.abs(one - other) <= self.resolution))
+        """Whether the check does not tell these two readings (K,) apart."""
+        return bool(self.alike(np.array([one, other]))[0, 1])
 
 
 @dataclass(frozen=True)
