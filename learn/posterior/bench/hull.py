@@ -92,7 +92,7 @@ def hang(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     resolution = min(BALANCE, BALANCE_SHARE * span(vehicle))
 
     def place(com: Array) -> str:
-        return f"({', '.join(digits(1e3 * x + 0.0, 1e3 * resolution) for x in com)}) mm"
+        return f"({', '.join(digits(1e3 * float(x), 1e3 * resolution) for x in com)}) mm"
 
     return Setup(
         f"Hang the vehicle from two points, ready to fly, and find its centre of mass from the body origin, to "

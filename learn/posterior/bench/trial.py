@@ -77,7 +77,7 @@ def total(fitted: Fitted, size: int, *terms: tuple[str, Callable[[Array], Array 
 def digits(value: float, resolution: float) -> str:
     """A number with as many decimals as its resolution is worth."""
     decimals = max(0, int(np.ceil(-np.log10(resolution) - 1e-9)))
-    return f"{value:.{decimals}f}"
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"  # + 0.0: no minus before a zero
 
 
 def per_cent(value: float) -> str:
