@@ -52,10 +52,13 @@ def run(case: Case, model: Model) -> Row:
                 "share": m.share,
                 "significance": m.significance,
                 "evidence": m.evidence,
-                "rivals": [[r.name, r.separation, r.cosine, r.candidate.worthy] for r in m.rivals],
+                "probability": m.probability,
+                "rivals": [[r.name, r.separation, r.cosine, r.weight] for r in m.rivals],
             }
             for m in found.members
         ],
+        "firm": list(found.firm),
+        "classes": [[c.weight, [[*s.names] for s in c.sets]] for c in found.classes if c.weight > 0.01],
         "swing": None if found.oscillation is None else explanation.oscillation_in_words(found.oscillation),
         "depends": None if found.depends is None else [g.name for g in found.depends.chosen],
         "concentrated": found.concentrated,
@@ -80,7 +83,7 @@ def judge(found: Explanation, truth: Truth) -> Row:
     first of them, or for several hidden effects that many of them, is an accepted answer, "group" where a member of
     its group is, "missed" where none was named, "unknown" where the verdict says so, else "wrong".
     """
-    groups = {g[0]: list(g) for g in found.groups}
+    groups = {g[0]: [n for name in g for n in name.split(" + ")] for g in found.groups}
     expected = [a for answers in truth.answers for a in answers]
     main = [e for e in found.effects if e not in truth.always or e in expected]
     row: Row = {"main": main, "answers": [list(a) for a in truth.answers]}

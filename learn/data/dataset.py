@@ -30,7 +30,8 @@ class Dataset:
 
     `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
     `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
-    independent. `answering` are the axes on which commands answer the motion (`learn.data.answering`). An axis that one of the records did not measure is out: NaN in `measured` and `noise`, weight zero.
+    independent. `answering` are the axes on which commands answer the motion (`learn.data.answering`). An axis that one
+    of the records did not measure is out: NaN in `measured` and `noise`, weight zero.
     """
 
     records: tuple[Record, ...]

@@ -17,8 +17,8 @@ per parameter, by the evidence: s_p^2 <- theta_p^2 + var_p (automatic relevance 
 Theory, Inference, and Learning Algorithms", 45.4; EM form, Tipping, JMLR 2001). Where the data leave open which rotor
 is weak, one weak rotor is then preferred to twelve slightly odd ones.
 
-On axes where commands answer the motion (`learn.data.answering`) residual and derivatives are taken without what any such
-answer could explain.
+On axes where commands answer the motion residual and derivatives are taken without what any such answer could explain
+(`learn.data.answering`).
 
 Standard deviations have four parts: a block sandwich, H^-1 (sum_b g_b g_b^T) H^-1 over blocks of time, which stays
 honest when residuals are coloured; the width of the prior in directions that the data leave open (of a sparse effect

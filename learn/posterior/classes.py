@@ -10,9 +10,14 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior.score import DISCREPANCY, Scorer
 from wrenchgap.learn.posterior.sets import Contender
+from wrenchgap.learn.posterior.settle import Check, settle
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.vehicle import Vehicle
 
 LIGHT = 0.005
 """Weight below which a set is not worth a line."""
+WORTH_SETTLING = 0.02
+"""Weight from which on a set is worth a check."""
 NEAR = 3.0
 """Difference of two predictions, in standard errors, that flights cannot show."""
 
@@ -34,17 +39,25 @@ class NamedSet:
         """By name."""
         return {n: p.trust for p in self.contender.parts if p.named for n in p.names}
 
-    def theta(self, name: str) -> Array:
-        """Fitted parameters (P,) of the candidate that an effect belongs to."""
-        return next(p.theta for p in self.contender.parts if name in p.names)
+    def values(self, vehicle: Vehicle) -> dict[str, dict[str, float]]:
+        """Fitted parameters by effect and name; of an effect that the model has already, their changes."""
+        out: dict[str, dict[str, float]] = {}
+        for part in self.contender.parts:
+            left = list(part.theta)
+            for name in part.names:
+                known = find(name).parameters(vehicle)
+                out[name] = {p.name: float(v) for p, v in zip(known, left, strict=False)}
+                left = left[len(known) :]
+        return {name: out[name] for name in self.names}
 
 
 @dataclass(frozen=True)
 class Class:
-    """Sets that these flights cannot tell apart, heaviest first, and their weight together."""
+    """Sets that these flights cannot tell apart, heaviest first, and their weight together; what would tell them."""
 
     weight: float
     sets: tuple[NamedSet, ...]
+    settle: tuple[Check, ...] = ()
 
     @property
     def established(self) -> tuple[str, ...]:
@@ -63,7 +76,7 @@ def merged(contenders: Sequence[Contender], share: Array) -> tuple[NamedSet, ...
     return tuple(s for k, s in enumerate(sets) if k == 0 or s.weight >= LIGHT)
 
 
-def classes(sets: Sequence[NamedSet], scorer: Scorer) -> tuple[Class, ...]:
+def classes(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:
     """Put every set into the class of the heaviest set that predicts the same, or begin a new one."""
     groups: list[list[NamedSet]] = []
     for s in sets:
@@ -72,8 +85,16 @@ def classes(sets: Sequence[NamedSet], scorer: Scorer) -> tuple[Class, ...]:
             groups.append([s])
         else:
             home.append(s)
-    found = [Class(sum(s.weight for s in g), tuple(g)) for g in groups]
+    found = [Class(sum(s.weight for s in g), tuple(g), settled(g, vehicle)) for g in groups]
     return tuple(sorted(found, key=lambda c: -c.weight))
+
+
+def settled(sets: Sequence[NamedSet], vehicle: Vehicle) -> tuple[Check, ...]:
+    """What would settle which of several sets is true; nothing where there is one."""
+    shown = [s for s in sets if s.names and s.weight >= WORTH_SETTLING]
+    if len(shown) < 2:
+        return ()
+    return settle([s.names for s in shown], [s.weight for s in shown], [s.values(vehicle) for s in shown], vehicle)
 
 
 def same(first: Contender, second: Contender, scorer: Scorer) -> bool:

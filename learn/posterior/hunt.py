@@ -47,7 +47,7 @@ class Hunt:
     def _score(self, keys: Keys) -> float:
         space = self.space
         unknown = np.concatenate([space.parameters[k] for k in keys])
-        fixed = [0, *(space.offset[k] for k in keys)]
+        fixed = np.array([0, *(space.offset[k] for k in keys)])
         y = np.array([1.0, *(-1.0 for _ in keys)])
         A = self.whole[np.ix_(unknown, unknown)]
         b = self.whole[np.ix_(unknown, fixed)] @ y
@@ -91,7 +91,7 @@ class Hunt:
         return sorted((k for k, v in self.scores.items() if np.isfinite(v)), key=lambda k: -self.scores[k])
 
     def _change(self, keys: Keys) -> None:
-        """Score the sets that differ by one effect: one less, and in its place or beside all those that promise most."""
+        """Score sets that differ by one effect: one less, and in its place or beside the rest those that promise most."""
         for rest in (keys, *(tuple(k for k in keys if k != gone) for gone in keys)):
             self.score(rest)
             for n in self._promising(rest):

@@ -52,7 +52,8 @@ class Member:
     """An effect of the likeliest set: what it alone takes off, and what else might stand in its place.
 
     `share` of the given model's energy is lost without it; `significance` and `evidence` are those of the set with it
-    against the set without it, on held-out time (`learn.data.answering`); `probability` is that of the effect or one of its group.
+    against the set without it, on held-out time, without what commands that answer the motion could explain
+    (`learn.data.answering`); `probability` is that of the effect or one of its group.
     """
 
     name: str

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged
+from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.sets import Contender, contender, ordered, searched, weights
+from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.learn.posterior.table import Ground
 from wrenchgap.learn.posterior.together import linearised_together, spectrum_of
 from wrenchgap.plant.effects import family, find
@@ -35,10 +36,11 @@ SUREST = 0.98
 
 @dataclass(frozen=True)
 class Posterior:
-    """Named sets, heaviest first, and the classes that they form."""
+    """Named sets, heaviest first, the classes that they form, and what would settle which of all sets is true."""
 
     sets: tuple[NamedSet, ...]
     classes: tuple[Class, ...]
+    settle: tuple[Check, ...]
 
     @property
     def best(self) -> NamedSet:
@@ -46,7 +48,7 @@ class Posterior:
         return self.classes[0].sets[0]
 
     def probability(self, names: Iterable[str]) -> float:
-        """That one of these effects, in any form, is there: weight of the sets that name one, as far as to be trusted."""
+        """That one of these effects, in any form, is there: weight of the sets that name one, as far as it is trusted."""
         shared = {family(n) for n in names}
         total = 0.0
         for s in self.sets:
@@ -83,7 +85,8 @@ def posterior(
         if not todo:
             break
     sets = merged(kept, share)
-    return Posterior(sets, classes(sets, linear))
+    vehicle = on.model.vehicle
+    return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle))
 
 
 def first_contenders(linear: Scorer) -> list[Keys]:

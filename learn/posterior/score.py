@@ -46,9 +46,10 @@ SHOWN = 2.0
 
 @dataclass(frozen=True)
 class Scored:
-    """A set at its best parameters: `theta` by column, `left` (bands, axes) mean squares, `inexact` (bands, axes) those
-    that laws may be off by, the modelled `variance` of both.
+    """A set at its best parameters.
 
+    `theta` by column; `left` (bands, axes) are mean squares, `inexact` those that laws may be off by, `variance` that
+    which is modelled of both.
     `log_probability` in all; `prior` that part of it which does not come from the flights. `weights` (Q,) multiply the
     stacked quantities of the spectrum to give what the set leaves.
     """
@@ -77,7 +78,7 @@ class Scorer:
 
     def pooled(self, left: Array) -> Array:
         """The variance that mean squares (bands, axes) and its prior make likely."""
-        return (self.count * left + NU * self.spectrum.sensor) / (self.count + NU)
+        return np.asarray((self.count * left + NU * self.spectrum.sensor) / (self.count + NU))
 
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""

@@ -34,8 +34,9 @@ MAJOR = 1.5
 class Part:
     """One candidate of a set: `names` of its effects, `size` of its largest parameter in typical sizes.
 
-    `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the rms grows without it; `trust` the share of that which
-    what the set leaves unexplained could not have made as well (`MIMICRY`).
+    `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the
+    rms grows without it; `trust` the share of that which what the set leaves unexplained could not have made as well
+    (`MIMICRY`).
     """
 
     names: tuple[str, ...]

@@ -28,12 +28,14 @@ SECONDS = 2.5
 EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
 
+
 class Spectrum:
     """Products of everything linear, by band and axis.
 
     The stacked quantities are: what the model leaves, then for each column its parameters and its offset, then what is
-    always there: what the model's own effects may be off by (`known`), accelerometer biases, and on the axes where commands answer the motion free responses to all
-    commands, without their mean (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients.
+    always there: what the model's own effects may be off by (`known`), accelerometer biases, and on the axes where
+    commands answer the motion free responses to all commands, without their mean (`learn.data.answering`).
+    `products` (bands, axes, Q, Q) are means over coefficients.
     `count` (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
     """
 
@@ -96,7 +98,9 @@ def transformed(
     records: Sequence[Record], stacked: Array, without_mean: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.intp], Array]:
     """Cosine coefficients (K, L, Q) of the blocks of all records; the block and the frequency [Hz] of each (K,)."""
-    out, block, hertz = [], [], []
+    out: list[Array] = []
+    block: list[NDArray[np.intp]] = []
+    hertz: list[Array] = []
     at = 0
     for record in records:
         n, dt = len(record), record.dt_kept

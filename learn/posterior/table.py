@@ -90,7 +90,9 @@ def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:
     problem = Problem(data, model, (effect.name,))
     size = problem.size
     point = problem.start(None)
-    spread = np.maximum(np.nan_to_num(effect.std), 1e-3 * problem.scale[:size])
+    spread = np.maximum(
+        np.nan_to_num(np.zeros(size) if effect.std is None else effect.std), 1e-3 * problem.scale[:size]
+    )
     return Column(
         (effect.name,),
         effect.theta,

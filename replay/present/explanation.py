@@ -21,7 +21,8 @@ from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant.history import Value
-from wrenchgap.replay.present import comparison, timing, where
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.present import comparison, settle, timing, where
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
@@ -64,7 +65,8 @@ def parts(found: Explanation) -> list[Part]:
     out += [Line(summary(found), "bold"), Line()]
     if found.members:
         out += [members(found), Line(MEMBERS_LEGEND + "\n", "dim")]
-    out += [Line(in_words(c)) for c in found.classes[:MOST_CLASSES]] + [Line()]
+    out += [Line(in_words(c)) for c in found.classes[:MOST_CLASSES] if c.weight >= LIGHT]
+    out += [Line(), *settle.lines(found.posterior.settle), Line()]
     out.append(ranking(found))
     out.append(Line(RANKING_LEGEND + "\n", "dim"))
     if found.fit.snapshot:
@@ -264,7 +266,8 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "summary": summary(found),
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
         "steps": [{"on": [], "chosen": _first(found), "alike": [], "candidates": ranked}],
-        "classes": [_class_json(c) for c in found.classes],
+        "classes": [_class_json(c, found.model.vehicle) for c in found.classes],
+        "settle": settle.to_json(found.posterior.settle),
         "firm": list(found.firm),
         "open": [axis for axis, left in zip(AXES, found.open, strict=True) if left],
         "air": None if found.air is None else entries(found.air, "wind_E", "std"),
@@ -285,11 +288,12 @@ def _first(found: Explanation) -> str | None:
     return next((c.name for c in found.ranking if c.name in found.effects), None)
 
 
-def _class_json(one: Class) -> dict[str, Any]:
+def _class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
     return {
         "weight": one.weight,
         "sets": [{"effects": list(s.names), "weight": s.weight} for s in one.sets],
-        "established": [{"effect": name} for name in one.established],
+        "established": [{"effect": name, "parameters": one.sets[0].values(vehicle)[name]} for name in one.established],
+        "settle": settle.to_json(one.settle),
     }
 
 
