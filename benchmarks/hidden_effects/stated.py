@@ -1,4 +1,4 @@
-"""Stated probabilities against observed frequencies: the check of `Posterior.probability`, which nothing was fitted to."""
+"""Stated probabilities against observed frequencies: the check of `Posterior.probability`, fitted to nothing."""
 
 from __future__ import annotations
 

@@ -254,8 +254,8 @@ class Problem:
         flat = A.reshape(-1, point.x.size)
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
         count = len(blocks)
-        whole: Array = np.asarray(count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse)
-        whole = whole + between_flights(self.data, scores, inverse, whole)
+        whole = np.asarray(count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse, dtype=np.float64)
+        whole = whole + between_flights(self.data, scores, np.asarray(inverse, dtype=np.float64), whole)
         whole += inverse @ np.diag(prior) @ inverse / self.data.independence
         seconds = np.array([p.unit == "s" for _, p in self.parameters], dtype=bool)
         dt = max(r.dt for r in self.data.records)

@@ -68,10 +68,13 @@ class Class:
 
 def merged(contenders: Sequence[Contender], share: Array) -> tuple[NamedSet, ...]:
     """Sets with the same names put together, heaviest first."""
-    together: dict[frozenset[str], list[int]] = {}
-    for k in np.argsort(-share):
-        together.setdefault(frozenset(contenders[k].names), []).append(int(k))
-    sets = [NamedSet(contenders[ks[0]].names, float(share[ks].sum()), contenders[ks[0]]) for ks in together.values()]
+    together: dict[frozenset[str], list[tuple[float, Contender]]] = {}
+    for whole, weight in zip(contenders, share, strict=True):
+        for leaf, part in whole.leaves:
+            together.setdefault(frozenset(leaf.names), []).append((float(weight) * part, leaf))
+    heaviest = [max(listed, key=lambda pair: pair[0])[1] for listed in together.values()]
+    total = [sum(weight for weight, _ in listed) for listed in together.values()]
+    sets = [NamedSet(leaf.names, weight, leaf) for leaf, weight in zip(heaviest, total, strict=True)]
     sets.sort(key=lambda s: -s.weight)
     return tuple(s for k, s in enumerate(sets) if k == 0 or s.weight >= LIGHT)
 

@@ -91,7 +91,7 @@ class Hunt:
         return sorted((k for k, v in self.scores.items() if np.isfinite(v)), key=lambda k: -self.scores[k])
 
     def _change(self, keys: Keys) -> None:
-        """Score sets that differ by one effect: one less, and in its place or beside the rest those that promise most."""
+        """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most."""
         for rest in (keys, *(tuple(k for k in keys if k != gone) for gone in keys)):
             self.score(rest)
             for n in self._promising(rest):

@@ -18,7 +18,7 @@ from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.sets import Contender, contender, ordered, searched, weights
 from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.learn.posterior.table import Ground
-from wrenchgap.learn.posterior.together import linearised_together, spectrum_of
+from wrenchgap.learn.posterior.together import Noise, linearised_together, spectrum_of
 from wrenchgap.plant.effects import family, find
 
 KEPT = 40
@@ -48,7 +48,7 @@ class Posterior:
         return self.classes[0].sets[0]
 
     def probability(self, names: Iterable[str]) -> float:
-        """That one of these effects, in any form, is there: weight of the sets that name one, as far as it is trusted."""
+        """That one of these effects, in any form, is there: weight of the sets that name one, as far as trusted."""
         shared = {family(n) for n in names}
         total = 0.0
         for s in self.sets:
@@ -122,11 +122,11 @@ def linearised(on: Ground, linear: Scorer, sets: Sequence[Keys], jobs: int) -> l
     """`linearised_together` of these sets, by `jobs` processes."""
     lines = {k: ([linear.spectrum.columns[c] for c in k], [linear(k).theta[c] for c in k]) for k in sets}
     by_name = {" | ".join(k): k for k in sets}
-    reference = linear.reference
+    noise = Noise(linear.reference, linear.spectrum.factors)
 
     def work(name: str) -> Contender | None:
         columns, theta = lines[by_name[name]]
-        return linearised_together(on, columns, theta, reference)
+        return linearised_together(on, columns, theta, noise)
 
     return list(each(work, list(by_name), jobs, (on.data, on.model)))
 

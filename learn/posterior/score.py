@@ -198,8 +198,10 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array, rounds: i
     return np.asarray(np.clip(x, lower, upper) * scale)
 
 
-def saturated(spectrum: Spectrum, rounds: int = 3) -> Array:
-    """Mean squares (bands, axes) that everything at once leaves: where the noise's spectrum starts."""
+def saturated(spectrum: Spectrum, rounds: int = 3) -> tuple[Array, Array]:
+    """What everything at once leaves, where the noise's spectrum starts: mean squares (bands, axes), and the weights
+    (Q,) of the stacked quantities that leave it.
+    """  # noqa: D205
     unknown = np.concatenate([*spectrum.parameters.values(), spectrum.always])
     left = spectrum.products[:, :, 0, 0]
     weights = np.zeros(spectrum.low.size)
@@ -210,4 +212,4 @@ def saturated(spectrum: Spectrum, rounds: int = 3) -> Array:
         narrow = np.diag((0.5 * spectrum.scale[unknown]) ** -2.0)
         weights[unknown] = -np.linalg.solve(whole[np.ix_(unknown, unknown)] + narrow, whole[unknown, 0])
         left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
-    return left
+    return left, weights

@@ -7,7 +7,7 @@ these. Source: Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,7 +56,8 @@ class Part:
 @dataclass(frozen=True)
 class Contender:
     """A set as scored. `by_block` (blocks,) is its log likelihood; `predicted` (K, L) the cosine coefficients of what
-    it adds to the prediction; `left` (L,) mean squares by axis.
+    it adds to the prediction; `left` (L,) mean squares by axis. `leaves` are the sets that remain of it when all that
+    it does not need is taken out, with their shares of it: of two effects that do the same, one or the other.
     """  # noqa: D205
 
     scored: Scored
@@ -64,6 +65,7 @@ class Contender:
     by_block: Array
     predicted: Array
     left: Array
+    leaves: tuple[tuple[Contender, float], ...] = ()
 
     @property
     def keys(self) -> Keys:
@@ -78,7 +80,27 @@ class Contender:
 
 
 def contender(scorer: Scorer, keys: Keys) -> Contender:
-    """All that is said of a set."""
+    """All that is said of a set, and of what remains of it."""
+    leaves = {leaf.keys: leaf for leaf in _leaves(scorer, _bare(scorer, keys), set())}
+    log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
+    share = np.exp(log - log.max())
+    shares = zip(leaves.values(), (share / share.sum()).tolist(), strict=True)
+    return replace(_bare(scorer, keys), leaves=tuple(shares))
+
+
+def _leaves(scorer: Scorer, whole: Contender, seen: set[Keys]) -> list[Contender]:
+    """Sets without anything idle that can be reached by taking out one idle part after the other."""
+    if whole.keys in seen:
+        return []
+    seen.add(whole.keys)
+    idle = [k for k, p in zip(whole.keys, whole.parts, strict=True) if p.evidence <= LEAST_EVIDENCE]
+    if not idle:
+        return [whole]
+    rests = [tuple(k for k in whole.keys if k != gone) for gone in idle]
+    return [leaf for rest in rests for leaf in _leaves(scorer, _bare(scorer, rest), seen)]
+
+
+def _bare(scorer: Scorer, keys: Keys) -> Contender:
     space, scored = scorer.spectrum, scorer(keys)
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
@@ -89,7 +111,7 @@ def contender(scorer: Scorer, keys: Keys) -> Contender:
         returns = np.maximum(without / left - 1.0, 0.0)
         above = np.maximum(1.0 - sensor / left, 0.0) * returns / (returns + 1.0)
         trust = float(returns.sum() / max(float(np.sum(returns + MIMICRY * above)), 1e-30))
-        evidence = 0.5 * float(np.sum(np.log(without / left)))
+        evidence = 0.5 * float(np.sum(np.log(without) - np.log(left)))
         size = float(np.max(np.abs(theta) / c.scale))
         parts.append(Part(c.names, theta, size, at_limit(theta, c.low, c.high), evidence, trust))
     used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
@@ -106,12 +128,14 @@ def at_limit(theta: Array, low: Array, high: Array) -> bool:
 def by_axis(scorer: Scorer, squares: Array) -> Array:
     """Mean squares (L,) over all coefficients of those by band and axis."""
     count = scorer.spectrum.count
-    return np.asarray(np.sum(count * squares, axis=0) / np.sum(count, axis=0))
+    least = np.finfo(float).tiny
+    return np.asarray(np.maximum(np.sum(count * squares, axis=0) / np.sum(count, axis=0), least))
 
 
 def searched(spectrum: Spectrum, rounds: int = 2) -> Scorer:
     """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves."""
-    reference = saturated(spectrum)
+    reference, weights_left = saturated(spectrum)
+    spectrum.calm(spectrum.loud(spectrum.coefficients @ weights_left))
     for _ in range(rounds):
         scorer = Scorer(spectrum, reference)
         search(scorer)

@@ -29,6 +29,10 @@ EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
 
 
+UNUSUAL = 5.0
+"""Mean square of a block, over the median of the blocks, beyond which its weight falls."""
+
+
 class Spectrum:
     """Products of everything linear, by band and axis.
 
@@ -76,8 +80,28 @@ class Spectrum:
         per_band = np.bincount(self.band)
         self.count = np.repeat(per_band[:, None], len(self.axes), axis=1).astype(float)
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
-        by_band = [np.moveaxis(self.coefficients[self.band == k], 0, 1) for k in range(len(per_band))]
-        self.products = np.array([np.swapaxes(x, 1, 2) @ x / x.shape[1] for x in by_band])
+        self.factors = np.ones(self.blocks)
+        self.products = self._products()
+
+    def _products(self) -> Array:
+        by_band = [np.moveaxis(self.coefficients[self.band == k], 0, 1) for k in range(len(self.count))]
+        return np.array([np.swapaxes(x, 1, 2) @ x / x.shape[1] for x in by_band])
+
+    def loud(self, left: Array) -> Array:
+        """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in the others:
+        a hand, a gust.
+        """  # noqa: D205
+        mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / self.count
+        size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
+        size /= np.bincount(self.block)
+        return np.asarray(np.sqrt(np.minimum(1.0, UNUSUAL * np.median(size) / np.maximum(size, 1e-30))))
+
+    def calm(self, factors: Array) -> None:
+        """Multiply the blocks of time by these factors (blocks,)."""
+        self.factors = factors
+        if np.any(factors < 1.0):
+            self.coefficients *= factors[self.block][:, None, None]
+            self.products = self._products()
 
 
 def responses(data: Dataset, base: Array) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ what they are alone. Contenders get one or two Gauss-Newton steps with derivativ
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,29 +26,39 @@ MOVED = 0.2
 """Change of a parameter in one step, in typical sizes, that calls for another."""
 
 
+@dataclass(frozen=True)
+class Noise:
+    """What sets are scored against: the `reference` of `learn.posterior.score.Scorer`, the `factors` of blocks."""
+
+    reference: Array
+    factors: Array
+
+
 def spectrum_of(ground: Ground, columns: Sequence[Column]) -> Spectrum:
     """Of these columns."""
     return Spectrum(ground.data, ground.left, columns, ground.model.vehicle.body.mass, ground.known)
 
 
 def linearised_together(
-    ground: Ground, columns: Sequence[Column], theta: Sequence[Array], reference: Array
+    ground: Ground, columns: Sequence[Column], theta: Sequence[Array], noise: Noise
 ) -> Contender | None:
-    """The set of these columns, scored with derivatives where it fits best, beginning at `theta`; `reference` is the
-    noise of `learn.posterior.score.Scorer`. None where the model refuses it there.
+    """The set of these columns, scored with derivatives where it fits best, beginning at `theta`. None where the
+    model refuses it there.
     """  # noqa: D205
     with threadpool_limits(1, user_api="blas"):
         try:
-            return _improved(ground, columns, theta, reference)
+            return _improved(ground, columns, theta, noise)
         except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
             return None
 
 
-def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], reference: Array) -> Contender:
+def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], noise: Noise) -> Contender:
     keys: Keys = tuple(c.key for c in columns)
     for _ in range(STEPS):
         columns = together(ground, columns, theta)
-        scorer = Scorer(spectrum_of(ground, columns), reference)
+        spectrum = spectrum_of(ground, columns)
+        spectrum.calm(noise.factors)
+        scorer = Scorer(spectrum, noise.reference)
         found = [scorer(keys).theta[k] for k in keys]
         moved = [np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True)]
         theta = found

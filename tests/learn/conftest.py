@@ -8,10 +8,8 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.identify.search import Candidate, Member, Rival
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import model_file
-from wrenchgap.plant.effects import Parameter
 
 
 @pytest.fixture(scope="session")
@@ -35,25 +33,6 @@ def fly(hexarotor, once):
         return cache[key]
 
     return made
-
-
-@pytest.fixture
-def made_up():
-    """Members and rivals as a search might leave them, without a search."""
-
-    def candidate(name="other", *, sizes=1.0, significance=9.0, evidence=1.0, implausible=()):
-        """Worthy unless told otherwise; `sizes` is its largest parameter in typical sizes."""
-        unit = Parameter("value", "N", -5.0, 5.0, 0.5)
-        fitted = SimpleNamespace(parameters=((name, unit),), theta=np.array([0.5 * sizes]))
-        return Candidate(name, fitted, np.empty((0, 6)), np.zeros(6), 0.5, evidence, significance, implausible)
-
-    def rival(separation, cosine=0.5, name="other", **kwargs):
-        return Rival(name, separation, cosine, candidate(name, **kwargs))
-
-    def member(*rivals, share=0.5, evidence=3.0, significance=12.0):
-        return Member("this", share, significance, evidence, tuple(sorted(rivals, key=lambda r: r.separation)))
-
-    return SimpleNamespace(candidate=candidate, rival=rival, member=member)
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
-from wrenchgap.learn.identify.search import Search
+from wrenchgap.learn.posterior import table
 from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
@@ -147,7 +147,7 @@ def test_what_could_not_be_tried_is_listed_by_reason(named):
 
 def test_what_could_not_be_fitted_says_so_once(logs, monkeypatch):
     refuse = Mock(side_effect=ModelError("effect mass: the change is too large"))
-    monkeypatch.setattr(Search, "candidate", refuse)
+    monkeypatch.setattr(table, "_candidate", refuse)
     untried = explained(logs.ideal, "mass").untried
     assert not_tried(untried) == {"could not be fitted (the change is too large)": ["mass"]}
 
@@ -164,7 +164,7 @@ def test_table_of_members_fits_a_terminal(which, request):
         assert f"{100 * found.confidence(member):.0f} %" in line
         assert share(member.share) in line
         for other in member.alike:
-            assert f"{other.name} (cosine {other.cosine:.2f})" in line
+            assert f"{other.name} ({share(other.weight)})" in line
 
 
 SECTION = DOCS.read_text(encoding="utf-8").split("\n## explain\n")[1].split("\n## ")[0]

@@ -133,8 +133,8 @@ def _members(found: Explanation) -> Table | None:
         rivals = ", ".join(f"{r.name} ({separation(r.separation)}, cosine {r.cosine:.2f})" for r in listed)
         rows.append([m.name, sure, share(m.share), f"{m.significance:.1f}", rivals or "none near"])
     caption = (
-        "Confidence: the weight of the sets of effects that name it, or what is indistinguishable from it. Share: of the "
-        "error energy that returns without the effect; a small one may still be certain. t: of the set with it against "
+        "Confidence: the weight of the sets of effects that name it, or what is indistinguishable from it. Share: of "
+        "the error energy that returns without the effect; a small one may still be certain. t: of the set with it against "
         "the set without it, on held-out time. Instead: what other sets have in its place, and by how many standard "
         f"errors those fit worse; below {INDISTINCT:g} the two are indistinguishable on these flights."
     )
