@@ -272,11 +272,23 @@ class _Grid:
         return tuple(interpolated(at, time, self._anti_aliased(time, v)) for v in (omega_B, force_B))  # type: ignore[return-value]
 
     def _anti_aliased(self, time: Array, values: Array) -> Array:
-        native = 1.0 / float(np.median(np.diff(time)))
-        if native <= ANTI_ALIAS_RATIO * self.rate or len(time) < 16:
-            return values
-        sections = butter(4, ANTI_ALIAS_CUTOFF * self.rate, fs=native, output="sos")
-        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
+        sections = anti_alias(time, self.rate)
+        return (
+            values
+            if sections is None
+            else np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
+        )
+
+
+def anti_alias(stamps: Array, rate: float) -> Array | None:
+    """Sections (S, 6) of the filter that readings at `stamps` (K,) pass forward and backward before a clock of `rate`.
+
+    None where the readings are not much faster than the clock.
+    """
+    native = 1.0 / float(np.median(np.diff(stamps)))
+    if native <= ANTI_ALIAS_RATIO * rate or len(stamps) < 16:
+        return None
+    return np.asarray(butter(4, ANTI_ALIAS_CUTOFF * rate, fs=native, output="sos"))
 
 
 def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:

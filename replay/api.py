@@ -14,6 +14,7 @@ from typing import Any
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
+from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
@@ -234,12 +235,18 @@ def design(
     limits: Limits | None = None,
     duration: float = 30.0,
     also: Sequence[str] | None = None,
+    unmeasured: Sequence[str] = (),
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Design:
-    """The flight of `duration` [s] that separates effects best; sizes are the model's, else fitted to `flights`."""
+    """The flight of `duration` [s] that separates effects best; sizes are the model's, else fitted to `flights`.
+
+    `unmeasured` are axes that the IMU will not measure there, besides those of the model file.
+    """
     how: dict[str, Any] = {"limits": limits, "duration": duration, "also": also, "seed": seed}
-    return designing.design(effects, model_of(model), flights=listed(flights), progress=progress, **how)
+    base = model_of(model)
+    base = replace(base, unmeasured=axis_names([*base.unmeasured, *unmeasured]))
+    return designing.design(effects, base, flights=listed(flights), progress=progress, **how)
 
 
 def compensator(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from benchmarks.hidden_effects.engine import ALWAYS, Truth, fly
 from benchmarks.hidden_effects.hidden import HOVER_THRUST
 from wrenchgap import compare, explain, open_flights
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present import explanation
 from wrenchgap.replay.present.documents import plain
@@ -85,7 +86,7 @@ def judge(found: Explanation, truth: Truth) -> Row:
     """
     groups = {g[0]: [n for name in g for n in name.split(" + ")] for g in found.groups}
     expected = [a for answers in truth.answers for a in answers]
-    main = [e for e in found.effects if e not in truth.always or e in expected]
+    main = [e for e in found.effects if family(e) not in _families(truth.always) or family(e) in _families(expected)]
     row: Row = {"main": main, "answers": [list(a) for a in truth.answers]}
     if not truth.effects:
         return {**row, "right": "wrong" if main else "name"}
@@ -108,9 +109,15 @@ def judge(found: Explanation, truth: Truth) -> Row:
 
 
 def _found(answers: tuple[str, ...], main: list[str], groups: dict[str, list[str]]) -> str:
-    if set(answers) & set(main):
+    accepted = _families(answers)
+    if accepted & _families(main):
         return "name"
-    return "group" if any(set(answers) & set(groups.get(m, ())) for m in main) else ""
+    return "group" if any(accepted & _families(groups.get(m, ())) for m in main) else ""
+
+
+def _families(names: Iterable[str]) -> set[str]:
+    """A form of an effect is that effect."""
+    return {family(n) for n in names}
 
 
 def _parameters(found: Explanation, truth: Truth) -> list[Row]:

@@ -18,16 +18,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt, sosfreqz, welch
+from scipy.signal import butter, sosfiltfilt, sosfreqz
 
 from wrenchgap.flight.errors import FitError
-from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
+from wrenchgap.learn.data.sensor_noise import white_noise
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, measured_wrench
+from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
 
 T = TypeVar("T")
 
@@ -41,8 +42,9 @@ class Record:
 
     The raw side has N samples `dt` apart: `commands`, `state`. The compared side has K filtered, trimmed and thinned
     samples: `time` (K,), `measured` (K, 6), `commanded` (K, 6) (the logged command, about the nominal centre of mass),
-    `state_kept` (filtered rates). `step` is the thinning. `noise` (6,) is the standard deviation of the sensor noise
-    that is left in `measured`. Both are not a number on axes that were not measured (`learn.data.measured_axes`).
+    `state_kept` (filtered rates). `step` is the thinning. `noise` (6,) is the standard deviation of the white sensor
+    noise that is left in `measured`. Both are not a number on axes that were not measured
+    (`learn.data.measured_axes`).
 
     `source` says where the rotor commands come from: "logged", "allocated" (from the commanded wrench, by the
     nominal allocation) or "none".
@@ -104,11 +106,13 @@ def prepare(
     cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
     commands: tuple[Commands, str] | None = None,
+    imu: ImuSeries | None = None,
 ) -> Record:
     """A stretch of flight with its measured wrench; thinned to about `rate_hz` [Hz] (default five times the cut-off).
 
-    `commands` are those of `commands_of`, where they are at hand. Three cut-off periods are trimmed at either end.
-    Raises FitError for a stretch that is too short or without any command.
+    `commands` are those of `commands_of`, where they are at hand; `imu` is what `samples` were resampled from, which
+    the noise has to know (without it they count as readings). Three cut-off periods are trimmed at either end. Raises
+    FitError for a stretch that is too short or without any command.
     """
     dt = samples.dt
     trim = int(np.ceil(3.0 / (cutoff_hz * dt)))
@@ -140,7 +144,7 @@ def prepare(
         commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep],
         desired=None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep],
         state_kept=replace(state.take(keep), omega_B=omega[keep]),
-        noise=np.where(known, _noise(samples, vehicle, cutoff_hz), np.nan),
+        noise=np.where(known, _noise(samples, vehicle, cutoff_hz, imu), np.nan),
         source=source,
         has_pose=has_pose,
         has_voltage=samples.voltage is not None,
@@ -309,23 +313,19 @@ def _state(samples: Samples) -> tuple[State, bool]:
     return state, all(known is not None for known in logged)
 
 
-def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float) -> Array:
-    """Standard deviation (6,) of white sensor noise after filtering.
+def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries | None) -> Array:
+    """Standard deviation (6,) that white noise of gyroscope and accelerometer has in the measured wrench.
 
-    The one-sided noise density of gyroscope and accelerometer is read where flight leaves nothing but noise, between
-    2.5 cut-offs and 80 % of the Nyquist frequency (the median over that band, so single vibration lines do not
-    count); then integrated through the filter, and the derivative for the torque.
+    Their densities (`learn.data.sensor_noise`) are integrated through the filter, and the derivative for the torque and
+    for what the gyroscope adds to the force over the lever arm from the IMU to the centre of mass.
     """
-    fs = 1.0 / samples.dt
-    segment = min(len(samples), int(4 * fs))
-    frequency, gyro = welch(samples.omega_B, fs, nperseg=segment, axis=0)
-    _, acceleration = welch(samples.specific_force_B, fs, nperseg=segment, axis=0)
-    band = (frequency > min(2.5 * cutoff_hz, 0.2 * fs)) & (frequency < 0.4 * fs)
-    f = np.linspace(0.0, 0.5 * fs, 4001)
-    _, response = sosfreqz(_sections(samples.dt, cutoff_hz), worN=f, fs=fs)
-    gain = np.abs(response) ** 4  # power, filtered twice
-    df = f[1] - f[0]
-    force = vehicle.body.mass * np.sqrt(np.median(acceleration[band], axis=0) * gain.sum() * df)
-    rate_dot = np.sqrt(np.median(gyro[band], axis=0) * (gain * (2 * np.pi * f) ** 2).sum() * df)
-    torque = np.sqrt((vehicle.body.inertia**2) @ rate_dot**2)
-    return np.concatenate((force, torque))
+    f, density = white_noise(samples, imu, cutoff_hz)
+    _, response = sosfreqz(_sections(samples.dt, cutoff_hz), worN=f, fs=1.0 / samples.dt)
+    left = np.abs(response)[:, None] ** 4 * density  # power, filtered twice
+    turn = 2.0 * np.pi * samples.dt * f
+    slope = (8.0 * np.sin(turn) - np.sin(2.0 * turn)) / (6.0 * samples.dt)  # the gain of `derivative`
+    rate_dot = np.trapezoid(left[:, :3] * slope[:, None] ** 2, f, axis=0)
+    specific = np.trapezoid(left[:, 3:], f, axis=0)
+    arm = cross(vehicle.body.com_B - vehicle.imu_position_B, np.eye(3))
+    variance = (vehicle.body.mass**2 * (specific + rate_dot @ arm**2), vehicle.body.inertia**2 @ rate_dot)
+    return np.sqrt(np.concatenate(variance))

@@ -75,7 +75,9 @@ def opened(
     flown, records, short = [], [], []
     for part, sent, source in parts:
         try:
-            made = prepare(part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source))
+            made = prepare(
+                part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
+            )
         except FitError as error:
             if len(part) * part.dt >= 12.0 / cutoff_hz:
                 raise

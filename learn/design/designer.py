@@ -281,7 +281,7 @@ class _Search:
 
     def _measure(self, flight: Flight, trajectory: Moves, truth: ModelEffect) -> Flown:
         seen = [replace(s, unmeasured=self.model.unmeasured) for s in uniform(flight)]
-        data = dataset([prepare(s, self.model.vehicle) for s in seen], self.base)
+        data = dataset([prepare(s, self.model.vehicle, imu=flight.imu) for s in seen], self.base)
         others = [e.name for e in self.effects if e.name != truth.name]
         found = {n: measured_separation(data, self.base, truth.name, n, self.also) for n in others}
         assert flight.odometry is not None

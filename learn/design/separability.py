@@ -66,9 +66,9 @@ FITS = 6
 class Direction:
     """If `truth` is there and the model has `imitator` instead.
 
-    `added` and `left` (6,) are rms of what the truth adds, and of what the imitator leaves of it; `traces` holds both
-    as (K, 6), the second being the imitation. `counts` is false where the imitator is so much richer that the simpler
-    explanation is named anyway.
+    `added` and `left` (6,) are rms of what the truth adds, and of what the imitator leaves of it, not a number on axes
+    that were not measured; `traces` holds both as (K, 6), the second being the imitation. `counts` is false where the
+    imitator is so much richer that the simpler explanation is named anyway.
     """
 
     truth: str
@@ -211,8 +211,8 @@ def direction(
     return Direction(
         truth,
         imitator,
-        rms(added),
-        rms(left),
+        np.where(data.measured_axes, rms(added), np.nan),
+        np.where(data.measured_axes, rms(left), np.nan),
         data.noise,
         float(np.vdot(a, b)) / max(size * float(np.linalg.norm(b)), 1e-30),
         float(np.linalg.norm(weighted(left, data.weights))) / size,

@@ -10,13 +10,16 @@ from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter,
 class DragTorque(WrenchEffect):
     """Every rotor's drag torque per thrust is (1 + k) kappa: dM = -sum_r spin_r k kappa_r T_r n_r.
 
-    It cancels in a coaxial pair at equal speeds. Source: actio and reactio between rotor and hull, as in the nominal
+    T_r is the thrust with all effects on it: a rotor that lifts less drags less. It cancels in a coaxial pair at equal
+    thrusts. Source: actio and reactio between rotor and hull, as in the nominal
     model (`plant/actuation.py`); kappa = C_Q R / C_T of blade element theory. Size: our estimate.
     """
 
     name = "drag_torque"
+    family = "drag_torque"
+    form = "in proportion to the thrust"
     excited_by = "unequal speeds within a pair; on fixed-rotor vehicles, yaw"
-    confused_with = ("tilt_offset", "constant_wrench")
+    confused_with = ("drag_torque_of_speed", "tilt_offset", "constant_wrench")
     needs_rotors = True
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:

@@ -11,7 +11,8 @@ from wrenchgap.plant.vehicle import Vehicle
 class RotorThrust(ThrustEffect):
     """Rotor r makes (1 + e_r) times its nominal thrust: T_r = (1 + e_r) c_f Omega_r^2.
 
-    Damage, wear, a wrong pitch. Source: T = c_f Omega^2 for every rotor on its own.
+    Damage, wear, a wrong pitch. Damage takes thrust; a rotor lifts more than its type only by scatter between blades
+    and motors, a few per cent, so that little is believed upwards. Source: T = c_f Omega^2 for every rotor on its own.
     """
 
     name = "rotor_thrust"
@@ -22,7 +23,7 @@ class RotorThrust(ThrustEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """One relative change per rotor."""
         _, rotors = vehicle.geometry()
-        return tuple(Parameter(f"rotor_{r}", "1", -0.6, 0.2, 0.05) for r in range(len(rotors)))
+        return tuple(Parameter(f"rotor_{r}", "1", -0.6, 0.1, 0.05) for r in range(len(rotors)))
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R) times their gains."""

@@ -8,13 +8,17 @@ from wrenchgap.flight.so3 import rotate_inverse
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
+RELIEF = 0.05
+"""Share of the weight that a safety line may carry without carrying the vehicle."""
+
 
 class Tether(WrenchEffect):
     """A force F constant in E pulls at the point p of B: a cable, a contact, a weight on a string.
 
         F_B = R_EB^T F,   M_O = p x F_B
 
-    Source: statics, docs/effects/tether.md.
+    What hangs or drags on a vehicle pulls it down or aside. Up it pulls as much as a safety line relieves that is kept
+    just free of slack. Source: statics, docs/effects/tether.md.
     """
 
     name = "tether"
@@ -25,7 +29,8 @@ class Tether(WrenchEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force in E, and the point in B."""
         weight, size = vehicle.body.mass * 9.81, span(vehicle)
-        force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, 0.3 * weight, 0.02 * weight) for a in "xyz")
+        most = {"x": 0.3, "y": 0.3, "z": RELIEF}
+        force = tuple(Parameter(f"force_{a}", "N", -0.3 * weight, most[a] * weight, 0.02 * weight) for a in "xyz")
         return force + tuple(Parameter(f"point_{a}", "m", -2.0 * size, 2.0 * size, 0.5 * size) for a in "xyz")
 
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:

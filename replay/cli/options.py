@@ -217,9 +217,13 @@ def command_line(ctx: typer.Context, *without: str) -> str:
     return shlex.join(["wrenchgap", ctx.info_name or "", *_words(ctx, lambda name: name not in silent)])
 
 
-def common_options(ctx: typer.Context) -> str:
+COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "own")
+"""Options that say how flights are read, by the names of their parameters."""
+
+
+def common_options(ctx: typer.Context, *without: str) -> str:
     """Options of the running command that others need as well to read the same flights, with a space before them."""
-    words = shlex.join(_words(ctx, lambda name: name in ("topic", "shift", "cutoff", "between", "unmeasured", "own")))
+    words = shlex.join(_words(ctx, lambda name: name in COMMON and name not in without))
     return f" {words}" if words else ""
 
 

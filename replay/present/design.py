@@ -45,10 +45,13 @@ ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 
 
-def design_command(names: Sequence[str], model: str, paths: Sequence[str]) -> str:
-    """The command that designs a flight to separate `names`, for the logs at `paths`."""
-    line = ["wrenchgap", "design", *names, "-m", model, *(["--from", *paths] if paths else []), "-o", "separate.toml"]
-    return shlex.join(line)
+def design_command(names: Sequence[str], model: str, paths: Sequence[str], options: str = "") -> str:
+    """The command that designs a flight to separate `names`, for the logs at `paths`.
+
+    `options` say how to read them, with a space before them.
+    """
+    line = ["wrenchgap", "design", *names, "-m", model, *(["--from", *paths] if paths else [])]
+    return f"{shlex.join(line)}{options} -o separate.toml"
 
 
 def advice(design: Design) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.flight.unmeasured import Why
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.identify.validation import Validation
@@ -165,12 +164,18 @@ def _largest_residual(found: Explanation) -> str:
     return f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {noise[axis]:.2g})."
 
 
-def what_next(found: Explanation, model: str, paths: Sequence[str]) -> list[Line]:
-    """The commands that follow from the verdict, for the model and the logs as the user named them."""
-    said = {axis for f in found.flights for axis, why in f.flight.unmeasured.items() if why == Why.DECLARED}
-    option = f" --unmeasured {','.join(axis for axis in AXES if axis in said)}" if said else ""
-    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths)}{option}" for g in found.groups]
-    model, logs = shlex.quote(model), shlex.join(paths) + option
+def what_next(
+    found: Explanation, model: str, paths: Sequence[str], options: str = "", to_design: str = ""
+) -> list[Line]:
+    """The commands that follow from the verdict, for the model and the logs as the user named them.
+
+    `options` are those with which the logs were read, `to_design` those of them that `wrenchgap design` knows; with a
+    space before them.
+    """
+    singles = [tuple(n for n in group if " + " not in n) for group in found.groups]
+    pairs = [names for names in singles if len(names) > 1]
+    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in pairs]
+    model, logs = shlex.quote(model), shlex.join(paths) + options
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN:
         out.append(f"next: wrenchgap where {logs} -m {model}: something is missing that the catalogue does not hold")

@@ -1,13 +1,17 @@
 """Some flights of the benchmark of hidden effects: every kind, judged as the benchmark judges."""
 
+from dataclasses import asdict
 from functools import cache
 
+import numpy as np
 import pytest
 
 from benchmarks.hidden_effects import cases
-from benchmarks.hidden_effects.judge import run
+from benchmarks.hidden_effects.hidden import HIDDEN
+from benchmarks.hidden_effects.judge import TRUE, run
 from benchmarks.hidden_effects.score import GOOD, score
 from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import find
 
 CASES = {case.name: case for case in cases.fast()}
 
@@ -42,3 +46,20 @@ def test_error_falls_on_a_flight_of_another_kind_and_values_are_right():
     scores = score([row(name) for name in of("one")])
     assert min(scores["unseen"][part]["median"] for part in ("force", "torque")) > 0.9
     assert scores["parameters"]["both"] >= 0.75
+
+
+@pytest.mark.parametrize(("hidden", "named"), [*TRUE, ("tether", "tether")])
+def test_what_the_benchmark_hides_is_plausible(hidden, named):
+    """At every size that is flown: a range that shuts the truth out would make the benchmark unanswerable."""
+    known = {p.name: p for p in find(named).parameters(model_file.load("tilt_hexarotor").vehicle)}
+    for seed in range(20):
+        for scale in {min(s, cases.LARGEST.get(hidden, 2.0)) for s in cases.SIZES}:
+            made = asdict(HIDDEN[hidden].draw(scale * HIDDEN[hidden].size, np.random.default_rng(seed)))
+            if hidden == "tether":
+                away = np.array(made["anchor"]) - (0.0, 0.0, 1.6)
+                true = dict(
+                    zip(("force_x", "force_y", "force_z"), made["pull"] * away / np.linalg.norm(away), strict=True)
+                )
+            else:
+                true = TRUE[hidden, named](made)
+            assert all(known[name].low <= value <= known[name].high for name, value in true.items()), true

@@ -62,6 +62,8 @@ CASES = {
     "learn LOG -m @sag.toml -o out.gp": "battery_sag | --topic battery | wrenchgap remove battery_sag",
     "counterfactual LOG HEXA --with battery_sag=2,0.08 --json out.json": "battery_sag | --topic battery",
     "replay LOG HEXA --gp @some.gp --lead 0.05 -o out.mcap": "--lead | without physics | wrenchgap add",
+    "replay LOG HEXA --gp @some.gp --cutoff 0 -o out.mcap": "--cutoff 0: expected a positive number of Hz",
+    "design mass tether HEXA -o x.toml --unmeasured force_w": "--unmeasured: 'force_w' is no axis",
     "counterfactual LOG HEXA --gp @some.gp --lead 0.05 -o out.mcap": "--lead | without physics | wrenchgap add",
     "counterfactual LOG HEXA --lead 0.05 -o out.mcap": "--lead 0.05 | --gp",
     "counterfactual @no_pose.mcap HEXA --json out.json": "no topic plays the role 'odometry' | --topic odometry=",

@@ -58,6 +58,19 @@ def test_a_group_is_told_apart_by_the_flight_that_is_designed_for_it(run, tmp_pa
     assert "cannot tell" not in named.output
 
 
+def test_an_axis_that_will_not_be_measured_separates_nothing(run, tmp_path):
+    """An offset of the centre of mass makes no force, so that a tether's is telling, where it is measured."""
+    asked = ("design", "com_offset", "tether", "-m", "tilt_hexarotor", "--duration", "8", "--anyway", "-o", "d.toml")
+    done = run(*asked, "--unmeasured", "force_x,force_y,force_z", "--json", "d.json")
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
+    for key in ("expected", "before"):
+        for direction in found[key]["directions"]:
+            for size in ("added_rms", "left_rms", "noise"):
+                assert direction[size][:3] == [None] * 3
+                assert None not in direction[size][3:]
+
+
 def test_where_no_flight_helps_that_is_said_and_nothing_is_written(run, tmp_path, monkeypatch):
     kept, whole = [], search.design
     monkeypatch.setattr(search, "design", lambda *a, **k: kept.append(whole(*a, **k)) or kept[-1])

@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -128,6 +129,42 @@ def test_a_group_is_told_the_flight_that_separates_it_first(grouped):
     assert set(design[1:3]) == {"thrust_scale", "coaxial_loss"}
     assert design[3:] == ["-m", NAME, "--from", "a.mcap", "day 2.mcap", "-o", "separate.toml"]
     assert add[:2] == ["add", grouped.effects[0]]
+
+
+READ = ["--topic", "imu=/imu", "--shift", "odometry=0.001", "--cutoff", "7.5", "--between", ":11"]
+READ += ["--unmeasured", "force_x,force_y"]
+"""Options that say how a log is to be read."""
+
+
+def pairs(words):
+    """Options of a command with their values."""
+    return {(a, b) for a, b in pairwise(words) if a.startswith("--")}
+
+
+def test_a_command_that_is_told_reads_the_logs_as_they_were_read(logs, run, tmp_path):
+    """As it is printed, word by word, it runs, and by what it says it comes to the same flight."""
+    (tmp_path / "a b.mcap").write_bytes(logs.train.read_bytes())
+    told = {}
+    for words in (("explain", "--effects-only", "com_offset,mass"), ("compare",)):
+        done = run(words[0], "a b.mcap", "-m", NAME, *words[1:], *READ)
+        assert done.exit_code == 0, done.output
+        (text,) = re.findall(r"(?:next|why there): wrenchgap (.*?)(?: note:|$)", " ".join(done.stdout.split()))
+        told[words[0]] = shlex.split(text)
+    add, where = told["explain"], told["compare"]
+    assert add[:2] == ["add", "com_offset"]
+    assert where[:4] == ["where", "a b.mcap", "-m", NAME]
+    for words in (add, where):
+        assert pairs(READ) <= pairs(words)
+    done = run(*add)
+    assert done.exit_code == 0, done.output
+    (trial,) = (version.trial for version in wg.load_model("fitted.toml").history[-1:])
+    assert np.isnan(trial.after[:2]).all()
+
+
+def test_the_flight_that_separates_is_designed_for_the_logs_as_they_were_read(grouped):
+    design, add = commands(what_next(grouped, NAME, ["a.mcap"], " --cutoff 7 --shift imu=0.1", " --shift imu=0.1"))
+    assert design[-6:] == ["--from", "a.mcap", "--shift", "imu=0.1", "-o", "separate.toml"]
+    assert add[-8:] == ["--from", "a.mcap", "--cutoff", "7", "--shift", "imu=0.1", "-o", "fitted.toml"]
 
 
 def test_what_is_unknown_is_to_be_looked_at_before_anything_is_added(named, nothing):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
+
+import typer
+
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
 
@@ -9,6 +13,7 @@ MANY = ("--against",)
 
 
 def compare(
+    ctx: typer.Context,
     logs: o.Logs,
     model: o.ModelOption,
     against: o.Against = None,
@@ -37,8 +42,8 @@ def compare(
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
     run.result(result)
-    axes = f" --unmeasured {reading.unmeasured}" if reading.unmeasured else ""
-    run.line(f"why there: wrenchgap where {' '.join(map(str, logs))} -m {model}{axes}", style="dim")
+    look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
+    run.line(f"why there: {look}{o.common_options(ctx)}", style="dim")
     run.draw(result, figure)
     if csv is not None:
         write_csv(result.to_frame(), csv)

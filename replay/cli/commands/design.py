@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from wrenchgap.plant.vehicle import Vehicle
 
 MANY = ("--from", "--also")
+READ = ("topic", "shift", "between", "unmeasured")
+"""Options that say how logs are read: nothing that a simulation needs."""
 Trajectory = Annotated[
     Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
 ]
@@ -48,6 +51,7 @@ Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of t
 
 
 def design(
+    ctx: typer.Context,
     effects: o.Effects,
     model: o.ModelOption,
     output: Trajectory,
@@ -62,6 +66,7 @@ def design(
     figure: o.Figure = None,
     seed: Seed = 0,
     topic: o.Topics = None,
+    shift: o.Shift = None,
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
     *,
@@ -81,7 +86,7 @@ def design(
     run.claim(outputs, *(logs or ()), model)
     if output.suffix != ".toml":
         raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = run.model(model), Reading(topic, between=between, unmeasured=unmeasured)
+    base, reading = run.model(model), Reading(topic, shift, between=between, unmeasured=unmeasured)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(
@@ -91,6 +96,7 @@ def design(
             limits=_limits(base.vehicle, room, max_tilt, max_speed),
             duration=duration,
             also=along,
+            unmeasured=reading.absent,
             seed=seed,
             progress=report,
         )
@@ -101,7 +107,8 @@ def design(
     run.write("design", {**found.to_json(), "trajectory": str(output) if written else None})
     run.wrote(**({"trajectory": output, "csv": csv, "figure": figure} if written else {}))
     if written:
-        run.line(f"next: wrenchgap simulate -m {model} -t {output} -o flight.mcap, or fly it")
+        fly = shlex.join(["wrenchgap", "simulate", "-m", model, "-t", str(output), "-o", "flight.mcap"])
+        run.line(f"next: {fly}{o.common_options(ctx, *READ)}, or fly it")
 
 
 def _limits(vehicle: Vehicle, room: str | None, tilt_deg: float | None, speed: float) -> Limits:

@@ -13,6 +13,7 @@ MANY = ("--validate",)
 
 
 def explain(
+    ctx: typer.Context,
     logs: o.Logs,
     model: o.ModelOption,
     validate: o.Validate = None,
@@ -41,7 +42,8 @@ def explain(
         flights, tests = run.open(reading, logs, base, validate)
         found = api.explain(flights, base, names=names, validate=tests, progress=report)
     run.result(found)
-    run.show(*what_next(found, model, [str(p) for p in logs]))
+    read = (o.common_options(ctx), o.common_options(ctx, "cutoff"))
+    run.show(*what_next(found, model, [str(p) for p in logs], *read))
     run.notes([*base.notes, *(note for f in tests for note in f.notes)])
     run.write("explain", found.to_json())
     run.wrote()

@@ -73,7 +73,8 @@ def replay(
     base, process, wanted = run.model(model), run.gp(gp), checked(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
-    reading = Reading(topic, shift, cutoff or process.provenance.cutoff_hz or CUTOFF_HZ, between, unmeasured)
+    usual = process.provenance.cutoff_hz or CUTOFF_HZ
+    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured)
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)

@@ -5,6 +5,7 @@ import pytest
 
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.so3 import exp, multiply, rotate, rotate_inverse
+from wrenchgap.plant.effects import find
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -42,3 +43,12 @@ def test_weight_on_a_string_needs_the_support_of_a_payload(bench):
     for motion in (hanging, carried):
         np.testing.assert_allclose(motion.omega_dot_B, 0, atol=1e-12)
         np.testing.assert_allclose(motion.specific_force_B[0], GRAVITY * up, atol=1e-12)
+
+
+def test_rope_pulls_down_or_aside_and_hardly_up(bench):
+    """A load of a quarter of the vehicle's mass hangs on a rope; nothing like it pulls it up."""
+    known = {p.name: p for p in find("tether").parameters(bench.vehicle)}
+    load = 0.25 * bench.weight
+    assert all(known[f"force_{a}"].low < -load and known[f"force_{a}"].high > load for a in "xy")
+    assert known["force_z"].low < -load
+    assert 0.0 < known["force_z"].high < 0.06 * bench.weight
