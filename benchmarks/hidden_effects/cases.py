@@ -10,7 +10,7 @@ from benchmarks.hidden_effects.hidden import HIDDEN
 
 Kind = Literal["one", "two", "none", "outside"]
 
-OUTSIDE = ("slung_load", "slosh", "compass", "resonance", "ringing", "stall")
+OUTSIDE = ("slung_load", "slosh", "compass", "resonance", "ringing")
 """Effects that the catalogue does not have."""
 SIZES = (0.03, 0.1, 0.25, 0.5, 1.0, 2.0)
 """In units of each effect's own middling size."""

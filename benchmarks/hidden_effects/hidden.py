@@ -464,9 +464,9 @@ class Edgewise(Hidden):
 
 @hidden("stall")
 class Stall(Hidden):
-    """Blades that stall: thrust flattens above hover, and is a little more below it. Not in the catalogue."""
+    """Blades that stall: thrust flattens above hover, and is a little more below it: another thrust curve."""
 
-    answers = ("unknown", "thrust_scale")
+    answers = ("thrust_curve",)
     unit, size = "relative loss at full speed", 0.25
     loss: float = 0.25
 

@@ -88,8 +88,8 @@ class Spectrum:
         return np.array([np.swapaxes(x, 1, 2) @ x / x.shape[1] for x in by_band])
 
     def loud(self, left: Array) -> Array:
-        """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in the others:
-        a hand, a gust.
+        """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in others: a
+        hand, a gust.
         """  # noqa: D205
         mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / self.count
         size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
