@@ -24,7 +24,6 @@ class Lack(StrEnum):
     POSE = "pose"
     VOLTAGE = "voltage"
     EXCITATION = "excitation"  # the flights cannot show it
-    FEEDBACK = "feedback"  # the commands answer the motion
     AIR = "air"  # nothing through which the air would act
     FIT = "fit"  # no physically possible values were found
 

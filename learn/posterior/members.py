@@ -19,6 +19,8 @@ from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
 
+MAJOR = 0.3
+"""Share of the error from which on an effect at the limit of what is plausible is named all the same."""
 MOST_RIVALS = 6
 """Alternatives in a member's place that are listed."""
 
@@ -90,14 +92,20 @@ def fitted(on: Ground, names: Sequence[str], start: Fit | None = None) -> Fitted
 
 
 def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...]]:
-    """The likeliest set without those of its effects that are too small for a name when all are fitted together, or
-    that held-out time does not need: those go, the least needed first. The fit, and the members by what they take off.
+    """The likeliest set without those of its effects that are too small for a name when all are fitted together, at
+    the limit of what is plausible, or not needed on held-out time: those go, the least needed first. The fit, and the
+    members by what they take off.
     """  # noqa: D205
     names = list(found.best.names)
     best = fitted(on, names)
     while True:
         listed = members(on, found, names, best, jobs)
-        idle = [m for m in listed if not (material(best.fit, on.model, m.name) and m.needed)]
+        stuck = {b.split(".")[0] for b in best.fit.at_bound}
+        idle = [
+            m
+            for m in listed
+            if not (material(best.fit, on.model, m.name) and m.needed) or (m.name in stuck and m.share < MAJOR)
+        ]
         if not idle:
             return best, listed
         gone = min(idle, key=lambda m: m.evidence).name

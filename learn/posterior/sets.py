@@ -22,6 +22,8 @@ TOP = 30
 """Best sets of a hunt that are scored with the spectrum unknown."""
 DRAWS = 1000
 SEED = 0
+IMPLAUSIBLE = 0.6
+"""Trust in an effect that others push to the limit of what is plausible: something else is pushing."""
 MIMICRY = 0.25
 """Share of what a set leaves above the noise that may have made the difference which one of its members makes."""
 
@@ -112,8 +114,9 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
         above = np.maximum(1.0 - sensor / left, 0.0) * returns / (returns + 1.0)
         trust = float(returns.sum() / max(float(np.sum(returns + MIMICRY * above)), 1e-30))
         evidence = 0.5 * float(np.sum(np.log(without) - np.log(left)))
+        stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
-        parts.append(Part(c.names, theta, size, at_limit(theta, c.low, c.high), evidence, trust))
+        parts.append(Part(c.names, theta, size, stuck, evidence, trust * (IMPLAUSIBLE if stuck else 1.0)))
     used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
     predicted = -space.coefficients[:, :, used] @ scored.weights[used]
     return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, left)

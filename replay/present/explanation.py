@@ -195,8 +195,6 @@ def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
 
 def reason(one: Untried) -> str:
     """Why an effect is not tried, without its name."""
-    if one.lack is Lack.FEEDBACK:
-        return f"{one.detail} the flight is feedback-dominated: a lag found there would be the controller's own phase"
     return f"could not be fitted ({one.detail})" if one.lack is Lack.FIT else one.reason
 
 

@@ -121,7 +121,7 @@ class Report(Result):
     def unshown(self) -> tuple[str, ...]:
         """Effects that the model allows and these flights cannot show."""
         records = [r for f in self.flights for r in f.records]
-        hidden = [u.effect for u in self.explanation.untried if u.lack in (Lack.EXCITATION, Lack.FEEDBACK)]
+        hidden = [u.effect for u in self.explanation.untried if u.lack is Lack.EXCITATION]
         return tuple(name for name in hidden if inapplicable(name, self.model, records) is None)
 
     @property

@@ -62,15 +62,19 @@ def test_many_flights_are_searched_in_part_and_fitted_in_full(offset, hexarotor)
 
 
 def test_a_load_on_a_rope_is_named_in_part_and_seen_to_swing(fly, hexarotor):
-    """Its weight is a payload's. The rest swings at sqrt(g / l), or a little faster for the hull being free."""
+    """Its weight is a payload's, or a mass at a place. The rest swings at sqrt(g / l), or a little faster for the hull
+    being free.
+    """  # noqa: D205
     data, truth = fly("slung_load", None, "train", seed=921, seconds=25)
     load = truth.parameters["slung_load"]
     found = explain(data, hexarotor, names=SOME)
     assert found.verdict == "unknown"
-    assert found.effects[0] == "payload"
-    carried = found.fit.theta[[n == "payload" for n, _ in found.fit.parameters]]
-    assert carried[0] == pytest.approx(load["mass"], rel=0.05)
-    assert carried[3] == pytest.approx(-0.05, abs=0.005)  # it pulls at the joint, wherever the mass hangs
+    sets = {frozenset(s.names) - ALWAYS: s.values(hexarotor.vehicle) for s in found.classes[0].sets}
+    assert sets.keys() >= {frozenset({"mass", "com_offset"})}
+    shifted = sets[frozenset({"mass", "com_offset"})]
+    assert shifted["mass"]["added"] == pytest.approx(load["mass"], rel=0.05)
+    moment = (hexarotor.vehicle.body.mass + load["mass"]) * shifted["com_offset"]["z"]
+    assert moment == pytest.approx(-0.05 * load["mass"], rel=0.1)  # it pulls at the joint, wherever the mass hangs
     assert found.oscillation.frame == "E"
     held = np.sqrt(9.81 / load["length"]) / (2 * np.pi)
     free = held * np.sqrt(1 + load["mass"] / hexarotor.vehicle.body.mass)
@@ -90,7 +94,7 @@ def test_a_magnet_in_a_field_is_unknown_and_depends_on_heading(fly, hexarotor):
     data, _ = fly("compass", None, "turn", seed=31, seconds=30)
     found = explain(data, hexarotor, names=SOME)
     assert found.verdict == "unknown"
-    assert set(found.effects) <= ALWAYS
+    assert set(found.firm) <= ALWAYS
     assert found.oscillation is None
     assert found.depends.chosen[0].name == "heading"
     assert found.depends.explained > 0.7
@@ -108,7 +112,8 @@ def test_one_bad_stretch_is_no_missing_physics(offset, hexarotor):
     once, again = pushed((time > 10) & (time < 12)), pushed(offset.data.block % 4 < 2)
     assert (once.verdict, once.effects[0]) == ("effect", "com_offset")
     assert once.concentrated > 0.8
-    np.testing.assert_allclose(once.fit.theta[:3], offset.values, atol=2e-3)
+    shifted = [v.value for v in once.fit.values("com_offset")]
+    np.testing.assert_allclose(shifted, offset.values, atol=2e-3)
     assert again.verdict == "unknown"
     assert again.concentrated < 0.5
 

@@ -135,8 +135,8 @@ def _members(found: Explanation) -> Table | None:
     caption = (
         "Confidence: the weight of the sets of effects that name it, or what is indistinguishable from it. Share: of "
         "the error energy that returns without the effect; a small one may still be certain. t: of the set with it "
-        "against the set without it, on held-out time. Instead: what other sets have in its place, and by how many standard "
-        f"errors those fit worse; below {INDISTINCT:g} the two are indistinguishable on these flights."
+        "against the set without it, on held-out time. Instead: what other sets have in its place, and by how many "
+        f"standard errors those fit worse; below {INDISTINCT:g} the two are indistinguishable on these flights."
     )
     heads = ("effect", "confidence", "share", "t", "instead (separation)")
     return Table(heads, rows, texts=(4,), caption=caption) if rows else None
