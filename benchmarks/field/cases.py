@@ -1,7 +1,7 @@
-"""Which flights the field has: vehicles, kinds of flying, IMUs, and what is hidden. Seeds keep tuning and publishing apart.
+"""Which flights the field has: vehicles, kinds of flying, IMUs, what is hidden; tuned and published ones apart.
 
-`published(8000)` are the flights of docs/field.md. While something is tuned, `--seed 7000` gives others: other sizes of
-what is drawn, other trajectories, other noise. Nobody tunes on the published ones.
+`everything(8000)` are the flights of docs/field.md. While something is tuned, `--seed 7000` gives others: other draws,
+trajectories and noise. Nobody tunes on the published ones.
 """
 
 from __future__ import annotations
@@ -45,13 +45,14 @@ blind: excited cheap, mission good, turbulence cheap
 hexa: excited good, mission cheap, turbulence good, turbulence cheap
 """
 ONE = """
-nano: excited good weak_rotor, excited good slow_motors, mission good rotor_drag, excited cheap parcel
-nano: turbulence good beside, mission good late
-quad: excited good uneven_motors, excited good dead_band, mission good bluff_body, mission good wind, low good ground
-quad: turbulence good weak_rotor, mission cheap battery, excited cheap sluggish
-x8: excited good slipstream, excited good twisting, mission good inflow, turbulence cheap heavier, excited good imu_moved
-x8: mission cheap fading
-blind: excited good parcel, mission good bluff_body, excited cheap imu_turned, turbulence good beside, mission good line
+nano: excited good weak_rotor, excited good slow_motors, mission good rotor_drag
+nano: excited cheap parcel, turbulence good beside, mission good late
+quad: excited good uneven_motors, excited good dead_band, mission good bluff_body
+quad: mission good wind, low good ground, turbulence good weak_rotor, mission cheap battery, excited cheap sluggish
+x8: excited good slipstream, excited good twisting, mission good inflow
+x8: turbulence cheap heavier, excited good imu_moved, mission cheap fading
+blind: excited good parcel, mission good bluff_body, excited cheap imu_turned
+blind: turbulence good beside, mission good line
 hexa: excited cheap weak_rotor, mission good com_offset, excited cheap servo_lag, turbulence good thin_air
 """
 SEVERAL = """
@@ -60,7 +61,8 @@ quad: excited good weak_rotor sluggish, mission good wind beside, excited good d
 quad: excited good rotor_drag inflow slow_motors, excited cheap parcel weak_rotor slow_motors rotor_drag
 quad: excited good beside weak_rotor dead_band rotor_drag imu_turned
 x8: excited good slipstream beside, mission good heavier bluff_body, excited cheap thin_air imu_turned
-x8: excited good slipstream slow_motors rotor_drag beside, excited good parcel twisting rotor_drag slow_motors imu_turned
+x8: excited good slipstream slow_motors rotor_drag beside
+x8: excited good parcel twisting rotor_drag slow_motors imu_turned
 blind: excited good heavier imu_turned, mission good parcel bluff_body, excited cheap sluggish beside line
 hexa: excited good com_offset weak_rotor, excited cheap wake com_offset servo_lag, mission good payload thin_air
 """

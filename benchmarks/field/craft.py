@@ -50,10 +50,12 @@ class Craft(Multirotor):  # type: ignore[misc]
         self.held: tuple[tuple[Array, Array], ...] = ()  # force at O and torque in B, of what is attached
         self._place, self._R = np.zeros(3), np.eye(3)
         self._arms = self.rotor_geometry
-        self._imu = Imu(R_BS=Rotation.from_rotvec(truth.imu_rotvec).as_matrix(), gravity_vector=np.array([0, 0, -GRAVITY]))
+        self._imu = Imu(
+            R_BS=Rotation.from_rotvec(truth.imu_rotvec).as_matrix(), gravity_vector=np.array([0, 0, -GRAVITY])
+        )
 
     def step(self, state: State, control: dict[str, Array], t_step: float) -> State:
-        """RotorPy's own step; with more rotors than its state has room for, the same integrator on the same equations."""
+        """RotorPy's step; with more rotors than its state has room for, its integrator on its equations."""
         speeds = np.clip(control["cmd_motor_speeds"], self.rotor_speed_min, self.rotor_speed_max)
         if not any(self.truth.tau):
             state = {**state, "rotor_speeds": speeds.copy()}
@@ -74,7 +76,9 @@ class Craft(Multirotor):  # type: ignore[misc]
         out[16:] = speed_rate(self.truth.tau, cmd_rotor_speeds, s[16:])
         return out
 
-    def compute_body_wrench(self, body_rates: Array, rotor_speeds: Array, body_airspeed_vector: Array) -> tuple[Array, Array]:
+    def compute_body_wrench(
+        self, body_rates: Array, rotor_speeds: Array, body_airspeed_vector: Array
+    ) -> tuple[Array, Array]:
         """RotorPy's wrench about the centre of mass, and what the truth adds."""
         force, torque = super().compute_body_wrench(body_rates, rotor_speeds, body_airspeed_vector)
         factor = thrust_factor(self.truth, rotor_speeds, float(self._place[2]), self.charge)
@@ -118,7 +122,7 @@ class Craft(Multirotor):  # type: ignore[misc]
 
 
 def speed_rate(tau: tuple[float, float], command: Array, speed: Array) -> Array:
-    """RotorPy's first-order rotor, (R,) [rad/s^2], with a time constant up and another down; 0 where they follow at once."""
+    """RotorPy's first-order rotor, (R,) [rad/s^2], two time constants; 0 where they follow at once."""
     if not any(tau):
         return np.zeros_like(speed)
     return np.asarray((command - speed) / np.where(command > speed, *tau))

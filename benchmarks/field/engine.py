@@ -1,8 +1,8 @@
 """Fly a `Truth` in RotorPy under its controller, and record what the vehicle would record.
 
 Timing, as in `hidden_effects`: at tick t_k the controller reads the true state and issues a command stamped t_k, held
-until t_k+1. The gyroscope is read at t_k; the accelerometer is the mean of just before and just after t_k, as one is whose
-sample ends half a period later: where rotors follow at once, that is the mean of two commands. Poses at half the rate.
+until t_k+1. The gyroscope is read at t_k; the accelerometer is the mean of just before and just after t_k, as one whose
+sample ends half a period later: where rotors follow at once, the mean of two commands. Poses at half the rate.
 
 The controller believes what the model file says. It gets the state of O, so a centre of mass elsewhere is news to it.
 """
@@ -34,11 +34,10 @@ LOST = 4.0  # m from the reference
 
 @dataclass(frozen=True)
 class Flown:
-    """States at the ticks, free of noise: `position_E`, `velocity_E` of O, `omega_B`, `gusts_E`, `gust_torque_B` (N, 3).
+    """What happened at the ticks, free of noise. `position_E`, `velocity_E` of O, `omega_B` (N, 3), `quat_EB` (N, 4).
 
-    `quat_EB` (N, 4); `speed` (N, R) commanded [rad/s]; `imu` (N, 9) rate, specific force,
-    angular acceleration; `charge` (N,); `desired`,
-    `commanded` (N, 6) wrenches about O.
+    `gusts_E`, `gust_torque_B` (N, 3); `speed` (N, R) commanded [rad/s]; `imu` (N, 9) rate, specific force, angular
+    acceleration; `charge` (N,); `desired`, `commanded` (N, 6) wrenches about O.
     """
 
     plan: Plan

@@ -32,7 +32,7 @@ SHARE_OF_TILT, SHARE_OF_YAW = 0.02, 0.10
 
 @dataclass(frozen=True)
 class Plan:
-    """Flat outputs at the ticks: `time` (N,), `position`, `velocity`, `acceleration` (N, 3) in E, `yaw`, `yaw_rate` (N,).
+    """Flat outputs at the ticks: `time`, `yaw`, `yaw_rate` (N,); `position`, `velocity`, `acceleration` (N, 3) in E.
 
     `added` (N, 4) [N, Nm] goes onto commanded thrust and torque; `integral` switches the controller's integrals on.
     """
@@ -57,7 +57,11 @@ def _size(vehicle: Vehicle) -> float:
     return float(np.clip(2.0 * (vehicle.mass / 1.5) ** 0.2, 0.7, 2.5))
 
 
-def _sampled(time: Array, position: Callable[[Array], Array], yaw: Callable[[Array], Array]) -> tuple[Array, ...]:
+Course = Callable[[Array], Array]
+"""Times (N,) to positions (N, 3) or headings (N,)."""
+
+
+def _sampled(time: Array, position: Course, yaw: Course) -> tuple[Array, ...]:
     """Position (., 3) and yaw with derivatives by central differences over +-2 ms."""
     eps = 2e-3
     p, before, after = position(time), position(time - eps), position(time + eps)
@@ -83,10 +87,7 @@ def excited(vehicle: Vehicle, time: Array, rng: np.random.Generator) -> Plan:
     weight = vehicle.mass * GRAVITY
     tilt, yaw = SHARE_OF_TILT * weight * vehicle.arm, SHARE_OF_YAW * weight * vehicle.k_m / vehicle.k_eta
     added = np.stack(
-        [
-            rms * sines(time, 4 + k, 0.6, 5.0, 0.3)
-            for k, rms in enumerate((THRUST_SHARE * weight, tilt, tilt, yaw))
-        ],
+        [rms * sines(time, 4 + k, 0.6, 5.0, 0.3) for k, rms in enumerate((THRUST_SHARE * weight, tilt, tilt, yaw))],
         1,
     )
     return Plan(time, *flat, quintic(time / 2.0)[:, None] * added)

@@ -1,4 +1,4 @@
-"""The tilting hexarotor in the field: the engine of `hidden_effects`, in missions and turbulence too, with our sensors."""
+"""The tilting hexarotor: the engine of `hidden_effects`, in missions and turbulence too, with the field's sensors."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.field.outside import SlungLoad, Slosh, intermittent, magnet
+from benchmarks.field.outside import Slosh, SlungLoad, intermittent, magnet
 from benchmarks.field.truth import Push, Truth
 from benchmarks.field.vehicles import GRAVITY
 from wrenchgap.flight.flight import Array
@@ -35,7 +35,9 @@ class Hidden:
 HIDDEN: dict[str, Hidden] = {}
 
 
-def hidden(answers: str, size: str, flying: str = "excited mission turbulence", near: str = "") -> Callable[[Change], Change]:
+def hidden(
+    answers: str, size: str, flying: str = "excited mission turbulence", near: str = ""
+) -> Callable[[Change], Change]:
     """Register a function under its name. `answers`: "payload | mass com_offset"."""
     sets = tuple(frozenset(words.split()) for words in answers.split("|") if words.strip())
 
@@ -94,7 +96,9 @@ def sluggish(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     return truth.with_params(**grown)
 
 
-@hidden("payload | mass com_offset | thrust_scale com_offset | coaxial_loss com_offset", "8 % of the mass, below and beside")
+@hidden(
+    "payload | mass com_offset | thrust_scale com_offset | coaxial_loss com_offset", "8 % of the mass, below and beside"
+)
 def parcel(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     """A parcel strapped on."""
     at = truth.vehicle.arm * (0.35 * _level(rng) + np.array((0.0, 0.0, -0.4)))
@@ -168,7 +172,11 @@ def lift(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     return truth.with_params(k_h=0.008 * scale * _weight(truth) / truth.vehicle.rotors)
 
 
-@hidden("wind rotor_drag | wind body_drag | rotor_drag tether | body_drag tether", "3 m/s on rotors that drag", "excited mission")
+@hidden(
+    "wind rotor_drag | wind body_drag | rotor_drag tether | body_drag tether",
+    "3 m/s on rotors that drag",
+    "excited mission",
+)
 def wind(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     """Air that moves, and something that feels it."""
     moving = 3.0 * scale * _level(rng)
@@ -269,7 +277,9 @@ def loose_rotor(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     """A propeller that slips now and then."""
     vehicle = truth.vehicle
     rotor = int(rng.integers(vehicle.rotors))
-    push = intermittent(0.2 * scale * _weight(truth) / vehicle.rotors, vehicle.places_B[rotor], int(rng.integers(1 << 31)))
+    push = intermittent(
+        0.2 * scale * _weight(truth) / vehicle.rotors, vehicle.places_B[rotor], int(rng.integers(1 << 31))
+    )
     return truth.but(pushes=(*truth.pushes, push))
 
 

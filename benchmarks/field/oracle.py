@@ -1,9 +1,9 @@
 """Could a regression with the true laws tell? The size of each hidden effect over its standard deviation.
 
 The wrench that a model's user measures from the flight, m f and J omega_dot + omega x J omega from the IMU, is computed
-along the flown states once with everything that was hidden and once without each effect in turn. The differences are the
-columns of a linear regression with true amplitudes of 1; its noise is the sensors' below `BAND` (white in force, its
-derivative in torque) and the turbulence's, and the IMU's biases are unknowns with the rms of `sensors`. An effect could
+along the flown states once with everything that was hidden and once without each effect in turn. The differences are
+the columns of a linear regression with true amplitudes of 1. Its noise is the sensors' below `BAND` (white in force,
+differentiated in torque) and the turbulence's; the IMU's biases are unknowns with the rms of `sensors`. An effect could
 be told where its amplitude is known to 1 / `judge.TELL` with all others free.
 
 It says nothing of names that act alike: those are among an effect's `answers`.
@@ -27,8 +27,10 @@ EVERY = 5
 """Ticks from one sample of the regression to the next: 40 Hz, enough for `BAND`."""
 
 
-def amplitudes(bare: Truth, names: tuple[str, ...], scales: tuple[float, ...], seed: int, flown: Flown, imu: str) -> list[float]:
-    """1 / standard deviation of each effect's amplitude, in the order of `names`. `bare` is the vehicle with its air."""
+def amplitudes(
+    bare: Truth, names: tuple[str, ...], scales: tuple[float, ...], seed: int, flown: Flown, imu: str
+) -> list[float]:
+    """1 / standard deviation of the amplitude of each of `names`; `bare` is the vehicle in its air, nothing hidden."""
     whole = build(bare, names, scales, seed)
     full = wrenches(whole, flown)
     columns = []
@@ -83,7 +85,7 @@ def rotor_speeds(truth: Truth, commanded: Array) -> Array:
     if not any(truth.tau):
         return around(truth, held, np.vstack((held[1:], held[-1:])))
     out, speed = np.empty_like(held), first
-    up, down = (1.0 - np.exp(-1.0 / RATE / np.array(truth.tau)))
+    up, down = 1.0 - np.exp(-1.0 / RATE / np.array(truth.tau))
     for k, command in enumerate(held):
         if k:  # the first tick begins as the flight does
             speed = speed + np.where(command > speed, up, down) * (command - speed)

@@ -30,7 +30,9 @@ class SlungLoad:
     _at: Array | None = None
     _velocity: Array = field(default_factory=lambda: np.zeros(3))
 
-    def step(self, dt: float, position: Array, velocity: Array, state: dict[str, Array], _: Array) -> tuple[Array, Array]:
+    def step(
+        self, dt: float, position: Array, velocity: Array, state: dict[str, Array], _: Array
+    ) -> tuple[Array, Array]:
         """Symplectic Euler in fine steps, O on a straight line meanwhile."""
         w = 2 * np.pi * 8.0
         if self._at is None:

@@ -26,7 +26,7 @@ def surroundings(case: Case) -> Truth:
         return bare
     weight = bare.vehicle.mass * GRAVITY
     per_rotor = weight / (bare.vehicle.rotors * bare.vehicle.hover_speed)
-    square = {name: SQUARE * weight for name in ("c_Dx", "c_Dy", "c_Dz")}
+    square = dict.fromkeys(("c_Dx", "c_Dy", "c_Dz"), SQUARE * weight)
     return bare.with_params(k_d=DRAG * per_rotor, k_z=SINK * per_rotor, **square).but(gusts=GUSTS)
 
 

@@ -3,12 +3,12 @@
 | | gyroscope | accelerometer | bias, rms |
 |---|---|---|---|
 | good | 0.014 deg/s/sqrt(Hz) | 0.175 mg/sqrt(Hz) | 0.02 deg/s, 0.5 mg |
-| cheap | 0.011 deg/s/sqrt(Hz) and vibration of 5 mrad/s | 0.4 mg/sqrt(Hz) and vibration of 0.1 m/s^2 | 0.3 deg/s, 5 mg |
+| cheap | 0.011 deg/s/sqrt(Hz), vibration 5 mrad/s | 0.4 mg/sqrt(Hz), vibration 0.1 m/s^2 | 0.3 deg/s, 5 mg |
 
-good: Bosch BMI088 (datasheet BST-BMI088-DS001; accelerometer between its 160 of x, y and 190 ug/sqrt(Hz) of z), isolated
-and calibrated; its biases are our estimate. cheap: InvenSense MPU-6050 (PS-MPU-6000A rev. 3.4, 6.1 and 6.2: 400
-ug/sqrt(Hz); 0.033 deg/s rms from 1 to 10 Hz; zero-g level +-35 mg over temperature, zero rate after start-up), screwed to
-the frame: vibration per sample at 200 Hz and what is left of the biases after a calibration are our estimates.
+good: Bosch BMI088 (datasheet BST-BMI088-DS001; between its 160 ug/sqrt(Hz) of x and y and 190 of z), isolated and
+calibrated; its biases are our estimate. cheap: InvenSense MPU-6050 (PS-MPU-6000A rev. 3.4, 6.1, 6.2: 400 ug/sqrt(Hz);
+0.033 deg/s rms from 1 to 10 Hz; zero-g level +-35 mg over temperature), screwed to the frame: vibration per sample at
+200 Hz and what is left of the biases after a calibration are our estimates.
 
 The pose is a motion capture's on both: 0.3 mm, 0.5 mrad, 5 mm/s, 5 mrad/s per sample, as in `hidden_effects`.
 """
@@ -42,7 +42,9 @@ class Imu:
         """Standard deviation of a sample at `rate` [Hz], gyroscope and accelerometer."""
         bandwidth = rate / 2.0
         gyro = np.hypot(self.gyro_density * np.sqrt(bandwidth), self.gyro_vibration)
-        return float(gyro), float(np.hypot(self.accelerometer_density * np.sqrt(bandwidth), self.accelerometer_vibration))
+        return float(gyro), float(
+            np.hypot(self.accelerometer_density * np.sqrt(bandwidth), self.accelerometer_vibration)
+        )
 
 
 IMUS = {
@@ -55,8 +57,10 @@ def measured(flight: Flight, grade: str, seed: int) -> Flight:
     """The flight (of true readings) as the sensors of `grade` record it; its hash is that of the new numbers."""
     rng = np.random.default_rng([seed, 29])
     imu, odometry, sensor = flight.imu, flight.odometry, IMUS[grade]
-    assert imu is not None and odometry is not None and odometry.quat_EB is not None
-    assert odometry.velocity_E is not None and odometry.omega_B is not None
+    assert imu is not None
+    assert odometry is not None
+    assert odometry.velocity_E is not None
+    assert odometry.omega_B is not None
     gyro, accelerometer = sensor.per_sample(1.0 / float(np.median(np.diff(imu.time))))
 
     def noisy(values: Array, std: float, bias: float = 0.0) -> Array:

@@ -77,7 +77,12 @@ class Vehicle:
         return {
             **STILL_AIR,
             "mass": self.mass,
-            **{"Ixx": xx, "Iyy": yy, "Izz": zz, "Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0},
+            "Ixx": xx,
+            "Iyy": yy,
+            "Izz": zz,
+            "Ixy": 0.0,
+            "Ixz": 0.0,
+            "Iyz": 0.0,
             "num_rotors": self.rotors,
             "rotor_pos": {f"r{k}": place for k, place in enumerate(self.places_B)},
             "rotor_directions": self.directions,
