@@ -69,7 +69,7 @@ hexa: excited good com_offset weak_rotor, excited cheap wake com_offset servo_la
 OUTSIDE = """
 nano: excited good slung_load, mission good compass
 quad: mission good slung_load, excited good slosh, mission cheap loose_rotor
-x8: excited good compass, mission good slosh
+x8: excited good compass, excited cheap slosh
 blind: excited good slosh, mission good slung_load
 hexa: excited good resonance, mission good slung_load
 """

@@ -87,7 +87,7 @@ def fly(truth: Truth, kind: str, seconds: float, seed: int) -> Flown:
         queue.append(speed[k])
         imu[k] = craft.imu({**state, "rotor_speeds": around(truth, state["rotor_speeds"], queue[0])})
         if attached is not None:
-            craft.held = (attached.step(dt, position[k], velocity[k], state, imu[k, 3:6]),)
+            craft.held = (attached.step(dt, position[k], velocity[k], state, imu[k]),)
         craft.charge -= dt / 60.0 * float((thrust**1.5).sum()) / vehicle.rotors / _hover_thrust(vehicle) ** 1.5
         state = craft.step(state, {"cmd_motor_speeds": queue[0]}, dt)
     quat = Rotation.from_quat(quat).as_quat(scalar_first=True, canonical=True)

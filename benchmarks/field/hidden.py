@@ -258,11 +258,11 @@ def slung_load(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     return truth.but(attached=lambda: SlungLoad(mass, length))
 
 
-@hidden("", "20 % of the mass at 1 to 2 Hz", near="payload")
+@hidden("", "20 % of the mass at 1 to 2 Hz, 60 % of the arm below O", near="payload")
 def slosh(truth: Truth, scale: float, rng: np.random.Generator) -> Truth:
     """A tank."""
     mass, frequency = 0.2 * scale * truth.vehicle.mass, float(rng.uniform(1.0, 2.0))
-    return truth.but(attached=lambda: Slosh(mass, frequency))
+    return truth.but(attached=lambda: Slosh(mass, frequency, 0.6 * truth.vehicle.arm))
 
 
 @hidden("", "2 % of weight times arm", "excited mission")

@@ -1,7 +1,8 @@
 """What no catalogue of one rigid body has: a load on a rope, a sloshing tank, a magnet, a rotor that comes and goes.
 
-What is `attached` has a motion of its own: `step` advances it by a control tick and returns the force at O and the
-torque, both in B, that it holds for that tick. A push without a memory is a `truth.Push`.
+What is `attached` has a motion of its own: `step` advances it by a control tick, from position and velocity of O in E,
+RotorPy's state and the true IMU reading (9,) of `Craft.imu`, and returns the force at O and the torque, both in B, that
+it holds for that tick. A push without a memory is a `truth.Push`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.field.truth import Push
 from benchmarks.field.vehicles import GRAVITY
+from benchmarks.hidden_effects.autopilot import cross
 from wrenchgap.flight.flight import Array
 
 SUBSTEPS = 20
@@ -53,27 +55,31 @@ class SlungLoad:
 
 @dataclass
 class Slosh:
-    """A share `mass` [kg] of the vehicle moves on springs in the plane z = 0 of B: x'' = -w^2 x - 2 z w x' - f.
+    """A share `mass` [kg] of the vehicle moves on springs in a plane `below` O [m]: x'' = -w^2 x - 2 z w x' - f.
 
-    f is the hull's specific force; the hull feels -mass x''. 10 % damped.
+    f is the specific force in the tank, level part; the hull feels -mass x'' there. 10 % damped. A vehicle whose rotors
+    all push along z has no level specific force in its middle, so a tank there would never slosh.
     """
 
     mass: float
     frequency: float  # Hz
+    below: float
     _x: Array = field(default_factory=lambda: np.zeros(2))
     _v: Array = field(default_factory=lambda: np.zeros(2))
 
-    def step(self, dt: float, _p: Array, _v: Array, _s: dict[str, Array], felt: Array) -> tuple[Array, Array]:
+    def step(self, dt: float, _p: Array, _v: Array, _s: dict[str, Array], reading: Array) -> tuple[Array, Array]:
         """Symplectic Euler; its weight's lever turns the hull."""
-        w = 2 * np.pi * self.frequency
+        w, place = 2 * np.pi * self.frequency, np.array((0.0, 0.0, -self.below))
+        rate, felt, turning = np.split(reading, 3)
+        felt = felt + cross(turning, place) + cross(rate, cross(rate, place))
         total, h = np.zeros(2), dt / SUBSTEPS
         for _ in range(SUBSTEPS):
             a = -(w**2) * self._x - 0.2 * w * self._v - felt[:2]
             self._v = self._v + h * a
             self._x = self._x + h * self._v
             total -= self.mass * a / SUBSTEPS
-        down = self.mass * felt[2]
-        return np.array((*total, 0.0)), np.array((-self._x[1] * down, self._x[0] * down, 0.0))
+        force, down = np.array((*total, 0.0)), self.mass * felt[2]
+        return force, cross(place, force) + np.array((-self._x[1] * down, self._x[0] * down, 0.0))
 
 
 def magnet(torque: float, heading: float) -> Push:

@@ -33,7 +33,7 @@ class Pilot:
             self._control.kp_pos = self._control.kp_pos * SOFTER
 
     def wrench(self, time: float, state: dict[str, Array], flat: dict[str, Any]) -> Array:
-        """RotorPy's command; the position's integral enters as an acceleration asked for, the attitude's as a torque."""
+        """RotorPy's command; the position's integral enters as an acceleration, the attitude's as a torque."""
         if self._integral:
             self._position_sum += self._dt * (state["x"] - flat["x"])
             flat = {**flat, "x_ddot": flat["x_ddot"] - POSITION_INTEGRAL * self._position_sum}

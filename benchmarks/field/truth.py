@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,11 @@ class Truth:
     def with_params(self, **changes: Any) -> Truth:
         """With other parameters of RotorPy."""
         return replace(self, params={**self.params, **changes})
+
+    @cached_property
+    def changes_thrust(self) -> bool:
+        """Whether any rotor gives other than k_eta Omega^2."""
+        return self.gains is not None or self.curve != (0.0, 2.0) or any((self.coaxial, self.ground, self.drop))
 
     @property
     def thrust_gains(self) -> Array:
