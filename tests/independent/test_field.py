@@ -1,5 +1,7 @@
 """The field's bookkeeping: cases, judging, scores, sensors, model files. What RotorPy flies: test_field_rotorpy."""
 
+import ast
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -46,6 +48,21 @@ def test_vehicles_kinds_and_sensors_that_the_issue_asks_for_are_there():
     assert {c.imu for c in field} == set(IMUS)
     assert {len(c.effects) for c in field} == {0, 1, 2, 3, 4, 5}
     assert len({c.name for c in field}) == len(field) <= 90
+
+
+def imported(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+        elif isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+
+
+def test_what_flies_shares_no_code_with_what_it_judges():
+    folder = Path(cases.__file__).parent
+    for name in ("truth", "craft", "pilot", "flying", "engine", "sensors", "hidden", "outside", "oracle", "hexarotor"):
+        ours = [m for m in imported(folder / f"{name}.py") if m.startswith("wrenchgap")]
+        assert all(m.startswith("wrenchgap.flight.") for m in ours), name
 
 
 def test_tuning_and_published_flights_share_no_seed():
