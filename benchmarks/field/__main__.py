@@ -1,7 +1,7 @@
 """Fly the field, explain every flight, and say how often the answer was right.
 
-    python -m benchmarks.field [--seed N] [--only TEXT] [--vehicle NAME] [--seconds S] [--jobs N] [--json FILE]
-                               [--page FILE] [--logs FOLDER]
+    python -m benchmarks.field [--seed N] [--only TEXT ...] [--vehicle NAME] [--seconds S] [--jobs N]
+                               [--json FILE] [--page FILE] [--logs FOLDER]
 
 Rows are written as they come; with --json an interrupted run goes on where it was. Needs RotorPy for all vehicles but
 the tilting hexarotor: `pip install -e '.[benchmark]'`. `--logs` writes the flights for the command line instead of
@@ -42,7 +42,7 @@ def _work(case: cases.Case) -> Row:
 def _options(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Benchmark of explanations on several vehicles.")
     parser.add_argument("--seed", type=int, default=cases.PUBLISHED, help="first seed; 7000 is for tuning")
-    parser.add_argument("--only", help="flights whose name has this in it")
+    parser.add_argument("--only", nargs="+", help="flights whose name has one of these in it")
     parser.add_argument("--vehicle", help="nano, quad, x8, blind or hexa")
     parser.add_argument("--seconds", type=float, help="length of every flight, for a quick look")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
@@ -59,7 +59,7 @@ def main(argv: list[str] | None = None) -> None:
     field = list(cases.everything(a.seed))
     if a.seconds:
         field = list(cases.shorter(iter(field), a.seconds))
-    wanted = [c for c in field if (not a.only or a.only in c.name) and a.vehicle in (None, c.vehicle)]
+    wanted = [c for c in field if (not a.only or any(text in c.name for text in a.only)) and a.vehicle in (None, c.vehicle)]
     if a.logs:
         write_logs(wanted, a.logs)
         return

@@ -1,6 +1,7 @@
 """The field's bookkeeping: cases, judging, scores, sensors, model files. What RotorPy flies: test_field_rotorpy."""
 
 import ast
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the tilting hexarotor's engine needs MuJoCo (a development dependency)")
 
 from benchmarks.field import cases, hexarotor
+from benchmarks.field.__main__ import main
 from benchmarks.field.cases import Case
 from benchmarks.field.flying import RATE, gusts
 from benchmarks.field.judge import class_sets, firm_names, judged
@@ -17,6 +19,8 @@ from benchmarks.field.score import calibration, page, score
 from benchmarks.field.sensors import IMUS, measured
 from benchmarks.field.told import Told
 from benchmarks.field.vehicles import VEHICLES, vehicle
+from wrenchgap import open_flights
+from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.state import Commands
 
@@ -199,3 +203,26 @@ def test_sensors_have_the_noise_that_their_datasheet_says(hovering, grade):
     assert (noisy.imu.omega_B - hovering.imu.omega_B).std(axis=0).mean() == pytest.approx(gyro, rel=0.06)
     assert np.abs(added.mean(axis=0)).max() < 4 * IMUS[grade].accelerometer_bias + accelerometer
     assert noisy.content_hash != hovering.content_hash
+
+
+def test_an_interrupted_run_goes_on_where_it_was_and_the_page_follows(tmp_path, capsys):
+    json_file, page_file = tmp_path / "field.json", tmp_path / "field.md"
+    asked = ["--seed", "7000", "--only", "hexa.turbulence.good.none", "--seconds", "6", "--jobs", "1"]
+    main([*asked, "--json", str(json_file)])
+    first = json.loads(json_file.read_text())
+    assert [row["vehicle"] for row in first["rows"]] == ["hexa"]
+    assert first["scores"]["errors"] == []
+    capsys.readouterr()
+    main([*asked, "--json", str(json_file), "--page", str(page_file)])
+    assert "hexa.turbulence" not in capsys.readouterr().out
+    assert json.loads(json_file.read_text()) == first
+    assert first["rows"][0]["case"] in page_file.read_text()
+
+
+def test_flights_are_written_for_the_command_line(tmp_path):
+    main(["--seed", "7000", "--only", "hexa.mission.cheap.none", "--seconds", "3", "--logs", str(tmp_path)])
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    (name,) = truth
+    opened = open_flights(tmp_path / f"{name}.mcap", model_file.load(tmp_path / "tilt_hexarotor.toml"))
+    assert truth[name]["kind"] == "none"
+    assert opened[0].records
