@@ -110,7 +110,7 @@ def mission(vehicle: Vehicle, time: Array, rng: np.random.Generator) -> Plan:
                 stops.append(stop)
         turn = heading + rng.uniform(-1.5, 1.5)
         yaws = np.array((heading, 0.5 * (heading + turn), turn))
-        speed = rng.uniform(0.5, 1.1) * size
+        speed = rng.uniform(0.3, 0.6) * size  # peaks of some 3 m/s and 4 m/s^2 with 1.5 kg
         legs = MinSnap(np.array(stops), yaws, v_max=20.0, v_avg=speed, verbose=False)
         for t in np.arange(0.0, legs.t_keyframes[-1], dt):
             flat = legs.update(t)
