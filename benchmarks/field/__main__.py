@@ -59,7 +59,9 @@ def main(argv: list[str] | None = None) -> None:
     field = list(cases.everything(a.seed))
     if a.seconds:
         field = list(cases.shorter(iter(field), a.seconds))
-    wanted = [c for c in field if (not a.only or any(text in c.name for text in a.only)) and a.vehicle in (None, c.vehicle)]
+    wanted = [
+        c for c in field if (not a.only or any(text in c.name for text in a.only)) and a.vehicle in (None, c.vehicle)
+    ]
     if a.logs:
         write_logs(wanted, a.logs)
         return

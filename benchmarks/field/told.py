@@ -12,6 +12,10 @@ Names = frozenset[str]
 AIRS = ("rotor_drag", "body_drag", "wind", "axial_inflow", "rotational_drag")
 """Names of what turbulence does to a vehicle; true of a flight in gusts."""
 
+BIASES = ("constant_wrench",)
+"""Names of what an accelerometer's bias looks like. No name of the catalogue says it, so that a set of names may have
+one of these besides, but none of them may be firm."""
+
 
 @dataclass(frozen=True)
 class Told:

@@ -101,6 +101,12 @@ def test_what_the_vehicle_has_anyway_neither_harms_nor_counts():
     assert judged(answer(("servo_lag", "payload")), told(PARCEL, anyway=("servo_lag",)), "one")["in_class"]
 
 
+def test_a_bias_of_the_imu_may_be_put_into_words_but_not_firmly():
+    found = judged(answer(("payload", "constant_wrench")), told(PARCEL), "one")
+    assert found["in_class"]
+    assert found["firm_wrong"] == ["constant_wrench"]
+
+
 def test_a_firm_name_is_wrong_where_it_is_not_there_and_stated_firmly():
     assert judged(answer(("wind",)), told(PARCEL), "one")["firm_wrong"] == ["wind"]
     assert judged(answer(("wind",), p=0.6), told(PARCEL), "one")["firm_wrong"] == []
