@@ -19,7 +19,7 @@ from benchmarks.field.cases import Case
 from benchmarks.field.told import AIRS, BIASES, Names, Told, families
 from wrenchgap import explain, open_flights
 from wrenchgap.flight.flight import Flight
-from wrenchgap.learn.identify.explain import Explanation
+from wrenchgap.learn import Explanation
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
