@@ -1,7 +1,7 @@
 """One flight flown, explained and judged; a row of plain values.
 
 What is read from an answer: `verdict`, `members` with their confidence, and, where the `Explanation` has them, `firm`
-(names) and `classes` (each with `weight` and `sets`, each set with `effects` and `weight`). Without them a name is firm
+(names) and `classes` (each with `weight` and `sets`, each set with `effects` or `names`). Without them a name is firm
 from `FIRM` confidence on, and the class is what the members and their groups make together.
 """
 
@@ -29,6 +29,8 @@ TELL = 5.0
 """Amplitude over its standard deviation from which a regression with the true laws can tell an effect."""
 FIRM = 0.8
 """Stated confidence from which a name counts as firm where the answer does not say which are."""
+TOGETHER = " + "
+"""Between names that stand in one another's place only together."""
 MOST_SETS = 4096
 """Sets of names that are written out from groups."""
 
@@ -73,24 +75,26 @@ def judged(found: Explanation, told: Told, kind: str) -> Row:
     """What the scores need to know of an answer.
 
     `in_class`: some set of the answer's heaviest class says everything that was hidden and nothing else (but what is
-    there `anyway`, and the IMU's bias). `firm_wrong`: firm names that are neither hidden, nor there anyway, nor near.
-    `told`: whether a regression with the true laws could tell each hidden effect.
+    there `anyway`, and the IMU's bias). `firm_wrong`: firm names that are neither hidden, nor there anyway, nor near;
+    where firm is what was stated with confidence, that was of the name or its group. `told`: whether a regression with
+    the true laws could tell each hidden effect.
     """
     sets = list(islice(class_sets(found), MOST_SETS))
     accepted = told.anyway | told.near | frozenset(n for sets in told.answers for s in sets for n in s)
-    firm = firm_names(found)
     truths = [frozenset().union(*choice) for choice in product(*told.answers)] if all(told.answers) else []
-    stated = [(name, float(p), family(name) in accepted) for name, p in confidences(found)]
+    firm, groups = firm_names(found), spoken(found)
+    listed = getattr(found, "firm", None) is not None
+    wrong = [n for n in firm if not (families((n,)) if listed else groups[n]) & accepted]
     return {
         "verdict": str(found.verdict),
         "effects": list(found.effects),
         "groups": [list(g) for g in found.groups],
         "firm": list(firm),
-        "firm_wrong": [name for name in firm if family(name) not in accepted],
+        "firm_wrong": wrong,
         "named_beside": [name for name in found.effects if family(name) not in told.anyway],
         "in_class": None if kind in ("none", "outside") else any(says(s, truths, told.anyway) for s in sets),
         "told": None if told.amplitudes is None or not told.answers else min(told.amplitudes) >= TELL,
-        "stated": [[name, p, right] for name, p, right in stated],
+        "stated": [[name, p, bool(groups[name] & accepted)] for name, p in confidences(found)],
     }
 
 
@@ -104,10 +108,17 @@ def class_sets(found: Explanation) -> Iterator[Names]:
     classes = getattr(found, "classes", None)
     if classes:
         heaviest = max(classes, key=lambda c: c.weight)
-        yield from (families(s.effects) for s in heaviest.sets)
+        yield from (families(getattr(s, "effects", None) or s.names) for s in heaviest.sets)
         return
     groups = {g[0]: g for g in found.groups}
-    yield from (families(choice) for choice in product(*(groups.get(m, (m,)) for m in found.effects)))
+    for choice in product(*(groups.get(m, (m,)) for m in found.effects)):
+        yield families(name for words in choice for name in words.split(TOGETHER))
+
+
+def spoken(found: Explanation) -> dict[str, Names]:
+    """By member: the families that its confidence speaks for, its own and its group's."""
+    groups = {g[0]: g for g in found.groups}
+    return {m: families(n for words in groups.get(m, (m,)) for n in words.split(TOGETHER)) for m in found.effects}
 
 
 def firm_names(found: Explanation) -> tuple[str, ...]:

@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden_effects.score import BY_HAND, percent, share, table
+from benchmarks.field.judge import FIRM
+from benchmarks.hidden_effects.score import BY_HAND, share
+from benchmarks.hidden_effects.score import _percent as percent
+from benchmarks.hidden_effects.score import _table as table
 
 Row = dict[str, Any]
 EDGES = (0.0, 0.5, 0.65, 0.8, 0.9, 1.01)
@@ -17,6 +20,7 @@ EDGES = (0.0, 0.5, 0.65, 0.8, 0.9, 1.01)
 GOALS = {
     "true_in_class": ">= 95 %",
     "firm_wrong": "<= 1 %",
+    "stated_wrong": "<= 1 %",
     "none_firm": "0 %",
     "none_nothing": ">= 90 %",
     "outside_unknown": ">= 90 %",
@@ -39,6 +43,7 @@ def score(rows: list[Row]) -> dict[str, Any]:
         "true_in_class_all": _share(hidden, lambda r: r["in_class"]),
         "firm_wrong": _names(fine),
         "flights_firm_wrong": _share(fine, lambda r: bool(r["firm_wrong"])),
+        "stated_wrong": _stated(fine),
         "none_firm": _share(none, lambda r: bool(r["firm_wrong"])),
         "none_nothing": _share(none, lambda r: r["verdict"] != "unknown" and not r["named_beside"]),
         "none_named": _share(none, lambda r: bool(r["named_beside"])),
@@ -61,6 +66,12 @@ def _names(rows: list[Row]) -> dict[str, Any]:
     """Firm names that are wrong, of all firm names."""
     firm = sum(len(r["firm"]) for r in rows)
     return {"share": share(sum(len(r["firm_wrong"]) for r in rows), firm), "of": firm}
+
+
+def _stated(rows: list[Row]) -> dict[str, Any]:
+    """Names stated at `FIRM` or more of which neither they nor anything of their group is there."""
+    sure = [right for r in rows for _, p, right in r["stated"] if p >= FIRM]
+    return {"share": share(len(sure) - sum(sure), len(sure)), "of": len(sure)}
 
 
 def calibration(rows: Iterable[Row]) -> list[dict[str, Any]]:
@@ -92,8 +103,8 @@ Flights with other first seeds than these (`--seed 7000`) are there for tuning. 
 "In the class": the heaviest class of the answer has a set that says everything that was hidden and nothing else (but
 for `constant_wrench`, which is what an IMU's bias looks like; it must not be firm). It is counted where a regression
 with the true laws could tell each hidden effect with five standard deviations (not computed for the hexarotor).
-"Firm": stated with at least 80 %, or listed as firm by the answer; wrong where the name is neither hidden nor there
-anyway.
+"Firm": listed as firm by the answer, or where it lists none, stated with at least 80 %; wrong where the name is neither
+hidden nor there anyway. A stated confidence speaks for the name or its group, so it is right where one of them is.
 """
 
 
@@ -113,6 +124,7 @@ def _headline(s: dict[str, Any]) -> str:
         ("... on all flights with effects of the catalogue", "true_in_class_all"),
         ("firm names that are wrong", "firm_wrong"),
         ("flights with a firm name that is wrong", "flights_firm_wrong"),
+        ("names stated at 80 % or more that are wrong, and so is their group", "stated_wrong"),
         ("nothing hidden: anything firm", "none_firm"),
         ("nothing hidden: `nothing`, or names of what is there anyway", "none_nothing"),
         ("... anything else named, firm or not", "none_named"),

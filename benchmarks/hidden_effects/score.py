@@ -111,13 +111,11 @@ def page(rows: list[Row], by_hand: str = "") -> str:
     return "\n".join(parts) + f"\n{BY_HAND}\n{by_hand}"
 
 
-def percent(value: float | None) -> str:
-    """For a table."""
+def _percent(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.0f} %"
 
 
-def table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """In Markdown."""
+def _table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     lines = [" | ".join(r) for r in (heads, tuple("---" for _ in heads), *rows)]
     return "\n".join(f"| {line} |" for line in lines) + "\n"
 
@@ -125,30 +123,30 @@ def table(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 def _headline(s: dict[str, Any]) -> str:
     one, two, p = s["one"], s["two"], s["parameters"]
     rows = [
-        ("one hidden effect: right name or group first", "95 %, at least 90", percent(one["right"]), one["flights"]),
-        ("... and the verdict not `unknown`", "-", percent(one["right_and_verdict"]), one["flights"]),
-        ("... a wrong name, with a verdict that trusts it", "0", percent(one["wrong"]), one["flights"]),
-        ("two at once: both", "75 %", percent(two["right"]), two["flights"]),
-        ("nothing hidden: false alarms", "0, at most 5 %", percent(s["false_alarms"]), s["flights"]["none"]),
-        ("not in the catalogue: `unknown`", "80 %", percent(s["unknown_outside"]), s["flights"]["outside"]),
-        ("parameters within 3 sigma and 10 % of truth", "-", percent(p["both"]), p["effects"]),
-        ("... within 3 sigma", "-", percent(p["within_3_sigma"]), p["effects"]),
-        ("... within 10 %", "-", percent(p["within_10_percent"]), p["effects"]),
-        ("coverage of the 95 % intervals, values", "90-99 %", percent(p["coverage_95"]), p["values"]),
+        ("one hidden effect: right name or group first", "95 %, at least 90", _percent(one["right"]), one["flights"]),
+        ("... and the verdict not `unknown`", "-", _percent(one["right_and_verdict"]), one["flights"]),
+        ("... a wrong name, with a verdict that trusts it", "0", _percent(one["wrong"]), one["flights"]),
+        ("two at once: both", "75 %", _percent(two["right"]), two["flights"]),
+        ("nothing hidden: false alarms", "0, at most 5 %", _percent(s["false_alarms"]), s["flights"]["none"]),
+        ("not in the catalogue: `unknown`", "80 %", _percent(s["unknown_outside"]), s["flights"]["outside"]),
+        ("parameters within 3 sigma and 10 % of truth", "-", _percent(p["both"]), p["effects"]),
+        ("... within 3 sigma", "-", _percent(p["within_3_sigma"]), p["effects"]),
+        ("... within 10 %", "-", _percent(p["within_10_percent"]), p["effects"]),
+        ("coverage of the 95 % intervals, values", "90-99 %", _percent(p["coverage_95"]), p["values"]),
     ]
     for what in ("force", "torque"):
         u = s["unseen"][what]
         if u["flights"]:
             label = f"removable {what} error gone on an unseen trajectory, median"
-            rows.append((label, "90 %", percent(u["median"]), u["flights"]))
+            rows.append((label, "90 %", _percent(u["median"]), u["flights"]))
     groups = ", ".join(f"{n} of {size}" for size, n in s["group_sizes"].items()) or "none"
-    text = table(("what", "goal", "reached", "of"), [(a, b, c, str(d)) for a, b, c, d in rows])
+    text = _table(("what", "goal", "reached", "of"), [(a, b, c, str(d)) for a, b, c, d in rows])
     sizes = s["one_by_size"].values()
-    by_size = table(
+    by_size = _table(
         ("size", *s["one_by_size"]),
         [
             ("flights", *(str(v["flights"]) for v in sizes)),
-            ("right", *(percent(v["right"]) for v in sizes)),
+            ("right", *(_percent(v["right"]) for v in sizes)),
             ("missed", *(str(v["outcomes"].get("missed", 0)) for v in sizes)),
             ("wrong", *(str(v["outcomes"].get("wrong", 0)) for v in sizes)),
         ],
@@ -170,8 +168,8 @@ def _by_effect(rows: list[Row]) -> str:
         named = [x for x in sizes if found[x].split(",")[0] in ("name", "group")]
         smallest = f"{min(named):g}" if named else "-"
         listed.append((effect, ", ".join(f"{x:g}: {found[x]}" for x in sizes), smallest))
-    shown = table(("hidden", "size: outcome (what was named)", "smallest named"), listed)
-    return f"## By effect\n\n{shown}"
+    table = _table(("hidden", "size: outcome (what was named)", "smallest named"), listed)
+    return f"## By effect\n\n{table}"
 
 
 def _listed(rows: list[Row]) -> str:
@@ -188,7 +186,7 @@ def _listed(rows: list[Row]) -> str:
             for r in rows
             if r["kind"] == kind and "error" not in r
         ]
-        out.append(f"## {title}\n\n" + table(("flight", "outcome", "verdict", "named", "residual"), listed))
+        out.append(f"## {title}\n\n" + _table(("flight", "outcome", "verdict", "named", "residual"), listed))
     return "\n".join(out)
 
 
@@ -200,13 +198,13 @@ def _calibration(rows: list[Row]) -> str:
         (a, str(n), f"{100 * p:.0f} %", f"{100 * q:.0f} %")
         for a, n, p, q in reliability(left_out(X, right, hidden), right)
     ]
-    shown = table(("stated", "effects named", "stated, mean", "right"), listed)
+    table = _table(("stated", "effects named", "stated, mean", "right"), listed)
     return (
         "## Confidence\n\nThe probability that `explain` states for each effect it names, by coefficients fitted to "
-        f"the flights of all *other* hidden effects, against how often it was right:\n\n{shown}"
+        f"the flights of all *other* hidden effects, against how often it was right:\n\n{table}"
     )
 
 
 def _sizes() -> str:
     listed = [(name, f"{cls.size:g} {cls.unit}", " or ".join(cls.answers)) for name, cls in HIDDEN.items()]
-    return "## Sizes\n\n" + table(("hidden", "typical size (1)", "accepted answers"), listed)
+    return "## Sizes\n\n" + _table(("hidden", "typical size (1)", "accepted answers"), listed)

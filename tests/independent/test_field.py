@@ -101,6 +101,15 @@ def test_what_the_vehicle_has_anyway_neither_harms_nor_counts():
     assert judged(answer(("servo_lag", "payload")), told(PARCEL, anyway=("servo_lag",)), "one")["in_class"]
 
 
+def test_a_confidence_speaks_for_a_name_or_its_group_and_a_firm_name_for_itself():
+    grouped = {"effects": ("coaxial_loss",), "groups": (("coaxial_loss", "com_offset + mass"),)}
+    stated = judged(answer(**grouped), told(PARCEL), "one")
+    assert stated["stated"] == [["coaxial_loss", 0.95, True]]
+    assert stated["firm_wrong"] == []
+    assert stated["in_class"]
+    assert judged(answer(**grouped, firm=("coaxial_loss",)), told(PARCEL), "one")["firm_wrong"] == ["coaxial_loss"]
+
+
 def test_a_bias_of_the_imu_may_be_put_into_words_but_not_firmly():
     found = judged(answer(("payload", "constant_wrench")), told(PARCEL), "one")
     assert found["in_class"]
@@ -118,7 +127,8 @@ def test_an_answer_that_says_what_is_firm_and_its_classes_is_believed():
         return SimpleNamespace(effects=effects, weight=weight)
 
     light = SimpleNamespace(weight=0.2, sets=(one(("wind",), 0.2),))
-    heavy = SimpleNamespace(weight=0.8, sets=(one(("payload",), 0.5), one(("mass", "com_offset"), 0.3)))
+    named = SimpleNamespace(names=("mass", "com_offset"), weight=0.3)
+    heavy = SimpleNamespace(weight=0.8, sets=(one(("payload",), 0.5), named))
     found = answer(("payload",), p=0.5, firm=("payload",), classes=(light, heavy))
     assert firm_names(found) == ("payload",)
     assert list(class_sets(found)) == [names("payload"), names("mass", "com_offset")]
@@ -147,7 +157,7 @@ def test_scores_count_what_the_issue_asks_for():
     s = score([*rows(), {"case": "lost", "kind": "one", "error": "lost"}])
     assert s["true_in_class"] == {"share": 0.5, "of": 2}  # the third could not be told
     assert s["true_in_class_all"]["of"] == 3
-    assert s["firm_wrong"] == {"share": 0.6667, "of": 3}
+    assert s["firm_wrong"] == s["stated_wrong"] == {"share": 0.6667, "of": 3}
     assert s["none_nothing"]["share"] == s["none_firm"]["share"] == 0.5
     assert s["outside_unknown"]["share"] == 1.0
     assert s["errors"] == ["lost"]
