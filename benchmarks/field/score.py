@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.field.hidden import HIDDEN
 from benchmarks.field.judge import FIRM
 from benchmarks.hidden_effects.score import BY_HAND, share
 from benchmarks.hidden_effects.score import _percent as percent
@@ -112,7 +113,7 @@ def page(rows: list[Row], everything: int, by_hand: str = "") -> str:
     """docs/field.md; `everything` is how many flights the field has."""
     s = score(rows)
     head = HEAD.format(flights=sum(s["flights"].values()), all=everything)
-    parts = [head, _headline(s), _calibration(s), _breakdown(rows), _listed(rows)]
+    parts = [head, _headline(s), _calibration(s), _breakdown(rows), _listed(rows), _sizes()]
     return "\n".join(parts) + f"\n{BY_HAND}\n{by_hand}"
 
 
@@ -178,3 +179,13 @@ def _cells(r: Row) -> tuple[str, ...]:
     told = {True: "yes", False: "no", None: "-"}
     wrong = ", ".join(r["firm_wrong"]) or "-"
     return (r["case"], r["verdict"], named, wrong, yes[r["in_class"]], told[r["told"]])
+
+
+def _sizes() -> str:
+    """What is hidden in RotorPy's vehicles; that of the hexarotor is on the page of `hidden_effects`."""
+    listed = []
+    for name, hidden in HIDDEN.items():
+        answers = " or ".join(" with ".join(sorted(s)) for s in hidden.answers)
+        listed.append((name, hidden.size, answers or "unknown"))
+    text = "Size 1 of what is hidden in RotorPy's vehicles; for the hexarotor see [there](hidden-effects.md).\n\n"
+    return "## Sizes\n\n" + text + table(("hidden", "size 1", "accepted sets of names"), listed)
