@@ -3,7 +3,8 @@
 `HIDDEN[name].change(truth, scale, rng)`; scale 1 is a typical size, relative to the vehicle's weight and arm. `answers`
 are sets of the catalogue's names, best first, each of which says what is there: {payload} or {mass, com_offset}. They
 are exact, or nearly: a name that only looks the same on some flights (a thrust scale is a mass where no torque shows it
-to be none) belongs into the answer's class beside the true one, and must not be firm. Names are compared by family. What no name is right for has no answers; `near` are names that are not wrong there.
+to be none) belongs into the answer's class beside the true one, and must not be firm. Names are compared by family.
+What no name is right for has no answers; `near` are names that are not wrong there.
 """
 
 from __future__ import annotations
