@@ -109,6 +109,7 @@ def pytest_unconfigure(config):
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is None:
         return
-    skipped = [report for report in reporter.stats.get("skipped", []) if "browser" in report.keywords]
+    reports = reporter.stats.get("skipped", [])  # a file that is skipped whole has no keywords
+    skipped = [report for report in reports if "browser" in getattr(report, "keywords", ())]
     if skipped:
         reporter.write_line(f"{len(skipped)} tests in a browser were not run: {REMEDY}")

@@ -23,13 +23,14 @@ def test_skipped_browser_tests_are_counted_below_the_closing_line(tmp_path, skip
     shutil.copy(Path(__file__).with_name("conftest.py"), tmp_path)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = browser: as here\naddopts = -q\n")
     (tmp_path / "test_inner.py").write_text(INNER.format(skip=skip))
+    (tmp_path / "test_whole.py").write_text("import pytest\npytest.importorskip('nobody_has_this')\n")
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *workers]
     quick = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}  # plugins not used here take seconds
     run = subprocess.run(command, cwd=tmp_path, env=quick, capture_output=True, text=True, check=True)
     *_, before, last = run.stdout.splitlines()
     if skip:
-        assert "1 passed, 4 skipped in" in before
+        assert "1 passed, 5 skipped in" in before
         assert last.startswith("3 tests in a browser were not run")
         assert "apt-get install chromium" in last
     else:
-        assert "5 passed in" in last
+        assert "5 passed, 1 skipped in" in last

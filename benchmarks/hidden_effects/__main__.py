@@ -81,17 +81,17 @@ def _ordered(rows: list[Row], wanted: list[cases.Case]) -> list[Row]:
 
 def _write(path: Path, rows: list[Row], wanted: list[cases.Case]) -> None:
     rows = _ordered(rows, wanted)
-    lines = ",\n".join(json.dumps(_rounded(row)) for row in rows)
+    lines = ",\n".join(json.dumps(rounded(row)) for row in rows)
     path.write_text(f'{{"scores": {json.dumps(score(rows))},\n"rows": [\n{lines}\n]}}\n')
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
     """Six digits: what a reader compares, and a file that fits a repository."""
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
-    return [_rounded(v) for v in value] if isinstance(value, list) else value
+        return {k: rounded(v) for k, v in value.items()}
+    return [rounded(v) for v in value] if isinstance(value, list) else value
 
 
 if __name__ == "__main__":

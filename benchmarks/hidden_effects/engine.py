@@ -88,6 +88,7 @@ def fly(
     pair_split: float = 0.0,
     crisp: bool = False,
     log: Path | None = None,
+    also: Sequence[Hidden] = (),
 ) -> tuple[Flight, Truth]:
     """Fly `trajectory` with hidden `effect`(s); deterministic for equal arguments.
 
@@ -97,7 +98,8 @@ def fly(
     `pair_split` d swings the shares of upper and lower rotors by up to +-d, in step on all arms and against
     each other on neighbours (0.37 and 0.23 Hz), without changing the wrench: that separates effects of single
     rotors from those of pairs. `crisp` gives the vehicle servos of 2.5 ms and nearly massless arms, so that
-    without a hidden effect really nothing is missing. `log` is an MCAP file to write.
+    without a hidden effect really nothing is missing. `log` is an MCAP file to write. `also` acts on the vehicle and
+    is not in the truth: its surroundings.
     Raises UsageError for an unknown name or a flight that was lost.
     """
     # Long because a tick reads as one paragraph: what is seen, what is asked for, what is recorded.
@@ -105,7 +107,7 @@ def fly(
         raise UsageError(f"trajectory: got {trajectory!r}, available: {', '.join(TRAJECTORIES)}")
     chosen = choose(effect, size, seed)
     ref = reference(trajectory, seconds or TRAJECTORIES[trajectory][1], CONTROL_RATE, seed)
-    engine = Engine(tuple(chosen.values()), crisp)
+    engine = Engine((*chosen.values(), *also), crisp)
     pilot = Autopilot(integral, 1.0 / CONTROL_RATE)
     N = len(ref.time)
     desired, commanded, tilt, speed = (np.empty((N, k)) for k in (6, 6, 6, 12))

@@ -189,3 +189,16 @@ def turn(time: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     lean = Rotation.from_rotvec(np.column_stack((fade[:, None] * tilt, np.zeros(len(time)))))
     turned = Rotation.from_rotvec(np.column_stack((np.zeros((len(time), 2)), yaw))) * lean
     return position, turned.as_rotvec()
+
+
+@trajectory("mission", 28.0)
+def mission(time: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Hovers of 1.5 s, level lines of 2.5 s through random points in a box of 4 m, a turn of heading with each."""
+    position, rotvec = level(time)
+    points = np.vstack(([0.0, 0.0, 0.0], rng.uniform((-2, -2, -0.6), (2, 2, 0.9), (60, 3))))
+    headings = np.concatenate(([0.0], np.cumsum(rng.uniform(-1.2, 1.2, 60))))
+    leg = np.clip(np.floor(time / 4.0).astype(int), 0, 59)
+    done = quintic((time - 4.0 * leg - 1.5) / 2.5)
+    position += points[leg] + (points[leg + 1] - points[leg]) * done[:, None]
+    rotvec[:, 2] = headings[leg] + (headings[leg + 1] - headings[leg]) * done
+    return position, rotvec
