@@ -16,7 +16,7 @@ class ConstantWrench(WrenchEffect):
 
     name = "constant_wrench"
     excited_by = "always present; tilt separates it from forces fixed in E, thrust changes from gains"
-    confused_with = ("tilt_offset", "com_offset", "tether")
+    confused_with = ("accelerometer_bias", "tilt_offset", "com_offset", "tether")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Force and torque along the body axes; scaled to the vehicle's weight and size."""

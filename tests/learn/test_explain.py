@@ -64,7 +64,7 @@ def test_many_flights_are_searched_in_part_and_fitted_in_full(offset, hexarotor)
 def test_a_load_on_a_rope_is_named_in_part_and_seen_to_swing(fly, hexarotor):
     """Its weight is a payload's, or a mass at a place. The rest swings at sqrt(g / l), or a little faster for the hull
     being free.
-    """  # noqa: D205
+    """
     data, truth = fly("slung_load", None, "train", seed=921, seconds=25)
     load = truth.parameters["slung_load"]
     found = explain(data, hexarotor, names=SOME)

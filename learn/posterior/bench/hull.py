@@ -19,6 +19,8 @@ BALANCE, BALANCE_SHARE = 1e-3, 0.01
 """Of a plumb line or an edge: the place of a centre of mass [m], on small vehicles a share of the longest arm."""
 RULER = 2e-3
 """Of the place of an IMU inside its case [m]."""
+STILL = 0.05
+"""Of half the sum of an accelerometer's readings in opposite positions [m/s^2]."""
 LEVEL = np.radians(0.2)
 """Of an inclinometer or a levelled table [rad]."""
 PENDULUM = 0.02
@@ -139,9 +141,21 @@ def imu_level(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """
     return Setup(
         "Read the still accelerometer with the frame level, upside down and on its four sides; half the difference of "
-        f"opposite positions is the IMU's misalignment, to {np.degrees(LEVEL):.1g} deg, half their sum its bias",
+        f"opposite positions is the IMU's misalignment, to {np.degrees(LEVEL):.1g} deg",
         lambda fitted: total(fitted, 3, ("imu_misalignment", lambda theta: theta)),
         LEVEL,
         lambda e: off(e, "xyz", LEVEL, lambda x: f"{np.degrees(x):+.1f} deg", "no misalignment"),
         "misaligned",
+    )
+
+
+def imu_bias(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
+    """What the still accelerometer reads whichever side is up (3,) [m/s^2]."""
+    return Setup(
+        "Read the still accelerometer with the frame level, upside down and on its four sides; half the sum of "
+        f"opposite positions is its bias, to {STILL:g} m/s^2",
+        lambda fitted: total(fitted, 3, ("accelerometer_bias", lambda theta: theta)),
+        STILL,
+        lambda b: off(b, "xyz", STILL, lambda x: f"{x:+.2f} m/s^2", "no bias"),
+        "a bias",
     )

@@ -180,7 +180,9 @@ def torque(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
 
     return Setup(
         f"Measure a rotor's torque over its thrust on a stand, to {100 * resolution:.0f} %",
-        lambda fitted: total(fitted, 1, ("drag_torque", lambda theta: theta)),
+        lambda fitted: total(
+            fitted, 1, ("drag_torque", lambda theta: theta), ("drag_torque_of_speed", lambda theta: theta[:1])
+        ),
         resolution,
         says,
         f"another lever than {1e3 * kappa:.1f} mm",
