@@ -197,7 +197,7 @@ class Ranking:
     named: tuple[Named, ...]
     candidates: tuple[Candidate, ...]
     groups: tuple[tuple[str, ...], ...]
-    trace: tuple[str, ...]
+    open: tuple[str, ...]
     not_tried: tuple[str, ...]
 
 

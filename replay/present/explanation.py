@@ -64,8 +64,7 @@ def parts(found: Explanation) -> list[Part]:
     out += [Line(summary(found), "bold"), Line()]
     if found.members:
         out += [members(found), Line(MEMBERS_LEGEND + "\n", "dim")]
-    out += [Line(in_words(c)) for c in found.classes[:MOST_CLASSES] if c.weight >= LIGHT]
-    out += [Line(), *settle.lines(found.posterior.settle), Line()]
+    out += [Line(words) for words in open_in_words(found)] + [Line()]
     out.append(ranking(found))
     out.append(Line(RANKING_LEGEND + "\n", "dim"))
     if found.fit.snapshot:
@@ -103,14 +102,22 @@ def summary(found: Explanation) -> str:
     named = " and ".join(members)
     residual = _largest_residual(found)
     if found.verdict is Verdict.NOTHING:
-        return f"Nothing is missing that these logs can show. {residual}"
+        return " ".join(filter(None, ("Nothing is missing that these logs can show.", _turbulent(found), residual)))
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {named}; more is missing than the catalogue can explain." if named else ""
         none = "Something is missing, but no effect of the catalogue explains it."
         return " ".join(filter(None, (partly or none, _clue(found), residual)))
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f" Indistinguishable on these logs: {groups}." if groups else ""
-    return f"Explained by {named}.{alike} {residual}"
+    return " ".join(filter(None, (f"Explained by {named}.{alike}", _turbulent(found), residual)))
+
+
+def _turbulent(found: Explanation) -> str:
+    """Axes on which more than noise is left that nothing predicts."""
+    axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
+    if not axes:
+        return ""
+    return f"Open: on {', '.join(axes)} more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
 
 
 def _clue(found: Explanation) -> str:
@@ -172,9 +179,8 @@ def what_next(
     `options` are those with which the logs were read, `to_design` those of them that `wrenchgap design` knows; with a
     space before them.
     """
-    singles = [tuple(n for n in group if " + " not in n) for group in found.groups]
-    pairs = [names for names in singles if len(names) > 1]
-    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in pairs]
+    groups = separable(found)
+    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in groups]
     model, logs = shlex.quote(model), shlex.join(paths) + options
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN:
@@ -207,6 +213,18 @@ RANKING_LEGEND = (
     "* named   = indistinguishable from one that is   score: share of the error energy that is gone   F, M: change of "
     "rms on held-out time   t: paired over blocks of time, significant above 3"
 )
+
+
+def separable(found: Explanation) -> tuple[tuple[str, ...], ...]:
+    """Groups of single effects, for which a flight can be designed."""
+    singles = [tuple(n for n in group if " + " not in n) for group in found.groups]
+    return tuple(names for names in singles if len(names) > 1)
+
+
+def open_in_words(found: Explanation) -> tuple[str, ...]:
+    """Classes of sets with their weights, and what would settle which of them is true, a sentence each."""
+    sets = [in_words(c) for c in found.classes[:MOST_CLASSES] if c.weight >= LIGHT]
+    return (*sets, *(line.text for line in settle.lines(found.posterior.settle)))
 
 
 def in_words(one: Class) -> str:

@@ -87,8 +87,8 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
         explanation.summary(found),
         tuple(named),
         tuple(candidates),
-        found.groups,
-        tuple(explanation.in_words(c) for c in found.classes),
+        explanation.separable(found),
+        explanation.open_in_words(found),
         tuple(f"{', '.join(names)}: {reason}" for reason, names in not_tried),
     )
 

@@ -106,7 +106,7 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     return {
         "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
         "first": _candidates("Each effect alone", shown),
-        "classes": [explanation.in_words(c) for c in found.classes],
+        "classes": explanation.open_in_words(found),
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
     }
