@@ -3,7 +3,8 @@
 data       flights opened, filtered, stacked, cut into blocks of time; predictions and their errors
 process    Gaussian processes of what a model leaves
 diagnose   timing, where a model fails and what its error depends on
-identify   effects fitted, searched for, added, tested on flights that were not fitted
+identify   effects fitted, added, tested on flights that were not fitted
+posterior  which sets of effects are missing, how sure that is, what would settle it
 design     flights that separate effects
 """
 

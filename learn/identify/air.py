@@ -2,7 +2,7 @@
 
 Wind has no force of its own. It enters every aerodynamic effect as v - v_w, a product with that effect's coefficients:
 where those are zero the derivative with respect to v_w is zero, and where v_w is wrongly zero the coefficients are
-wrong. A search that tries one effect at a time finds neither, so
+wrong. Trying one effect at a time finds neither, so
 
     in a search    a drag is tried in still air and in moving air, and the air's motion is part of that candidate where
                    it predicts held-out time better by the rule that any further effect must meet (`companions`)

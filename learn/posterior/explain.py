@@ -1,18 +1,19 @@
 """Which physical effect is missing: candidates of the catalogue, ranked by the error they leave on held-out blocks.
 
-`explain` is the one way from opened flights to a verdict: timing, the effects to try (`learn.identify.candidates`), the
-search for the set (`learn.identify.search`), what that set leaves, and the verdict. Two measures, both on held-out
-blocks:
+`explain` is the one way from opened flights to a verdict: timing, the effects to try (`learn.identify.candidates`), each
+by itself (`learn.posterior.table`), the weights of sets of them (`learn.posterior.posterior`), the likeliest set fitted
+and its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out blocks:
 
     energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.data.dataset.Dataset`): what a user
-              sees; orders the candidates. score = 1 - energy left / energy of the model as given
-    evidence  sum_l log(rms_l before / rms_l after): scale-free, so that a small axis counts too; decides whether an
-              effect is there at all, with a paired test over blocks (docs/decisions/0006-blocks.md)
+              sees; orders candidates and members. score = 1 - energy left / energy of the model as given
+    evidence  sum_l log(rms_l before / rms_l after): scale-free, so that a small axis counts too; an effect that is named
+              has some, beyond chance in a paired test over blocks (docs/decisions/0006-blocks.md)
 
 What a verdict needs (`_verdict`):
 
     unknown   force or torque stay above `LOUD` times the noise and above the share `UNEXPLAINED` of what they were, the
-              worst `UNUSUAL` of the time left aside; or an oscillation is found in what is left
+              worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of that
+              depends on what was logged; or an oscillation is found in what is left
     nothing   no effect was named
     group     another effect would do as well in the place of the largest member
     effect    else

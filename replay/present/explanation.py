@@ -117,7 +117,8 @@ def _turbulent(found: Explanation) -> str:
     axes = [axis for axis, left in zip(AXES, found.open, strict=True) if left]
     if not axes:
         return ""
-    return f"Open: on {', '.join(axes)} more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
+    words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
+    return f"Open: on {', '.join(axes)} {words}"
 
 
 def _clue(found: Explanation) -> str:
