@@ -146,6 +146,12 @@ class Explanation(Result):
         """For each member that has one: its name, and what these logs cannot tell from it."""
         return tuple((m.name, *(r.name for r in m.alike)) for m in self.members if m.alike)
 
+    @property
+    def separable(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of single effects, for which a flight can be designed."""
+        singles = [(m.name, *(r.name for r in m.alike if len(r.names) == 1)) for m in self.members]
+        return tuple(names for names in singles if len(names) > 1)
+
 
 def explain(
     flights: Sequence[OpenFlight],

@@ -180,8 +180,7 @@ def what_next(
     `options` are those with which the logs were read, `to_design` those of them that `wrenchgap design` knows; with a
     space before them.
     """
-    groups = separable(found)
-    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in groups]
+    out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
     if found.verdict is Verdict.UNKNOWN:
@@ -214,12 +213,6 @@ RANKING_LEGEND = (
     "* named   = indistinguishable from one that is   score: share of the error energy that is gone   F, M: change of "
     "rms on held-out time   t: paired over blocks of time, significant above 3"
 )
-
-
-def separable(found: Explanation) -> tuple[tuple[str, ...], ...]:
-    """Groups of single effects, for which a flight can be designed."""
-    singles = [tuple(n for n in group if " + " not in n) for group in found.groups]
-    return tuple(names for names in singles if len(names) > 1)
 
 
 def open_in_words(found: Explanation) -> tuple[str, ...]:

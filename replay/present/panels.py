@@ -87,7 +87,7 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
         explanation.summary(found),
         tuple(named),
         tuple(candidates),
-        explanation.separable(found),
+        found.separable,
         explanation.open_in_words(found),
         tuple(f"{', '.join(names)}: {reason}" for reason, names in not_tried),
     )

@@ -213,9 +213,9 @@ def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: St
 
 def _next_flights(found: Explanation, fitted: Model, progress: Progress) -> Iterator[NextFlight]:
     """For each group the flight that separates its first few members."""
-    for group in found.groups[:MOST_DESIGNED]:
+    for group in found.separable[:MOST_DESIGNED]:
         try:
             yield NextFlight(group, design(group[:MOST_COMPARED], fitted, flights=found.flights, progress=progress))
         except WrenchgapError as error:
             yield NextFlight(group, None, str(error))
-    yield from (NextFlight(group, None) for group in found.groups[MOST_DESIGNED:])
+    yield from (NextFlight(group, None) for group in found.separable[MOST_DESIGNED:])
