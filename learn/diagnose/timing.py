@@ -15,6 +15,7 @@ from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.flight import AXES, Array, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.flight.topic_offsets import controller_offset, sensor_offsets, tracking_offsets
+from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.response import Response, responses
 from wrenchgap.plant.model import Model
@@ -131,6 +132,13 @@ def timing_of(opened: OpenFlight, model: Model) -> FlightTiming:
     """Offsets between the topics of a flight while it is in the air, and of the response behind its commands."""
     flown = [(float(r.time[0]), float(r.time[-1])) for r in opened.records]
     return timing(opened.flight, flown, responses(opened.flight, model.vehicle, opened.records))
+
+
+def dataset_of(flights: Sequence[OpenFlight], model: Model) -> Dataset:
+    """Flights stacked (`learn.data.dataset`), with the axes on which their commands answer the motion."""
+    return dataset(
+        [r for f in flights for r in f.records], model, answering_axes([timing_of(f, model) for f in flights])
+    )
 
 
 def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:

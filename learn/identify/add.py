@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.blocks import by_block, paired_t
-from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import find
@@ -86,7 +87,7 @@ def add(
     present = [e.name for e in model.effects]
     every = [*present, *(n for n in dict.fromkeys(names) if n not in present)]
     require_force(every)
-    data = dataset([r for f in flights for r in f.records], model)
+    data = dataset_of(flights, model)
     report = progress or (lambda fraction, words: None)
     count = 0
 
@@ -112,7 +113,7 @@ def add(
         before_rms,
         after_rms,
         tuple(n for n in names if n in present),
-        tuple(n for n in present if n not in names),
+        tuple(e.name for e in fitted.effects if e.name not in names),
         trial(data, model, [e.name for e in fitted.effects], fitted),
         tuple(flights),
     )

@@ -1,12 +1,12 @@
 """Which physical effect is missing: candidates of the catalogue, ranked by the error they leave on held-out blocks.
 
-`explain` is the one way from opened flights to a verdict: timing, the effects to try (`learn.identify.candidates`), each
-by itself (`learn.posterior.table`), the weights of sets of them (`learn.posterior.posterior`), the likeliest set fitted
-and its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out blocks:
+`explain` is the one way from opened flights to a verdict: timing, effects to try (`learn.identify.candidates`), each by
+itself (`learn.posterior.table`), weights of sets of them (`learn.posterior.posterior`), the likeliest set fitted and
+its members (`learn.posterior.members`), what it leaves, and the verdict. Two measures, both on held-out blocks:
 
     energy    sum_l (w_l r_l)^2, newtons and newton metres on one scale (w of `learn.data.dataset.Dataset`): what a user
               sees; orders candidates and members. score = 1 - energy left / energy of the model as given
-    evidence  sum_l log(rms_l before / rms_l after): scale-free, so that a small axis counts too; an effect that is named
+    evidence  sum_l log(rms_l before / rms_l after): scale-free, so that a small axis counts too; what is named
               has some, beyond chance in a paired test over blocks (docs/decisions/0006-blocks.md)
 
 What a verdict needs (`_verdict`):

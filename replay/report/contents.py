@@ -19,10 +19,11 @@ from wrenchgap.flight import AXES, WrenchgapError
 from wrenchgap.flight.result import PRESENTATION, Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Lack, inapplicable
-from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.design.designer import design
 from wrenchgap.learn.diagnose.budget import Source, budget, held_out_process
+from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.identify.add import Addition, add
@@ -150,7 +151,7 @@ def report(
         gp.check_vehicle(model.vehicle.name)
     found = explain(flights, model, names=names, validation=validation, progress=_part(tell, 0.0, 0.5))
     added = add(model, found.effects, flights, fitted=found.fit)
-    data = dataset([r for f in flights for r in f.records], model)
+    data = dataset_of(flights, model)
     tell(0.5, "error step by step")
     order = [*order_of(model.history, [e.name for e in model.effects]), *found.effects]
     made = steps(data, model, order, whole=added.fit)

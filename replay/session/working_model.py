@@ -17,8 +17,9 @@ from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Untried, inapplicable
-from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.prediction import Predictor
+from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
@@ -125,7 +126,7 @@ class WorkingModel:
         """The records of flights, stacked; evaluators of it remember what models have in common."""
         with self.lock:
             if flights not in self._data:
-                self._data[flights] = dataset([r for f in flights for r in self.opened[f].records], self.given)
+                self._data[flights] = dataset_of([self.opened[f] for f in flights], self.given)
             return self._data[flights]
 
     def kept(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
