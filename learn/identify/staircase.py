@@ -155,8 +155,9 @@ def steps(
 ) -> Steps:
     """Fit the first 0, 1, 2, ... of `names` together, on the nominal vehicle of `model`.
 
-    Nothing is fitted that is there already: `whole` is a fit of all of them to `data`, in any order; `earlier` are
-    steps on the same `data` that may begin with the same names. Raises FitError where nothing can be held out.
+    Nothing is fitted that is there already: `whole` is a fit to `data`, of use where it is of all
+    of them, in any order; `earlier` are steps on the same `data` that may begin with the same names. Raises FitError
+    where nothing can be held out.
     """
     nominal = model.nominal
     fits: list[Fit] = []
@@ -167,7 +168,7 @@ def steps(
             fits.append(earlier.fits[count])
             left.append(earlier.left[count])
             continue
-        if whole is not None and count == len(names):
+        if whole is not None and {e.name for e in whole.effects} == set(part) == set(names):
             fits.append(whole)
         else:
             fits.append(fit(data, nominal, part, start=fits[-1] if count > 1 else None))

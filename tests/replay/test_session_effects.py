@@ -126,13 +126,13 @@ def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(s
     assert ranking.named[0].sure > 0.9
     assert ranking.candidates[0].mark == "chosen"
     assert "com_offset" in ranking.sentence
-    assert any("step 1" in words for words in told)
+    assert any("trying com_offset" in words for words in told)
     assert session.effects.state("train").installed == ()  # a search changes nothing
 
 
 def test_cancelling_a_search_ends_it_at_once(session):
     def report(share, words):
-        if "step" in words:
+        if "trying" in words:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
