@@ -51,8 +51,8 @@ PROMINENT = 0.3
 """Parameters of this share of the largest, in typical sizes, are named in the verdict."""
 MOST = 10
 """Candidates shown."""
-MOST_CLASSES, MOST_SETS, LIGHT = 3, 5, 0.02
-"""Classes and sets of each that are put in words; sets of less weight than that are not."""
+MOST_CLASSES = 3
+"""Classes that are put in words."""
 
 
 def parts(found: Explanation) -> list[Part]:
@@ -217,18 +217,8 @@ RANKING_LEGEND = (
 
 def open_in_words(found: Explanation) -> tuple[str, ...]:
     """Classes of sets with their weights, and what would settle which of them is true, a sentence each."""
-    sets = [in_words(c) for c in found.classes[:MOST_CLASSES] if c.weight >= LIGHT]
+    sets = [settle.in_words(c) for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
     return (*sets, *(line.text for line in settle.lines(found.posterior.settle)))
-
-
-def in_words(one: Class) -> str:
-    """The sets of a class with their weights, and on what all of them agree."""
-    shown = [s for s in one.sets[:MOST_SETS] if s.weight >= LIGHT or s is one.sets[0]]
-    listed = [f"{' + '.join(s.names) or 'nothing'} ({share(s.weight)})" for s in shown]
-    if len(listed) == 1:
-        return f"{share(one.weight)} of the weight: {listed[0]}"
-    common = f"; in all of them: {', '.join(one.established)}" if one.established else ""
-    return f"{share(one.weight)} of the weight, indistinguishable here: {' or '.join(listed)}{common}"
 
 
 def members(found: Explanation) -> Table:
