@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
-from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.fit import fit, with_fit
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import effects as session_effects
@@ -44,7 +44,7 @@ def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session
     for value, truth in zip(installed.values, TRUTH, strict=True):
         assert abs(value.value - truth) < 3.0 * value.std + 1e-4
     assert "train.mcap" in installed.source
-    train, test = (dataset(open_flight(p, MODEL).records, MODEL) for p in (logs.train, logs.test))
+    train, test = (dataset_of([open_flight(p, MODEL)], MODEL) for p in (logs.train, logs.test))
     fitted = with_fit(MODEL, fit(train, MODEL, ["com_offset"]))
     for data, stairs in zip((train, test), state.staircases, strict=True):
         for k, model in enumerate((MODEL, fitted)):
