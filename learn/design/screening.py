@@ -25,7 +25,7 @@ from wrenchgap.learn.data.applicable import unexcited
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.measurement import Record, predict
 from wrenchgap.learn.design.separability import Separability, absent, in_pairs, visibility
-from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
+from wrenchgap.learn.identify.trim import ACCELEROMETER_BIAS
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 

@@ -63,7 +63,8 @@ class Response:
     `offset` is the apparent delay. `shape` says whether the phases look like a delay or a first-order lag of `lag`
     [s], or like either (None where there is no number). `leaves` is the rms that a model without it is
     left with, delay times rms rate of change of the filtered command, to be held against the rms `residual` of
-    measured less commanded and the sensor `noise` (N or Nm).
+    measured less commanded and the sensor `noise` (N or Nm). `plain` says that the gains fit at every frequency, not
+    only where commands and motion are loudest: that the motion follows the command.
     """
 
     axis: str
@@ -73,6 +74,7 @@ class Response:
     leaves: float | None = None
     residual: float | None = None
     noise: float | None = None
+    plain: bool = False
 
     @property
     def matters(self) -> bool:
@@ -100,7 +102,7 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
     found = offset(_axis(commanded, axis), _axis(measured, axis), band=BAND_HZ, within=flown)
     if found.seconds is None or found.correlated is None:
         return Response(name, found)
-    shape, lag = _shape(found.correlated)
+    shape, lag, plain = _shape(found.correlated)
     if shape is None:
         return Response(name, replace(found, seconds=None, std=None, interval=None, problem=Problem.FEEDBACK))
 
@@ -111,7 +113,7 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
     changing = rms(lambda r: np.mean(np.gradient(r.commanded[:, axis], r.dt_kept) ** 2))
     residual = rms(lambda r: np.var(r.measured[:, axis] - r.commanded[:, axis]))
     noise = rms(lambda r: r.noise[axis] ** 2)
-    return Response(name, found, shape, lag, abs(found.seconds) * changing, residual, noise)
+    return Response(name, found, shape, lag, abs(found.seconds) * changing, residual, noise, plain)
 
 
 def _axis(signal: Signal, axis: int) -> Signal:
@@ -157,8 +159,10 @@ def _motion(flight: Flight) -> tuple[Signal, Signal]:
     return Signal("rate", imu.time, rate, gaps=imu.gaps), Signal("force", imu.time, force, gaps=imu.gaps)
 
 
-def _shape(found: Correlated) -> tuple[Shape | None, float]:
-    """Which form phases and gains have (None: neither), and the time constant of the lag that fits best [s]."""
+def _shape(found: Correlated) -> tuple[Shape | None, float, bool]:
+    """Which form phases and gains have (None: neither), the time constant of the lag that fits best [s], and whether
+    the gains of one of them fit at every frequency alike.
+    """  # noqa: D205
     u, omega = found.u, found.heard
     seen = omega * found.seconds  # the phase that alignment has taken out
 
@@ -175,16 +179,18 @@ def _shape(found: Correlated) -> tuple[Shape | None, float]:
     weight = np.abs(u.sum(axis=0))
     used = weight > 0
 
-    def gain_fits(model: Array) -> bool:
+    def gain_fits(model: Array, weight: Array) -> bool:
         off = np.log(found.gain[used] / model[used]) ** 2
         return bool(np.sqrt(np.average(off, weights=weight[used])) < np.log(GAIN_FITS))
 
+    models = np.ones_like(omega), 1.0 / np.sqrt(1.0 + (omega * lag) ** 2)
     fits = [
-        part.sum() > FITS * weight.sum() and gain_fits(model)
-        for part, model in ((late, np.ones_like(omega)), (slow, 1.0 / np.sqrt(1.0 + (omega * lag) ** 2)))
+        part.sum() > FITS * weight.sum() and gain_fits(model, weight)
+        for part, model in zip((late, slow), models, strict=True)
     ]
+    plain = any(gain_fits(model, np.ones_like(weight)) for model in models)
     if not all(fits):
-        return ("delay" if fits[0] else "lag" if fits[1] else None), lag
+        return ("delay" if fits[0] else "lag" if fits[1] else None), lag, plain
     difference = late - slow
     t = float(difference.sum()) / max(scatter(difference), 1e-300)
-    return ("delay" if t > SIGNIFICANT else "lag" if t < -SIGNIFICANT else "either"), lag
+    return ("delay" if t > SIGNIFICANT else "lag" if t < -SIGNIFICANT else "either"), lag, plain

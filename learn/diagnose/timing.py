@@ -142,8 +142,18 @@ def dataset_of(flights: Sequence[OpenFlight], model: Model) -> Dataset:
 
 
 def answering_axes(timing: Sequence[FlightTiming]) -> tuple[int, ...]:
-    """Axes on which the commands of a flight answer the motion."""
-    found = {r.axis for t in timing for r in t.responses if r.offset.problem is Problem.FEEDBACK}
+    """Axes on which the commands of a flight answer the motion.
+
+    Those on which that is seen. One controller makes all three torques: where it is seen of one, the others are among
+    them unless the motion plainly follows the command there and on another torque.
+    """
+    found: set[str] = set()
+    for t in timing:
+        seen = {r.axis for r in t.responses if r.offset.problem is Problem.FEEDBACK}
+        turning = {r.axis for r in t.responses if r.axis in AXES[3:] and not r.plain}
+        if seen & turning:
+            found |= turning if len(turning) == 1 else {r.axis for r in t.responses if r.axis in AXES[3:]}
+        found |= seen
     return tuple(k for k, axis in enumerate(AXES) if axis in found)
 
 

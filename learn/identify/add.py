@@ -17,6 +17,7 @@ from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import dataset_of
 from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
+from wrenchgap.learn.identify.trim import between_flights
 from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Trial
@@ -31,8 +32,9 @@ Array = NDArray[np.float64]
 class Addition(Result):
     """A model with effects fitted: rms (6,) on the fitted flights before and after; `refitted` were in it already.
 
-    `together` are effects that the given model had besides. `trial` is the error on time that was not fitted, None
-    where the logs are too short to hold any out.
+    `between_flights` (6,) [N, Nm] is by how much these flights differ on average, one standard deviation, None where
+    they do not (`learn.identify.trim`). `together` are effects that the given model had besides.
+    `trial` is the error on time that was not fitted, None where the logs are too short to hold any out.
     """
 
     given: Model
@@ -43,6 +45,7 @@ class Addition(Result):
     refitted: tuple[str, ...]
     together: tuple[str, ...]
     trial: Trial | None
+    between_flights: Array | None
     flights: tuple[OpenFlight, ...]
 
     @property
@@ -105,16 +108,20 @@ def add(
     )
     fitted = replace(fitted, effects=tuple(replace(e, provenance=source) for e in fitted.effects))
     after = with_fit(model, fitted)
-    before_rms, after_rms = (rms(data.measured - data.predict(m.wrench_model)) for m in (model, after))
+    before, left = (data.measured - data.predict(m.wrench_model) for m in (model, after))
+    scatter = between_flights(data, left, model)
+    if scatter is not None:
+        after = replace(after, between_flights=tuple(scatter.tolist()))
     return Addition(
         model,
         after,
         fitted,
-        before_rms,
-        after_rms,
+        rms(before),
+        rms(left),
         tuple(n for n in names if n in present),
         tuple(e.name for e in fitted.effects if e.name not in names),
         trial(data, model, [e.name for e in fitted.effects], fitted),
+        scatter,
         tuple(flights),
     )
 

@@ -14,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
+from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.plant.air import is_air
 from wrenchgap.plant.effects import Parameter, find
 from wrenchgap.plant.history import Snapshot, Value
@@ -22,8 +23,6 @@ from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 Array = NDArray[np.float64]
 
-ACCELEROMETER_BIAS = 0.05
-"""Largest bias of an accelerometer that is taken to be the sensor's own, per axis [m/s^2] (5 mg)."""
 MISFIT = 0.03
 """Relative error of a parameter that comes from forms being nearly right only: what the intervals of all effects
 together need to cover hidden truths made by other formulas (docs/hidden-effects.md)."""
@@ -33,10 +32,11 @@ together need to cover hidden truths made by other formulas (docs/hidden-effects
 class Fit:
     """Effects with fitted values, and what they leave.
 
-    `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, 3) [m/s^2] of the accelerometer;
-    `residual` (K, 6) on the fitted data, without the bias; `jacobian` (K, 6, P + 3 flights) of the prediction; `scale`
-    (P + 3 flights,) the prior's sizes and `axis_weights` (6,) the axes' weights, as used last; `at_bound` names
-    parameters that ended at a plausible limit. Residual, derivative and weight are zero on axes that were not measured.
+    `theta` (P,) and `covariance` (P, P) of the effects' parameters; `bias` (flights, A) of the accelerometer [m/s^2],
+    with the trim of the flights where they differ (`learn.identify.trim`); `residual` (K, 6) on the fitted data,
+    without those; `jacobian` (K, 6, P + A flights) of the prediction; `scale` (P + A flights,) the prior's sizes and
+    `axis_weights` (6,) the axes' weights, as used last; `at_bound` names parameters that ended at a plausible limit.
+    Residual, derivative and weight are zero on axes that were not measured.
     """
 
     effects: tuple[ModelEffect, ...]
@@ -71,14 +71,14 @@ class Fit:
 
 @dataclass(frozen=True)
 class Point:
-    """Where the search is: unknowns (P + 3 flights,) and their residual (K, 6)."""
+    """Where the search is: unknowns (P + A flights,) and their residual (K, 6)."""
 
     x: Array
     residual: Array
 
 
 class Problem:
-    """The least-squares problem of one set of effects. Unknowns: parameters, then one bias (3,) per flight."""
+    """The least-squares problem of one set of effects. Unknowns: parameters, then one trim (A,) per flight."""
 
     def __init__(
         self,
@@ -95,18 +95,17 @@ class Problem:
         self.parameters = tuple((n, p) for n in names for p in find(n).parameters(model.vehicle))
         self.size = len(self.parameters)
         self.flights = int(data.flight.max()) + 1
-        biases = 3 * self.flights
-        self.low = np.array([p.low for _, p in self.parameters] + [-ACCELEROMETER_BIAS] * biases)
-        self.high = np.array([p.high for _, p in self.parameters] + [ACCELEROMETER_BIAS] * biases)
-        self.scale = np.array([p.scale for _, p in self.parameters] + [0.5 * ACCELEROMETER_BIAS] * biases)
+        self.trim = trim_of(model)
+        limit, usual = (np.tile(v, self.flights) for v in (self.trim.limit, self.trim.scale))
+        self.low = np.concatenate(([p.low for _, p in self.parameters], -limit))
+        self.high = np.concatenate(([p.high for _, p in self.parameters], limit))
+        self.scale = np.concatenate(([p.scale for _, p in self.parameters], usual))
         self.typical = self.scale
-        self.sparse = np.array([find(n).sparse for n, _ in self.parameters] + [False] * biases, dtype=bool)
+        self.sparse = np.array([find(n).sparse for n, _ in self.parameters] + [False] * len(limit), dtype=bool)
         self.fixed = tuple(e for e in model.effects if e.name not in names)
         self.base = base
         self.known = 0 if base is None else len(base.theta)
-        self.bias_jacobian = np.zeros((len(data.measured), 6, biases))
-        for axis in np.flatnonzero(data.measured_axes[:3]):
-            self.bias_jacobian[np.arange(len(data.flight)), axis, 3 * data.flight + axis] = model.vehicle.body.mass
+        self.bias_jacobian = self.trim.columns(data)
 
     def start(self, earlier: Fit | None) -> Point:
         """Start values: the earlier fit's, else the model's, else the parameters' own."""
@@ -114,16 +113,16 @@ class Problem:
         if earlier is not None:
             known |= {e.name: e.theta for e in earlier.effects}
         own = {n: np.array([p.start for p in find(n).parameters(self.model.vehicle)]) for n in self.names}
-        bias = np.zeros(3 * self.flights)
-        if earlier is not None and len(earlier.bias) == self.flights:  # a fit of some flights knows other biases
+        bias = np.zeros(len(self.low) - self.size)
+        if earlier is not None and earlier.bias.size == len(bias):  # a fit of some flights knows other biases
             bias = earlier.bias.ravel()
         values = awake({n: known.get(n, own[n]) for n in self.names}, self.fixed, self.model.vehicle)
         x = np.concatenate([*values.values(), bias])
         return self.at(np.clip(x, self.low, self.high))
 
     def split(self, x: Array) -> tuple[Array, Array]:
-        """Parameters (P,) and biases (flights, 3) of the unknowns."""
-        return x[: self.size], x[self.size :].reshape(self.flights, 3)
+        """Parameters (P,) and trims (flights, A) of the unknowns."""
+        return x[: self.size], x[self.size :].reshape(self.flights, -1)
 
     def effects(self, theta: Array, std: Array | None = None) -> tuple[ModelEffect, ...]:
         """The named effects with these values."""
@@ -138,16 +137,16 @@ class Problem:
         return tuple(out)
 
     def at(self, x: Array) -> Point:
-        """Residual W_meas - W_pred - m b (K, 6) at these unknowns."""
+        """Residual W_meas - W_pred - trim (K, 6) at these unknowns."""
         theta, bias = self.split(x)
         model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
         residual = self.data.measured - self.data.predict(model)
-        residual[:, :3] -= self.model.vehicle.body.mass * bias[self.data.flight]
+        residual[:, self.trim.axes] -= self.trim.unit * bias[self.data.flight]
         residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
         return Point(x, residual)
 
     def jacobian(self, point: Point) -> Array:
-        """Derivative of the prediction (K, 6, P + 3 flights), forward differences that stay within the bounds."""
+        """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds."""
         columns = np.empty((*point.residual.shape, self.size))
         if self.base is not None:
             columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
@@ -255,7 +254,7 @@ class Problem:
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
         count = len(blocks)
         whole = np.asarray(count / max(count - 1, 1) * inverse @ (blocks.T @ blocks) @ inverse, dtype=np.float64)
-        whole = whole + between_flights(self.data, scores, np.asarray(inverse, dtype=np.float64), whole)
+        whole = whole + beyond_blocks(self.data, scores, np.asarray(inverse, dtype=np.float64), whole)
         whole += inverse @ np.diag(prior) @ inverse / self.data.independence
         seconds = np.array([p.unit == "s" for _, p in self.parameters], dtype=bool)
         dt = max(r.dt for r in self.data.records)
@@ -270,7 +269,7 @@ class Problem:
         return tuple(f"{n}.{p.name}" for (n, p), s in zip(self.parameters, stuck, strict=True) if s)
 
 
-def between_flights(data: Dataset, scores: Array, inverse: Array, within: Array) -> Array:
+def beyond_blocks(data: Dataset, scores: Array, inverse: Array, within: Array) -> Array:
     """What the variances of the sandwich over blocks (P, P) lack where flights differ by more than their blocks: a
     diagonal (P, P). `scores` (K, P), `inverse` (P, P) curvature.
     """  # noqa: D205

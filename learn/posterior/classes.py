@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.posterior.score import DISCREPANCY, Scorer
+from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.sets import Contender
 from wrenchgap.learn.posterior.settle import Check, settle
 from wrenchgap.plant.effects import find
@@ -106,8 +106,8 @@ def same(first: Contender, second: Contender, scorer: Scorer) -> bool:
     weight = scorer.count / np.maximum(space.count, 1.0) / np.minimum(first.scored.variance, second.scored.variance)
     weight = weight[space.band]
 
-    def size(predicted: Array) -> float:
-        return float(np.sqrt(np.sum(weight * predicted**2)))
+    def size(square: Array) -> float:
+        return float(np.sqrt(np.sum(weight * square)))
 
-    difference = size(first.predicted - second.predicted)
-    return difference < max(NEAR, 2.0 * DISCREPANCY * min(size(first.predicted), size(second.predicted)))
+    difference = size((first.predicted - second.predicted) ** 2)
+    return difference < max(NEAR, 2.0 * min(size(c.scored.inexact[space.band]) for c in (first, second)))

@@ -29,7 +29,8 @@ class Column:
 
     `names` are the effect and those that come with it (air that moves, with a drag). Parameters count from `origin`
     (P,), the values that the model has, zero where it lacks the effect; `theta` (P,) is where it was linearised; `low`,
-    `high`, `scale` and `sparse` (P,) are those of its parameters (`plant.effects.Parameter`).
+    `high`, `scale` and `sparse` (P,) are those of its parameters (`plant.effects.Parameter`); `accuracy` is the share
+    to which the least known of its laws is.
     """
 
     names: tuple[str, ...]
@@ -41,6 +42,7 @@ class Column:
     high: Array
     scale: Array
     sparse: NDArray[np.bool_]
+    accuracy: float
 
     @property
     def key(self) -> str:
@@ -78,6 +80,7 @@ def column(data: Dataset, model: Model, fitted: Fit, names: tuple[str, ...]) -> 
         problem.high[part] - origin,
         problem.scale[part],
         problem.sparse[part],
+        max(find(n).accuracy for n in names),
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior.columns import compatible
-from wrenchgap.learn.posterior.score import DISCREPANCY, Keys, Scorer, bounded, occam, relevant
+from wrenchgap.learn.posterior.score import Keys, Scorer, bounded, occam, relevant
 
 WIDTH = 7
 """Best sets that are changed further in each round."""
@@ -56,16 +56,17 @@ class Hunt:
         scale = relevant(A, b, low, high, typical, space.sparse[unknown], typical)
         theta = bounded(A, b, low, high, scale)
         fitted = -0.5 * (c - 2.0 * theta @ b + theta @ A @ theta - self.whole[0, 0])
-        inexact = 0.5 * (DISCREPANCY * self._sizes(keys, theta)) ** 2
+        inexact = 0.5 * self._inexact(keys, theta) ** 2
         return float(fitted - inexact + occam(A, theta, scale) + self.scorer.prior_of(keys))
 
-    def _sizes(self, keys: Keys, theta: Array) -> float:
-        """What the members add, their sizes summed whatever their signs, in units of the noise."""
+    def _inexact(self, keys: Keys, theta: Array) -> float:
+        """What the laws of the members may be off by, summed whatever the signs, in units of the noise."""
         total, at = 0.0, 0
         for k in keys:
             rows = np.append(self.space.parameters[k], self.space.offset[k])
             own = np.append(theta[at : at + len(rows) - 1], 1.0)
-            total += np.sqrt(max(float(own @ self.whole[np.ix_(rows, rows)] @ own), 0.0))
+            size = np.sqrt(max(float(own @ self.whole[np.ix_(rows, rows)] @ own), 0.0))
+            total += self.space.columns[k].accuracy * size
             at += len(rows) - 1
         return total
 

@@ -14,10 +14,10 @@ N_kl are coefficients that count. What a spectrum shows above the sensors' own i
 coefficient: a form that is nearly right errs the same way everywhere. Of that share, `SHOWN` values count for each
 block, band and axis (`Scorer`).
 
-No law is exactly right: what an effect adds is known to a share (`DISCREPANCY`). The mean square of a cell therefore
-has added to it the square of that share of all that its effects add there, their sizes summed whatever their signs:
-what effects that cancel each other leave is known no better than each of them. Source: model discrepancy, Kennedy and
-O'Hagan, J. R. Stat. Soc. B 63, 2001.
+No law is exactly right: what an effect adds is known to a share (`plant.effects.Effect.accuracy`). The mean square of a
+cell therefore has added to it the square of the sum of those shares of what its effects add there, whatever their
+signs: what effects that cancel each other leave is known no better than each of them. Source: model discrepancy,
+Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001.
 """
 
 from __future__ import annotations
@@ -38,8 +38,6 @@ NU = 2.0
 """Values that the prior of a variance is worth."""
 PRICE = 3.0
 """Log odds against every further effect of a set."""
-DISCREPANCY = 0.05
-"""Share to which the law of an effect is known."""
 SHOWN = 2.0
 """Values that count for each block, band and axis of what exceeds the sensors' noise."""
 
@@ -103,13 +101,13 @@ class Scorer:
         theta = np.concatenate([*start, np.zeros(len(space.always))])
         low, high, sparse = space.low[unknown], space.high[unknown], space.sparse[unknown]
         scale = space.scale[unknown]
-        last = -np.inf
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
+        accuracy = [space.columns[k].accuracy for k in keys]
         last = -np.inf
         for _ in range(rounds):
             weights[:size] = -theta
-            left, inexact = mean_squares(products, weights, members)
+            left, inexact = mean_squares(products, weights, members, accuracy)
             variance = self.pooled(left + inexact)
             value = -0.5 * np.sum((self.count + NU) * np.log(variance)) - 0.5 * np.sum((theta / scale) ** 2)
             if abs(value - last) < 0.05:
@@ -120,7 +118,7 @@ class Scorer:
             scale = relevant(A, b, low, high, scale, sparse, space.scale[unknown])
             theta = bounded(A, b, low, high, scale)
         weights[:size] = -theta
-        left, inexact = mean_squares(products, weights, members)
+        left, inexact = mean_squares(products, weights, members, accuracy)
         variance = self.pooled(left + inexact)
         likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
         prior = occam(A, theta, scale) + self.prior_of(keys)
@@ -139,14 +137,16 @@ class Scorer:
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)
 
 
-def mean_squares(products: Array, weights: Array, members: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
-    """By band and axis: what is left, and what the laws of the members may be off by."""
+def mean_squares(
+    products: Array, weights: Array, members: Sequence[NDArray[np.intp]], accuracy: Sequence[float]
+) -> tuple[Array, Array]:
+    """By band and axis: what is left, and what the laws of the members, known to these shares, may be off by."""
     left = np.einsum("klij,i,j->kl", products, weights, weights)
     sizes = np.zeros(left.shape)
-    for m in members:
+    for m, share in zip(members, accuracy, strict=True):
         own = np.einsum("klij,i,j->kl", products[:, :, m[:, None], m], weights[m], weights[m])
-        sizes += np.sqrt(np.maximum(own, 0.0))
-    return np.maximum(left, 0.0), (DISCREPANCY * sizes) ** 2
+        sizes += share * np.sqrt(np.maximum(own, 0.0))
+    return np.maximum(left, 0.0), sizes**2
 
 
 def occam(A: Array, theta: Array, scale: Array) -> float:

@@ -24,10 +24,9 @@ DRAWS = 1000
 SEED = 0
 IMPLAUSIBLE = 0.6
 """Trust in an effect that others push to the limit of what is plausible: something else is pushing."""
-MIMICRY = 0.25
-"""Share of what a set leaves above the noise that may have made the difference which one of its members makes."""
-
-
+LOUD = 2.5
+"""Rms over that of the sensors from which on what a set leaves is structure: something else may be making it, and with
+it the difference that one of the members makes."""
 MAJOR = 1.5
 """Evidence from which on an effect that others push to the limit of what is plausible is named all the same."""
 
@@ -38,7 +37,7 @@ class Part:
 
     `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the
     rms grows without it; `trust` the share of that which what the set leaves unexplained could not have made as well
-    (`MIMICRY`).
+    (`LOUD`).
     """
 
     names: tuple[str, ...]
@@ -111,8 +110,8 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
         c, theta = space.columns[key], scored.theta[key]
         without = by_axis(scorer, scorer(tuple(k for k in scored.keys if k != key)).left)
         returns = np.maximum(without / left - 1.0, 0.0)
-        above = np.maximum(1.0 - sensor / left, 0.0) * returns / (returns + 1.0)
-        trust = float(returns.sum() / max(float(np.sum(returns + MIMICRY * above)), 1e-30))
+        above = np.maximum(1.0 - LOUD**2 * sensor / left, 0.0) * returns / (returns + 1.0)
+        trust = float(returns.sum() / max(float(np.sum(returns + above)), 1e-30))
         evidence = 0.5 * float(np.sum(np.log(without) - np.log(left)))
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))

@@ -20,7 +20,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.answering import answers
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.identify.least_squares import ACCELEROMETER_BIAS
+from wrenchgap.learn.identify.trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 
 SECONDS = 2.5
@@ -37,21 +37,19 @@ class Spectrum:
     """Products of everything linear, by band and axis.
 
     The stacked quantities are: what the model leaves, then for each column its parameters and its offset, then what is
-    always there: what the model's own effects may be off by (`known`), accelerometer biases, and on the axes where
-    commands answer the motion free responses to all commands, without their mean (`learn.data.answering`).
-    `products` (bands, axes, Q, Q) are means over coefficients.
-    `count` (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
+    always there: what the model's own effects may be off by (`known`), biases and trims of flights
+    (`learn.identify.trim`), and on the axes where commands answer the motion free responses to all commands, without
+    their mean (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients. `count` (bands,
+    axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
     """
 
     def __init__(
-        self, data: Dataset, base: Array, columns: Sequence[Column], mass: float, known: Sequence[Column] = ()
+        self, data: Dataset, base: Array, columns: Sequence[Column], trim: Trim, known: Sequence[Column] = ()
     ) -> None:
         self.axes = np.flatnonzero(data.measured_axes)
         self.columns = {c.key: c for c in columns}
         flights = int(data.flight.max()) + 1
-        bias = np.zeros((len(base), 6, 3 * flights))
-        for axis in range(3):
-            bias[np.arange(len(base)), axis, 3 * data.flight + axis] = mass
+        bias = trim.columns(data)
         free, sizes = responses(data, base)
         stacked, at = [base[:, :, None]], 1
         self.parameters: dict[str, NDArray[np.intp]] = {}
@@ -63,12 +61,11 @@ class Spectrum:
             at += size + 1
         stacked += [free, bias, *(c.jacobian for c in known)]
         nothing, one = np.zeros(1), np.ones(1)
-        limit = np.concatenate((60.0 * sizes, np.full(bias.shape[2], ACCELEROMETER_BIAS), *(c.high for c in known)))
+        limit = np.concatenate((60.0 * sizes, np.tile(trim.limit, flights), *(c.high for c in known)))
         self.always = np.arange(at, at + limit.size)
         self.low = np.concatenate([nothing, *(x for c in columns for x in (c.low, nothing)), -limit])
         self.high = np.concatenate([nothing, *(x for c in columns for x in (c.high, nothing)), limit])
-        usual = np.full(bias.shape[2], 0.5 * ACCELEROMETER_BIAS)
-        always = np.concatenate((sizes, usual, *(c.scale for c in known)))
+        always = np.concatenate((sizes, np.tile(trim.scale, flights), *(c.scale for c in known)))
         self.scale = np.concatenate([one, *(x for c in columns for x in (c.scale, one)), always])
         sparse = [np.zeros(1, bool), *(x for c in columns for x in (c.sparse, np.zeros(1, bool)))]
         self.sparse = np.concatenate([*sparse, np.zeros(limit.size, bool)])

@@ -103,6 +103,7 @@ def uncertain(data: Dataset, model: Model, effect: ModelEffect) -> Column:
         np.full(size, 1e3) * spread,
         spread,
         np.zeros(size, dtype=bool),
+        effect.effect.accuracy,
     )
 
 

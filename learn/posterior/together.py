@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.sets import Contender, contender
@@ -36,7 +37,7 @@ class Noise:
 
 def spectrum_of(ground: Ground, columns: Sequence[Column]) -> Spectrum:
     """Of these columns."""
-    return Spectrum(ground.data, ground.left, columns, ground.model.vehicle.body.mass, ground.known)
+    return Spectrum(ground.data, ground.left, columns, trim_of(ground.model), ground.known)
 
 
 def linearised_together(

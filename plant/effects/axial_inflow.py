@@ -18,6 +18,7 @@ class AxialInflow(ThrustEffect):
     """
 
     name = "axial_inflow"
+    accuracy = 0.1
     excited_by = "climb, sink, and roll or pitch rates, which it damps"
     confused_with = ("rotational_drag", "body_drag")
     needs_pose = True

@@ -21,6 +21,7 @@ class Backlash(CommandEffect):
 
     name = "backlash"
     needs_tilt = True
+    accuracy = 0.1
     excited_by = "reversals of the tilt angles"
     confused_with = ("servo_lag", "tilt_offset")
     order = 20

@@ -21,6 +21,7 @@ class BodyDrag(WrenchEffect):
     name = "body_drag"
     family = "body_drag"
     form = "linear and quadratic, axis by axis"
+    accuracy = 0.1
     excited_by = "translation faster than about 1 m/s, in every body direction"
     confused_with = ("wind", "rotor_drag", "body_drag_areas")
     needs_pose = True

@@ -26,6 +26,7 @@ class BodyDragAreas(BodyDrag):
 
     name = "body_drag_areas"
     form = "|v| v with an area per axis"
+    accuracy = 0.1
     excited_by = "translation faster than about 2 m/s, in every body direction"
     confused_with = ("body_drag", "wind", "rotor_drag")
 

@@ -117,6 +117,8 @@ class Effect(ABC):
     """The name that several forms of one effect share: that of the first of them. Empty where there is one form."""
     form: ClassVar[str] = ""
     """In a family: which form this is, in a few words ("one height for all rotors")."""
+    accuracy: ClassVar[float] = 0.05
+    """Share to which the law is known: more where its shape is an assumption, or differs between vehicles."""
     order: ClassVar[int] = 0
     needs_rotors: ClassVar[bool] = False
     needs_tilt: ClassVar[bool] = False

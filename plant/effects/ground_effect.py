@@ -20,6 +20,7 @@ class GroundEffect(ThrustEffect):
     name = "ground_effect"
     family = "ground_effect"
     form = "each hub's own height"
+    accuracy = 0.15
     excited_by = "a height scan below about four rotor radii"
     confused_with = ("thrust_scale", "mass", "ground_effect_one_height")
     needs_pose = True

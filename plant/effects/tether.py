@@ -22,6 +22,7 @@ class Tether(WrenchEffect):
     """
 
     name = "tether"
+    accuracy = 0.1
     excited_by = "yaw and tilt, which turn E against B"
     confused_with = ("payload", "constant_wrench", "wind", "com_offset")
     needs_pose = True

@@ -18,6 +18,7 @@ class TranslationalLift(ThrustEffect):
     """
 
     name = "translational_lift"
+    accuracy = 0.15
     excited_by = "speed across the rotors"
     confused_with = ("thrust_scale", "body_drag")
     needs_pose = True

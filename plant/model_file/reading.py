@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -13,8 +12,8 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
-from wrenchgap.plant.history import Snapshot, Trial, Value, Version
 from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model_file.past import FileTable, ParameterTable, VersionTable
 from wrenchgap.plant.reader import (
     Axes,
     Direction,
@@ -22,7 +21,6 @@ from wrenchgap.plant.reader import (
     NotNegative,
     Number,
     Positive,
-    SixMeasured,
     Table,
     Text,
     Vector,
@@ -40,8 +38,6 @@ from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
 SCHEMA = 1
 PAGE = "docs/model-file.md"
-SENTENCE = re.compile(r"(?:better|worse|no clear change): error energy ([+-]?\d+) %, t (-?[\d.]+)")
-"""What files of earlier versions have as `verdict` in place of `change` and `t`."""
 
 
 def _inertia(rows: Any) -> Array:
@@ -66,6 +62,7 @@ Inertia = Annotated[
     expected("[xx, yy, zz] or three rows of three [kg m^2]"),
     AfterValidator(_inertia),
 ]
+SizeVector = Annotated[tuple[NotNegative, NotNegative, NotNegative], expected("three numbers that are not negative")]
 Spin = Annotated[Number, AfterValidator(_spin), expected("1 (counter-clockwise about thrust) or -1")]
 
 
@@ -179,13 +176,6 @@ class VehicleTable(Table):
         return Vehicle(self.name, body, arms, Rotors(np.array([on for on, _ in rotors], dtype=np.intp), **columns), imu)
 
 
-class FileTable(Table):
-    """A file that something came from."""
-
-    file: Text = ""
-    sha256: Text = ""
-
-
 class ProvenanceTable(Table):
     """Where an effect's values come from."""
 
@@ -193,14 +183,6 @@ class ProvenanceTable(Table):
     version: Text = ""
     method: Text = ""
     logs: tuple[FileTable, ...] = ()
-
-
-class ParameterTable(Table):
-    """One parameter; a bare number is its value."""
-
-    value: Number
-    std: Number | None = None
-    unit: Text = ""
 
 
 Parameter = Annotated[ParameterTable, BeforeValidator(lambda v: v if isinstance(v, dict) else {"value": v})]
@@ -243,73 +225,11 @@ class EffectTable(Table):
         )
 
 
-class HeldOutTable(Table):
-    """The error on time that was not fitted."""
+class BetweenFlightsTable(Table):
+    """By how much the wrench differs between flights, one standard deviation [N, Nm]."""
 
-    before: SixMeasured
-    after: SixMeasured
-    noise: SixMeasured
-    change: Number
-    t: Number
-
-    @model_validator(mode="before")
-    @classmethod
-    def _numbers_from_sentence(cls, values: Any) -> Any:
-        """Files of earlier versions have a sentence in place of `change` and `t`."""
-        if not isinstance(values, dict) or "verdict" not in values:
-            return values
-        said = SENTENCE.fullmatch(str(values["verdict"]))
-        if said is None:
-            raise broken(
-                f"verdict: got {values['verdict']!r}, expected words like 'better: error energy -65 %, t 12.3'"
-            )
-        numbers = {"change": float(said[1]) / 100.0, "t": float(said[2])}
-        return numbers | {key: value for key, value in values.items() if key != "verdict"}
-
-    def made(self) -> Trial:
-        """The trial."""
-        return Trial(np.array(self.before), np.array(self.after), np.array(self.noise), self.change, self.t)
-
-
-class ValueTable(ParameterTable):
-    """One parameter of an effect as it stood."""
-
-    name: Text
-
-
-class SnapshotTable(Table):
-    """One effect as it stood."""
-
-    name: Text
-    parameters: tuple[ValueTable, ...] = ()
-
-
-class VersionTable(Table):
-    """One version of the model."""
-
-    version: Number
-    command: Text = ""
-    content: Text
-    file: Text = ""
-    parent: Text = ""
-    date: Text = ""
-    wrenchgap: Text = ""
-    flights: tuple[FileTable, ...] = ()
-    held_out: HeldOutTable | None = None
-    effects: tuple[SnapshotTable, ...] = ()
-
-    def made(self) -> Version:
-        """The version."""
-        return Version(
-            int(self.version),
-            *(self.command, self.content, self.file, self.parent, self.date, self.wrenchgap),
-            tuple((flight.file, flight.sha256) for flight in self.flights),
-            None if self.held_out is None else self.held_out.made(),
-            tuple(
-                Snapshot(e.name, tuple(Value(v.name, v.value, v.std, v.unit) for v in e.parameters))
-                for e in self.effects
-            ),
-        )
+    force: SizeVector
+    torque: SizeVector
 
 
 class ModelTable(Table):
@@ -321,6 +241,7 @@ class ModelTable(Table):
     sensors: dict[str, Any] = Field({})
     topics: dict[str, Text] = Field({})
     unmeasured: Axes = ()
+    between_flights: BetweenFlightsTable | None = None
     effects: tuple[EffectTable, ...] = ()
     history: tuple[VersionTable, ...] = ()
 
@@ -334,12 +255,14 @@ def loads(text: str) -> Model:
     gains = values_of(ControllerGains, table.controller, where="controller", page=PAGE)
     noise = values_of(SensorNoise, table.sensors, where="sensors", page=PAGE)
     effects = [effect.made(vehicle) for effect in table.effects]
+    scatter = table.between_flights
     model = Model(
         vehicle,
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
         unmeasured=table.unmeasured,
+        between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
         text=text,
         history=tuple(version.made() for version in table.history),
         notes=tuple(note for _, note in effects if note),

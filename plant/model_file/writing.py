@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -27,12 +28,21 @@ def dumps(model: Model) -> str:
     document = tomlkit.parse(model.text) if model.text else _skeleton(model)
     document.pop("effects", None)
     document.pop("history", None)
+    document.pop("between_flights", None)
     text = tomlkit.dumps(document).rstrip("\n") + "\n"
+    if model.between_flights is not None:
+        text += "\n" + _between_flights_text(model.between_flights)
     for item in model.effects:
         text += "\n" + _effect_text(model.vehicle, item)
     for entry in model.history:
         text += "\n" + _version_text(entry)
     return text
+
+
+def _between_flights_text(scatter: Sequence[float]) -> str:
+    rows = (("force", scatter[:3]), ("torque", scatter[3:]))
+    lines = [f"{key} = [{', '.join(_number(v) for v in values)}]" for key, values in rows]
+    return "\n".join(["[between_flights]", *lines]) + "\n"
 
 
 def _version_text(entry: Version) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.add import Addition
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
@@ -51,7 +51,16 @@ def limits(added: Addition) -> list[str]:
 
 def notes(added: Addition) -> list[str]:
     """What was assumed, repaired or left out."""
-    return sentences([*added.given.notes, *(note for f in added.flights for note in f.notes)])
+    own = [] if added.between_flights is None else [differences(added.between_flights)]
+    return [*own, *sentences([*added.given.notes, *(note for f in added.flights for note in f.notes)])]
+
+
+def differences(scatter: Array) -> str:
+    """By how much flights differ on average, in words."""
+    sizes = ", ".join(
+        f"{a} {v:.2g} {'N' if k < 3 else 'Nm'}" for k, (a, v) in enumerate(zip(AXES, scatter, strict=True)) if v > 0.0
+    )
+    return f"These flights differ on average by {sizes} (one standard deviation); later ones may as much."
 
 
 def to_json(added: Addition) -> dict[str, Any]:
@@ -62,6 +71,7 @@ def to_json(added: Addition) -> dict[str, Any]:
         "refitted": list(added.refitted),
         **entries(added, "rms_before", "rms_after", "at_bound=fit.at_bound"),
         "unmeasured": _unmeasured(added),
+        "between_flights": added.between_flights,
         "held_out": None if added.trial is None else trial_json(added.trial),
         "cutoff_hz": added.flights[0].records[0].cutoff_hz,
         "notes": [*limits(added), *notes(added)],
