@@ -45,6 +45,7 @@ from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
+from wrenchgap.learn.posterior.sets import LOUD
 from wrenchgap.learn.posterior.table import Candidate, Ground, ground, table
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
@@ -66,9 +67,9 @@ SEARCH_SECONDS = 200.0
 """Most flight time that candidates are tried on [s]; of longer logs, pieces spread over all of it. What is chosen is
 then fitted to everything."""
 
-LOUD, UNEXPLAINED = 2.5, 0.25
-"""Structure is left where the rms of force or torque stays above this many times the noise and this share of what it
-was."""
+UNEXPLAINED = 0.25
+"""Structure is left where the rms of force or torque stays above `LOUD` times the noise and above this share of what
+it was."""
 QUIET = 1.5
 """Rms over the noise below which nothing is looked for in what is left."""
 PREDICTABLE = 0.3
@@ -86,7 +87,7 @@ class Explanation(Result):
 
     `effects` are the members' names, that with the largest share of the error first; `ranking` has every candidate by
     itself. `posterior` weighs the sets, `open` are axes (6,) on which structure is left. `oscillation` is one found in
-    the residual; `depends` says on what that depends, where the verdict is "unknown"; `concentrated` is the share of
+    the residual; `depends` says on what that depends, where axes are open; `concentrated` is the share of
     the residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
     and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
     some were given.

@@ -1,8 +1,8 @@
 """The search over sets: with the noise's spectrum held fixed every set is a small solve, and thousands are tried.
 
 What is always there is eliminated once. All pairs are scored; then, as long as a better set is found, the best `WIDTH`
-sets are changed by one effect in every way: one more, one less, one for another. There is no limit to their number but
-the evidence.
+sets are changed by one effect: one less, and instead of each or beside all those that promise most. There is no limit
+to their number but the evidence.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from wrenchgap.plant.air import that_act
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
 
-MAJOR = 0.3
+MAJOR_SHARE = 0.3
 """Share of the error from which on an effect at the limit of what is plausible is named all the same."""
 MOST_RIVALS = 6
 """Alternatives in a member's place that are listed."""
@@ -104,7 +104,7 @@ def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[M
         idle = [
             m
             for m in listed
-            if not (material(best.fit, on.model, m.name) and m.needed) or (m.name in stuck and m.share < MAJOR)
+            if not (material(best.fit, on.model, m.name) and m.needed) or (m.name in stuck and m.share < MAJOR_SHARE)
         ]
         if not idle:
             return best, listed, found

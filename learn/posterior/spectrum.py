@@ -29,7 +29,7 @@ EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
 
 
-UNUSUAL = 5.0
+FAR_LOUDER = 5.0
 """Mean square of a block, over the median of the blocks, beyond which its weight falls."""
 
 
@@ -107,7 +107,7 @@ class Spectrum:
         mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / self.count
         size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
         size /= np.bincount(self.block)
-        return np.asarray(np.sqrt(np.minimum(1.0, UNUSUAL * np.median(size) / np.maximum(size, 1e-30))))
+        return np.asarray(np.sqrt(np.minimum(1.0, FAR_LOUDER * np.median(size) / np.maximum(size, 1e-30))))
 
     def calm(self, factors: Array) -> None:
         """Multiply the blocks of time by these factors (blocks,)."""
