@@ -99,14 +99,16 @@ def trend(
 ) -> Trend:
     """Fit `names` (else the effects of the model, else `TRIMS`) to each flight and follow every parameter.
 
-    Other effects of the model stay as they are. Raises UsageError for fewer than two flights, or where none of the
-    default effects can be fitted; FitError for a named effect that a flight does not allow.
+    Other effects of the model stay as they are; those that a flight does not allow are left out of all. Raises
+    UsageError for fewer than two flights, or where none of the default effects can be fitted; FitError for a named
+    effect that a flight does not allow.
     """
     if len(flights) < 2:
         raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
     report = progress or (lambda fraction, words: None)
     chosen, left_out = _effects(flights, model, names)
-    alike = replace(model, between_flights=None)
+    usable = model.without(one.reason.effect for one in left_out if model.effect(one.reason.effect) is not None)
+    alike = replace(usable, between_flights=None)
     answering = answering_axes([timing_of(one, model) for one in flights])
     fits = []
     for k, one in enumerate(flights):
@@ -120,24 +122,25 @@ def trend(
 def _effects(
     flights: Sequence[OpenFlight], model: Model, names: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[LeftOut, ...]]:
-    """What is fitted on all flights, and which of the effects that nobody named a flight does not allow."""
-    asked = tuple(dict.fromkeys(find(name).name for name in names))
-    usual = tuple(e.name for e in model.effects) or TRIMS
-    lacking: dict[str, LeftOut] = {}
-    for name in asked or usual:
-        for one in flights:
-            why = inapplicable(name, model, one.records)
-            if why is not None and name not in lacking:
-                lacking[name] = LeftOut(one.records[0].flight, why)
-    if asked and lacking:
-        first = next(iter(lacking.values()))
-        raise FitError(f"{first.flight}: {first.reason}; leave it out of --effects")
+    """What is fitted on all flights; what nobody named and a flight does not allow, of the model or of `TRIMS`."""
+    asked, own = tuple(dict.fromkeys(find(name).name for name in names)), tuple(e.name for e in model.effects)
+    usual = own or TRIMS
+    lacking = {name: one for name in (*asked, *usual) if (one := _lacking(name, flights, model)) is not None}
+    for name in asked:
+        if name in lacking:
+            raise FitError(f"{lacking[name].flight}: {lacking[name].reason}; leave it out of --fit")
     chosen = asked or tuple(name for name in usual if name not in lacking)
     if not chosen:
-        first = next(iter(lacking.values()))
-        raise UsageError(f"trend: nothing to fit: {first.flight}: {first.reason}; name effects with --effects")
-    require_force((*(e.name for e in model.effects), *chosen))
-    return chosen, tuple(lacking.values())
+        first = lacking[usual[0]]
+        raise UsageError(f"trend: nothing to fit: {first.flight}: {first.reason}; name effects with --fit")
+    require_force((*(name for name in own if name not in lacking), *chosen))
+    return chosen, tuple(one for name, one in lacking.items() if name in own or not asked)
+
+
+def _lacking(name: str, flights: Sequence[OpenFlight], model: Model) -> LeftOut | None:
+    """The first flight that does not allow an effect, and why."""
+    found = ((one.records[0].flight, inapplicable(name, model, one.records)) for one in flights)
+    return next((LeftOut(flight, why) for flight, why in found if why is not None), None)
 
 
 def _followed(fits: Sequence[Fit]) -> tuple[ParameterTrend, ...]:
