@@ -29,10 +29,8 @@ from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify import learning
-from wrenchgap.learn.identify import trend as trending
 from wrenchgap.learn.identify.add import Addition, labels, model_of
 from wrenchgap.learn.identify.learning import Learnt
-from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.learn.posterior import explain as explaining
 from wrenchgap.learn.posterior.explain import Explanation
 from wrenchgap.learn.process import store
@@ -178,13 +176,6 @@ def add(
             raise UsageError(f"add: no flights to fit {', '.join(names)} to; give those that were opened for the model")
         opened = listed(flights)
     return adding.add(model_of(model), names, opened, progress=progress)
-
-
-def trend(
-    flights: Flights, model: Model | Addition, effects: Sequence[str] = (), *, progress: Progress | None = None
-) -> Trend:
-    """Each flight fitted by itself, in the order given, and which parameters stepped or drifted over the flights."""
-    return trending.trend(listed(flights), model_of(model), effects, progress=progress)
 
 
 def learn_gp(

@@ -39,10 +39,17 @@ LEGEND = (
 )
 
 
+CAVEAT = (
+    "Told of the effects that were fitted; another one may explain the same change, and a new session (a battery put in "
+    "anew, a propeller taken off) is a step like any other: docs/trend.md."
+)
+"""What stands below changes."""
+
+
 def parts(found: Trend) -> list[Part]:
     """The summary, parameters, steps and drifts, values by flight, notes."""
     out: list[Part] = [Line(text, "bold") for text in summary(found)]
-    out += [Line(), overview(found)]
+    out += [*([Line(CAVEAT, "dim")] if found.changed else []), Line(), overview(found)]
     if changes := [p for p in found.changed if p.course.steps]:
         out.append(steps(found, changes))
     out += [Line(LEGEND + "\n", "dim"), values(found)]

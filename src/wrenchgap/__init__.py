@@ -40,9 +40,9 @@ __getattr__, __all__ = names_of(
             "save_log",
             "save_model",
             "simulate",
-            "trend",
             "where",
         ),
+        "wrenchgap.replay.between_flights": ("trend",),
     },
 )
 
@@ -69,5 +69,5 @@ if TYPE_CHECKING:
     from wrenchgap.replay.api import save_log as save_log
     from wrenchgap.replay.api import save_model as save_model
     from wrenchgap.replay.api import simulate as simulate
-    from wrenchgap.replay.api import trend as trend
     from wrenchgap.replay.api import where as where
+    from wrenchgap.replay.between_flights import trend as trend

@@ -41,7 +41,7 @@ def trend(
 
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
-    from wrenchgap.replay import api
+    from wrenchgap.replay import between_flights
     from wrenchgap.replay.present import trend as words
     from wrenchgap.replay.present.report import trend as pages
 
@@ -52,7 +52,7 @@ def trend(
     base = run.model(model)
     with run.progress("following") as report:
         flights, _ = run.open(reading, logs, base)
-        found = api.trend(flights, base, names, progress=report)
+        found = between_flights.trend(flights, base, names, progress=report)
     run.result(found)
     run.draw(found, figure)
     if table is not None:

@@ -50,6 +50,7 @@ def page(found: Trend, command: str = "") -> str:
             vehicle=found.model.vehicle.name,
             verdict="unknown" if found.changed else "nothing",
             summary=words.summary(found),
+            caveat=words.CAVEAT if found.changed else "",
             chart=Image.of(figure, "Parameters over the flights.", caption, "svg"),
             view=view(found),
             tables=[_parameters(found), *([_steps(found)] if found.changed else []), _values(found)],
