@@ -40,7 +40,7 @@ LEGEND = (
 
 
 CAVEAT = (
-    "Told of the effects that were fitted; another one may explain the same change, and a new session (a battery put in "
+    "Told of the effects that were fitted; another one may explain the same change. A new session (a battery put in "
     "anew, a propeller taken off) is a step like any other: docs/trend.md."
 )
 """What stands below changes."""
