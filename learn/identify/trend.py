@@ -113,7 +113,10 @@ def trend(
     fits = []
     for k, one in enumerate(flights):
         report(k / len(flights), f"fitting {one.records[0].flight}")
-        fits.append(fit(dataset(one.records, alike, answering), alike, chosen))
+        try:
+            fits.append(fit(dataset(one.records, alike, answering), alike, chosen))
+        except FitError as error:
+            raise FitError(f"{one.records[0].flight}: {error}") from None
     left = np.array([rms(found.residual) for found in fits])
     left[:, ~np.isfinite(np.sum([r.noise for one in flights for r in one.records], axis=0))] = np.nan
     return Trend(model, chosen, tuple(flights), _followed(fits), left, left_out)
