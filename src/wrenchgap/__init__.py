@@ -42,6 +42,7 @@ __getattr__, __all__ = names_of(
             "simulate",
             "where",
         ),
+        "wrenchgap.replay.between_flights": ("trend",),
     },
 )
 
@@ -69,3 +70,4 @@ if TYPE_CHECKING:
     from wrenchgap.replay.api import save_model as save_model
     from wrenchgap.replay.api import simulate as simulate
     from wrenchgap.replay.api import where as where
+    from wrenchgap.replay.between_flights import trend as trend
