@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import ABSOLUTE, Law
 from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
+from wrenchgap.learn.changed.spectrum import ChangeSpectrum
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.trim import trim_of, typical
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.changed.spectrum import ChangeSpectrum
 from wrenchgap.learn.posterior.spectrum import Spectrum, responses
+from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
 
 ROUNDS = 4
@@ -61,11 +62,19 @@ class Pool:
         data = dataset(records, self.model, self.data.answering)
         return replace(self, data=data, left=self.left[kept], laws=mine)
 
+    @property
+    def shared_laws(self) -> tuple[Law, ...]:
+        """Of effects with several forms the first: one is enough to be in all flights."""
+        first: dict[str, Law] = {}
+        for one in self.laws:
+            first.setdefault(family(one.name), one)
+        return tuple(first.values())
+
     @cached_property
     def common(self) -> tuple[Column, ...]:
         """What is in all flights alike, with the sizes that healthy flights make likely."""
         out = []
-        for one in self.laws:
+        for one in self.shared_laws:
             column = one.common
             if one.name in self.sizes and len(self.sizes[one.name]) == len(column.scale):
                 column = replace(column, scale=self.sizes[one.name])
@@ -131,14 +140,13 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
         alone = replace(alone, sizes=sizes)
         theta = solved(alone.spectrum())
         at = len(theta) - sum(c.jacobian.shape[2] for c in alone.common)
-        for one, column in zip(alone.laws, alone.common, strict=True):
+        for one, column in zip(alone.shared_laws, alone.common, strict=True):
             size, least = column.jacobian.shape[2], one.common.scale
             shown = np.clip(np.abs(theta[at : at + size]), least, least / ABSOLUTE)
             sizes = sizes | {one.name: shown}
             at += size
     means = means_by_flight(alone.data, alone.left - alone.shared(theta))
-    scatter = scatter_between(means, pool.model) if len(healthy) > 1 else usual * np.sqrt(2.0)
-    return replace(pool, scatter=scatter, sizes=sizes)
+    return replace(pool, scatter=scatter_between(means, pool.model), sizes=sizes)
 
 
 def solved(spectrum: Spectrum, rounds: int = 3) -> Array:

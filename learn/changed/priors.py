@@ -30,7 +30,7 @@ _KNOWN = {
     "rotor_thrust": ChangePrior(1.0, loses=True),
     "com_offset": ChangePrior(1.0),
     "mass": ChangePrior(1.0),
-    "payload": ChangePrior(1.0),
+    "payload": ChangePrior(1.0, -3.0),
     "tilt_offset": ChangePrior(1.0),
     "servo_lag": ChangePrior(0.5),
     "motor_lag": ChangePrior(0.5),
@@ -57,6 +57,8 @@ def change_prior(name: str) -> ChangePrior:
     """Of an effect by its name; of one that is not listed, that of a law."""
     return _KNOWN.get(name, LAW)
 
+
+# A payload stands for two effects (`plant.effects.Effect.parts`) but is one thing that somebody has put on.
 
 NAMELESS = ("constant_wrench",)
 """Effects that say that something is there and not what."""

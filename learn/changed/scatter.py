@@ -1,10 +1,9 @@
 """By how much healthy flights differ among themselves, as a wrench: what a change has to exceed.
 
-    s^2 = (sum_f (m_f - m)^2 + WORTH t^2) / (F - 1 + WORTH) (1 + 1 / F)
+    s^2 = (sum_f (m_f - m)^2 + WORTH t^2) / (F - 1 + WORTH)
 
 m_f is what is left of flight f on average when all that is common to the flights is taken off, F the healthy flights,
-t the typical scatter (`learn.identify.trim.typical`), which is worth `WORTH` flights. The last factor is the mean's own
-uncertainty. One healthy flight says nothing of its scatter: then t alone. Source: a random effect by flight (Pinheiro
+t the typical scatter (`learn.identify.trim.typical`), which is worth `WORTH` flights. One healthy flight says nothing of its scatter: then t alone. Source: a random effect by flight (Pinheiro
 and Bates, "Mixed-Effects Models in S and S-PLUS", 2000, ch. 1) with a conjugate prior of its variance.
 """
 
@@ -28,5 +27,4 @@ def scatter_between(means: Array, model: Model) -> Array:
     """Standard deviation (6,) [N, Nm] between flights, of the means (F, 6) of healthy ones."""
     count = len(means)
     spread = np.sum((means - means.mean(axis=0)) ** 2, axis=0)
-    pooled = (spread + WORTH * typical(model) ** 2) / (count - 1 + WORTH)
-    return np.asarray(np.sqrt(pooled * (1.0 + 1.0 / count)))
+    return np.asarray(np.sqrt((spread + WORTH * typical(model) ** 2) / (count - 1 + WORTH)))
