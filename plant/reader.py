@@ -69,6 +69,12 @@ def _axes(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(axis for axis in AXES if axis in names)
 
 
+def _name(text: str) -> str:
+    if not text.strip() or not text.isprintable():
+        raise broken("")
+    return text.strip()
+
+
 _Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Number = Annotated[_Finite, expected("a finite number")]
 Positive = Annotated[_Finite, Field(gt=0), expected("a positive number")]
@@ -76,6 +82,7 @@ NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not neg
 Integer = Annotated[int, expected("a whole number")]
 Flag = Annotated[bool, Field(strict=True), expected("true or false")]
 Text = Annotated[str, Field(strict=True), expected("text")]
+Name = Annotated[str, Field(strict=True), AfterValidator(_name), expected("a name: printable text, not empty")]
 Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers")]
 Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]

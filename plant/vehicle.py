@@ -13,8 +13,10 @@ A rotor on arm i sits at `p_arm + offset n(alpha)` and makes the thrust `T = c_f
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,9 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.gravity import GRAVITY as GRAVITY
+
+PART = re.compile(r"(arm|rotor)_(\d+)")
+"""How parameters of effects and JSON keys call an arm or a rotor, in the order of the model file."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,8 @@ class Vehicle:
     """A vehicle as its designer believes it to be.
 
     `arms` and `rotors` are None for a vehicle of which only the wrench is known. `imu_position_B` (3,) [m] is the
-    accelerometer's place, from O.
+    accelerometer's place, from O. `arm_names` (A,) and `rotor_names` (R,) are the user's, "" for one without; empty
+    where no arm or no rotor has a name.
     """
 
     name: str
@@ -96,6 +102,8 @@ class Vehicle:
     arms: Arms | None
     rotors: Rotors | None
     imu_position_B: Array
+    arm_names: tuple[str, ...] = ()
+    rotor_names: tuple[str, ...] = ()
 
     @property
     def has_rotors(self) -> bool:
@@ -109,3 +117,24 @@ class Vehicle:
                 f"{self.name}: this needs arms and rotors, and the model file has none; add [[vehicle.arms]]"
             )
         return self.arms, self.rotors
+
+    def arm_name(self, arm: int) -> str:
+        """What the user calls an arm, by its index; where the model file has no name, what parameters call it."""
+        return self.named("arm", arm) or f"arm_{arm}"
+
+    def rotor_name(self, rotor: int) -> str:
+        """What the user calls a rotor, by its index; where the model file has no name, what parameters call it."""
+        return self.named("rotor", rotor) or f"rotor_{rotor}"
+
+    def named(self, kind: Literal["arm", "rotor"], index: int) -> str:
+        """The user's own name of an arm or a rotor, "" where the model file has none."""
+        names = self.arm_names if kind == "arm" else self.rotor_names
+        return names[index] if index < len(names) else ""
+
+    def called(self, parameter: str) -> str:
+        """A parameter in words: the user's name of the arm or rotor that it belongs to, else the parameter itself."""
+        found = PART.fullmatch(parameter)
+        if found is None:
+            return parameter
+        kind: Literal["arm", "rotor"] = "arm" if found[1] == "arm" else "rotor"
+        return self.named(kind, int(found[2])) or parameter

@@ -59,15 +59,19 @@ def force_and_torque(rms_by_axis: Array) -> Array:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of the absolute error, per axis (6,): mean, standard deviation, root mean square, maximum [N, Nm]."""
+    """Of the absolute error, per axis (6,): mean, standard deviation, root mean square, maximum [N, Nm].
+
+    `mean` (6,) is that of the error itself, measured minus predicted, with its sign.
+    """
 
     mean_abs: Array
     std_abs: Array
     rms: Array
     max_abs: Array
+    mean: Array
 
     @classmethod
     def of(cls, residual: Array) -> Errors:
         """Errors of residuals (K, 6)."""
         size = np.abs(residual)
-        return cls(size.mean(axis=0), size.std(axis=0), rms(residual), size.max(axis=0))
+        return cls(size.mean(axis=0), size.std(axis=0), rms(residual), size.max(axis=0), residual.mean(axis=0))

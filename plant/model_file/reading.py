@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -18,6 +19,7 @@ from wrenchgap.plant.reader import (
     Axes,
     Direction,
     Flag,
+    Name,
     NotNegative,
     Number,
     Positive,
@@ -69,6 +71,7 @@ Spin = Annotated[Number, AfterValidator(_spin), expected("1 (counter-clockwise a
 class RotorTable(Table):
     """One rotor of an arm."""
 
+    name: Name | None = None
     offset: Number = 0.0
     spin: Spin
     c_f: Positive
@@ -87,6 +90,7 @@ class RotorTable(Table):
 class ArmTable(Table):
     """One arm: by azimuth and length, or by its pose."""
 
+    name: Name | None = None
     azimuth_deg: Number | None = None
     length: Number | None = None
     position: Vector | None = None
@@ -154,6 +158,22 @@ class VehicleTable(Table):
                 arm["rotors"] = [over(values.get("rotor"), rotor) for rotor in arm["rotors"]]
         return {**values, "arms": arms}
 
+    @model_validator(mode="after")
+    def _own_names(self) -> VehicleTable:
+        """Every arm and rotor has a name of its own: one that was given, or what parameters call it."""
+        arms = [(f"arms[{i}]", arm.name) for i, arm in enumerate(self.arms)]
+        rotors = [
+            (f"arms[{i}].rotors[{k}]", r.name) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)
+        ]
+        taken: dict[str, str] = {}
+        for kind, listed in (("arm", arms), ("rotor", rotors)):
+            for number, (place, given) in enumerate(listed):
+                name = given or f"{kind}_{number}"
+                if name in taken:
+                    raise broken(f"{place} and {taken[name]} are both called {name!r}; give each a name of its own")
+                taken[name] = place
+        return self
+
     def made(self) -> Vehicle:
         """The vehicle of these values."""
         body = Body(self.mass, np.asarray(self.inertia), np.array(self.com))
@@ -172,8 +192,17 @@ class VehicleTable(Table):
             *(low, high, rate),
         )
         rotors = [(on, rotor) for on, arm in enumerate(self.arms) for rotor in arm.rotors]
-        columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in RotorTable.model_fields}
-        return Vehicle(self.name, body, arms, Rotors(np.array([on for on, _ in rotors], dtype=np.intp), **columns), imu)
+        keys = [key for key in RotorTable.model_fields if key != "name"]
+        columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in keys}
+        on = np.array([arm for arm, _ in rotors], dtype=np.intp)
+        names = _names(self.arms), _names([rotor for _, rotor in rotors])
+        return Vehicle(self.name, body, arms, Rotors(on, **columns), imu, *names)
+
+
+def _names(items: Sequence[ArmTable | RotorTable]) -> tuple[str, ...]:
+    """The names of arms or rotors, "" for one without; empty where none has one."""
+    names = tuple(item.name or "" for item in items)
+    return names if any(names) else ()
 
 
 class ProvenanceTable(Table):

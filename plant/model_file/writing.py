@@ -119,7 +119,9 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
         arms = tomlkit.aot()
         for i in range(len(v.arms)):
             limits = {"min": v.arms.tilt_min, "max": v.arms.tilt_max, "rate": v.arms.tilt_rate_max}
+            named = {"name": v.arm_names[i]} if v.named("arm", i) else {}
             arm = {
+                **named,
                 "position": v.arms.position_B[i].tolist(),
                 "tilt_axis": v.arms.axis_B[i].tolist(),
                 "thrust_direction": v.arms.normal_B[i].tolist(),
@@ -130,6 +132,8 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
             rotors = tomlkit.array()
             for r in np.flatnonzero(v.rotors.arm == i):
                 row = tomlkit.inline_table()
+                if called := v.named("rotor", int(r)):
+                    row["name"] = called
                 row.update({name: float(getattr(v.rotors, name)[r]) for name in names})
                 rotors.append(row)
             table = tomlkit.item(arm)

@@ -13,7 +13,7 @@ from wrenchgap.learn.identify.add import Addition
 from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import change, entries, unmeasured
+from wrenchgap.replay.present.numbers import called, change, entries, unmeasured
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -24,7 +24,8 @@ def parts(added: Addition) -> list[Part]:
         out.append(Line(f"already in {added.given.name}, fitted anew: {', '.join(added.refitted)}"))
     if added.together:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
-    out += [parameters(added.fit.snapshot, f"effects of {added.model.name}"), Line(INTERVAL_LEGEND + "\n", "dim")]
+    fitted = parameters(added.fit.snapshot, f"effects of {added.model.name}", added.model.vehicle)
+    out += [fitted, Line(INTERVAL_LEGEND + "\n", "dim")]
     behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
     if (trial := added.trial) is None:
         rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]
@@ -46,7 +47,11 @@ def verdict(trial: Trial) -> str:
 
 def limits(added: Addition) -> list[str]:
     """Parameters that ended where no physical value is plausible any more."""
-    return [f"{name} ended at the limit of what is plausible; see docs/effects" for name in added.fit.at_bound]
+    return [
+        f"{'.'.join(called(part, added.model.vehicle) for part in name.split('.'))} ended at the limit of what is "
+        "plausible; see docs/effects"
+        for name in added.fit.at_bound
+    ]
 
 
 def notes(added: Addition) -> list[str]:
@@ -95,7 +100,7 @@ def effects_json(effects: Sequence[Snapshot]) -> list[dict[str, Any]]:
 
 def model_table(model: Model) -> Part:
     """A model's effects."""
-    return parameters(model.snapshot, f"effects of {model.name}")
+    return parameters(model.snapshot, f"effects of {model.name}", model.vehicle)
 
 
 def to_frame(added: Addition) -> pd.DataFrame:

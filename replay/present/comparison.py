@@ -17,9 +17,11 @@ from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 
 
-def parts(result: Comparison) -> list[Part]:
-    """Errors, by flight where there are several, and where the last model is worst."""
+def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
+    """Errors, by flight where there are several, and where the last model is worst; `signed`: with means by flight."""
     several = [by_flight(result)] if len(result.flights) > 1 else []
+    if signed:
+        several = [means_by_flight(result)]
     last = result.evaluations[-1]
     return [errors(result), *several, worst(last.name, last.worst), *note_lines(sentences(result.notes))]
 
@@ -57,6 +59,20 @@ def by_flight(comparison: Comparison) -> Table:
     return out
 
 
+def means_by_flight(comparison: Comparison) -> Table:
+    """Mean of the residual with its sign, and its root mean square, by flight."""
+    title = "measured - predicted by flight: signed mean, and rms"
+    out = table(title, "flight", "model", "", *UNIT_HEADS, left=3)
+    for index, flight in enumerate(comparison.flights):
+        for place, one in enumerate(comparison.evaluations):
+            own, last = one.by_flight[index], place == len(comparison.evaluations) - 1
+            means = [text if text.startswith(("-", "0")) else f"+{text}" for text in row(own.mean)]
+            out.add_row(escape(flight) if place == 0 else "", escape(one.name), "mean", *means)
+            out.add_row("", "", "rms", *row(own.rms), end_section=last)
+    out.add_row("[dim]sensor noise[/]", "", "rms", *row(comparison.noise))
+    return out
+
+
 def worst(name: str, stretches: Sequence[Stretch]) -> Table:
     """The worst stretches of one model."""
     heads = ("flight", "time [s]", "largest on", "F rms [N]", "M rms [Nm]", "tilt [deg]", "|F| [N]")
@@ -81,6 +97,11 @@ def to_json(result: Comparison) -> dict[str, Any]:
                 "per_flight": [{"flight": f, **vars(own)} for f, own in zip(result.flights, e.by_flight, strict=True)],
                 "worst": e.worst,
             }
+            for e in result.evaluations
+        ],
+        "by_flight": [
+            {"flight": flight, "model": e.name, "mean": e.by_flight[k].mean, "rms": e.by_flight[k].rms}
+            for k, flight in enumerate(result.flights)
             for e in result.evaluations
         ],
         "noise": result.noise,

@@ -70,7 +70,7 @@ def parts(design: Design) -> list[Part]:
         *out,
         Line(),
         separations,
-        parameters(sizes(design), "assumed sizes of the effects"),
+        parameters(sizes(design), "assumed sizes of the effects", design.model.vehicle),
         Line(f"moves: {', '.join(map(str, design.segments))}"),
         Line(f"on the simulated vehicle: {flown(design)}"),
         *note_lines(sentences(note for f in design.flights for note in f.notes)),

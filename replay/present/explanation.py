@@ -26,6 +26,7 @@ from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
+    called,
     entries,
     parameters_in_words,
     quantity,
@@ -68,7 +69,8 @@ def parts(found: Explanation) -> list[Part]:
     out.append(ranking(found))
     out.append(Line(RANKING_LEGEND + "\n", "dim"))
     if found.fit.snapshot:
-        out += [parameters(found.fit.snapshot, "fitted together"), Line(INTERVAL_LEGEND + "\n", "dim")]
+        fitted = parameters(found.fit.snapshot, "fitted together", found.model.vehicle)
+        out += [fitted, Line(INTERVAL_LEGEND + "\n", "dim")]
     rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
     behind = "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
     out.append(before_after(f"held-out time of the given logs{behind}", rows, found.reduction))
@@ -162,7 +164,7 @@ def _with_values(found: Explanation, name: str) -> str:
         shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > PROMINENT * largest]
     if not shown:
         return name
-    return f"{name} ({', '.join(f'{v.name} {quantity(v.value, v.unit)}' for v in shown)})"
+    return f"{name} ({', '.join(f'{called(v.name, found.model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
 
 
 def _largest_residual(found: Explanation) -> str:
@@ -251,7 +253,7 @@ def ranking(found: Explanation) -> Table:
             continue
         limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
-        words = escape(parameters_in_words(candidate.values)) + limit
+        words = escape(parameters_in_words(candidate.values, found.model.vehicle)) + limit
         out.add_row(mark, _together(candidate), *numbers, words, style="bold" if mark == "*" else "")
     return out
 

@@ -14,7 +14,7 @@ from wrenchgap.plant.history import Changes, Value, Version, changes
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import changed_since
 from wrenchgap.replay.present.addition import effects_json, trial_json
-from wrenchgap.replay.present.numbers import AXIS_HEADS, entries, number
+from wrenchgap.replay.present.numbers import AXIS_HEADS, entries, label, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
 
 BEFORE_AND_AFTER = ("before=before.value", "before_std=before.std", "after=after.value", "after_std=after.std")
@@ -73,7 +73,8 @@ def table_of_changes(model: Model) -> Table:
         for effect, v, before, after, std, sigmas in rows:
             numbers = (number(before, 4), number(after, 4), number(std, 2))
             shift = "-" if sigmas is None else f"{sigmas:+.1f}"
-            out.add_row(str(version.number), escape(effect), escape(v.name), *numbers, v.unit, shift)
+            name = escape(label(v.name, model.vehicle))
+            out.add_row(str(version.number), escape(effect), name, *numbers, v.unit, shift)
     return out
 
 

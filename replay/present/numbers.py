@@ -11,6 +11,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measured_axes import names_of
 from wrenchgap.plant.history import Value
+from wrenchgap.plant.vehicle import Vehicle
 
 AXIS_HEADS = ("F_x", "F_y", "F_z", "M_x", "M_y", "M_z")
 UNIT_HEADS = tuple(f"{name} [{'N' if k < 3 else 'Nm'}]" for k, name in enumerate(AXIS_HEADS))
@@ -84,15 +85,26 @@ def separation(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}" if value < CAP else f"> {CAP:.0f}"  # + 0.0: no minus before a zero
 
 
-def parameters_in_words(values: Sequence[Value]) -> str:
+def called(name: str, vehicle: Vehicle | None) -> str:
+    """A parameter in a sentence: the user's name of the rotor or arm that it belongs to, where there is one."""
+    return name if vehicle is None else vehicle.called(name)
+
+
+def label(name: str, vehicle: Vehicle | None) -> str:
+    """A parameter in a table: "M3 (rotor_2)" where the user has a name for its rotor or arm, else its own."""
+    own = called(name, vehicle)
+    return name if own == name else f"{own} ({name})"
+
+
+def parameters_in_words(values: Sequence[Value], vehicle: Vehicle | None = None) -> str:
     """Parameters in a few words: all of up to three, else the two clearest; one alone with its interval."""
     if len(values) == 1:
         (one,) = values
-        return f"{one.name} {number(one.value)} +- {number(one.std, 2)} {unit(one.unit)}".rstrip()
+        return f"{called(one.name, vehicle)} {number(one.value)} +- {number(one.std, 2)} {unit(one.unit)}".rstrip()
     clearest = sorted(values, key=lambda v: -abs(v.value) / max(v.std or 0.0, 1e-30))
     shown = values if len(values) <= 3 else clearest[:2]
     more = f", ... ({len(values)})" if len(values) > 3 else ""
-    return ", ".join(f"{v.name} {quantity(v.value, v.unit)}" for v in shown) + more
+    return ", ".join(f"{called(v.name, vehicle)} {quantity(v.value, v.unit)}" for v in shown) + more
 
 
 def entries(found: object, *names: str) -> dict[str, Any]:

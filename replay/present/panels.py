@@ -78,7 +78,8 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
     for c in found.ranking:
         chosen, implausible = c.name in found.effects, "implausible" if c.implausible else ""
         mark = "chosen" if chosen else "alike" if c.name in indistinct else implausible
-        candidates.append(Candidate(c.name, c.score, c.significance, c.reduction, parameters_in_words(c.values), mark))
+        words = parameters_in_words(c.values, found.model.vehicle)
+        candidates.append(Candidate(c.name, c.score, c.significance, c.reduction, words, mark))
     not_tried = explanation.not_tried(found.untried).items()
     return Ranking(
         flight,

@@ -12,7 +12,8 @@ from rich.table import Table
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.history import Snapshot
-from wrenchgap.replay.present.numbers import UNIT_HEADS, change, number, row, unit
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.replay.present.numbers import UNIT_HEADS, change, label, number, row, unit
 
 COLOURED = 0.1
 """Reduction from which on it is coloured."""
@@ -83,12 +84,12 @@ def before_after(title: str, rows: Sequence[tuple[str, Array]], reduction: Array
     return out
 
 
-def parameters(effects: Sequence[Snapshot], title: str) -> Table:
-    """Effects with their values, standard deviations and units."""
+def parameters(effects: Sequence[Snapshot], title: str, vehicle: Vehicle | None = None) -> Table:
+    """Effects with their values, standard deviations and units; rotors and arms by the names that `vehicle` has."""
     out = table(title, "effect", "parameter", "value", "+-", "unit", left=2)
     out.columns[-1].justify = "left"
     for effect in effects:
         for k, v in enumerate(effect.values):
             first = escape(effect.effect) if k == 0 else ""
-            out.add_row(first, escape(v.name), number(v.value, 4), number(v.std, 2), unit(v.unit))
+            out.add_row(first, escape(label(v.name, vehicle)), number(v.value, 4), number(v.std, 2), unit(v.unit))
     return out

@@ -65,7 +65,7 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
     pose = one.samples[0].position_E is not None
     rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))
     omega = Series("body rate", "rad/s", time, dict(zip(XYZ, rates.T, strict=True)))
-    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records), omega))
+    return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records, vehicle), omega))
 
 
 def predicted(
@@ -155,16 +155,17 @@ def _tracking(scene: Scene, pose: bool) -> tuple[Series, ...]:
     )
 
 
-def _actuators(scene: Scene, records: Sequence[Record]) -> tuple[Series, ...]:
+def _actuators(scene: Scene, records: Sequence[Record], vehicle: Vehicle) -> tuple[Series, ...]:
+    """Tilts and rotor speeds as logged, under the names that the model file has for arms and rotors."""
     found = []
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T
-        arms = {f"arm {i}": values for i, values in enumerate(tilt)}
+        arms = {vehicle.named("arm", i) or f"arm {i}": values for i, values in enumerate(tilt)}
         found.append(Series("tilt", "deg", scene.time, arms, "Actuators"))
     known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
     if known:
         speed = at_stamps(scene.time, known).T
-        rotors = {f"rotor {i}": values for i, values in enumerate(speed)}
+        rotors = {vehicle.named("rotor", i) or f"rotor {i}": values for i, values in enumerate(speed)}
         found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators"))
     return tuple(found)
 

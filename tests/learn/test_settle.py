@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -449,3 +450,16 @@ def test_checks_are_numbered_lines_and_json(checks):
         "separates": [[["mass"]], [["thrust_scale"]]],
     }
     assert words.lines(()) == []
+
+
+def test_checks_name_rotors_and_arms_as_the_user_does(checks, vehicle):
+    names = {"rotor_names": tuple(f"M{r + 1}" for r in range(12)), "arm_names": tuple("ABCDEF")}
+    own = replace(vehicle, **names)
+    found = bench(checks(WEAK, {"constant_wrench": None}, on=own))
+    plain = bench(checks(WEAK, {"constant_wrench": None}))
+    numbers = [int(k) for k in re.findall(r"rotor_(\d+)", plain["swap"].what)]
+    assert f"Swap M{numbers[0] + 1} and M{numbers[1] + 1} (" in found["swap"].what
+    (stand,) = (trial.setup(own, ()) for trial in TRIALS if trial.name == "thrust")
+    assert stand.says(np.eye(12)[3] * -0.08) == "M4 -8.0 %"
+    tilted = bench(checks({"tilt_offset": {"arm_2": np.radians(1.0)}}, {"constant_wrench": None}, on=own))
+    assert "C +1.0 deg if tilt_offset" in tilted["tilt_zero"].what

@@ -146,3 +146,50 @@ def test_two_effects_of_one_name_and_removing_what_is_not_there_are_refused():
         model.with_effects([effect, effect])
     with pytest.raises(ModelError, match="none"):
         model.without(["com_offset"])
+
+
+def named(text=TEXT):
+    """The second rotor and the last arm have names."""
+    text = text.replace("rotors = [{ spin = -1 }]", 'rotors = [{ name = "M3", spin = -1 }]', 1)
+    return text.replace("tilts = false", 'tilts = false\nname = "rear right"', 1)
+
+
+def test_rotors_and_arms_are_called_as_the_user_calls_them():
+    vehicle = model_file.loads(named()).vehicle
+    assert [vehicle.rotor_name(r) for r in range(4)] == ["rotor_0", "M3", "rotor_2", "rotor_3"]
+    assert [vehicle.arm_name(i) for i in range(4)] == ["arm_0", "arm_1", "arm_2", "rear right"]
+    assert [vehicle.called(name) for name in ("rotor_1", "arm_3", "rotor_2", "twist", "rotor_9")] == [
+        *("M3", "rear right", "rotor_2", "twist", "rotor_9")
+    ]
+
+
+def test_without_names_rotors_are_called_as_parameters_are():
+    vehicle = model_file.loads(TEXT).vehicle
+    assert (vehicle.rotor_name(1), vehicle.arm_name(0), vehicle.called("rotor_1")) == ("rotor_1", "arm_0", "rotor_1")
+    assert (vehicle.rotor_names, vehicle.arm_names) == ((), ())
+
+
+def test_names_survive_writing():
+    model = model_file.loads(named())
+    for text in (model_file.dumps(model), model_file.dumps(replace(model, text=""))):
+        again = model_file.loads(text).vehicle
+        assert (again.rotor_names, again.arm_names) == (("", "M3", "", ""), ("", "", "", "rear right"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"M3"', '""', r"vehicle\.arms\[1\]\.rotors\[0\]\.name: got '', expected a name: printable text"),
+        ('"M3"', '"  "', "expected a name"),
+        ('"M3"', '"M\\n3"', "expected a name"),
+        ('"M3"', "3", "got 3, expected a name"),
+        ('"rear right"', '"M3"', r"arms\[1\]\.rotors\[0\] and arms\[3\] are both called 'M3'"),
+        ('"M3"', '"rotor_0"', "are both called 'rotor_0'"),
+        ("{ spin = 1 }", '{ name = "M3", spin = 1 }', "are both called 'M3'"),
+    ],
+)
+def test_a_name_that_names_nothing_is_refused(old, new, message):
+    assert old in named()
+    with pytest.raises(ModelError, match=message) as caught:
+        model_file.loads(named().replace(old, new, 1))
+    assert "\n" not in str(caught.value)

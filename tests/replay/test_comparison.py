@@ -35,6 +35,7 @@ def test_errors_of_a_known_residual():
     assert errors.std_abs[0] == pytest.approx(np.sqrt(2.0))
     assert errors.rms[0] == pytest.approx(np.sqrt(11.0))
     assert errors.max_abs[0] == 5.0
+    assert errors.mean[0] == 1.0
     assert not errors.rms[1:].any()
 
 
@@ -135,3 +136,29 @@ def test_time_on_the_ground_is_left_out(tmp_path):
     assert any("left out" in note and "on the ground" in note for note in one.notes)
     assert one.records[0].time[0] > 2.0
     assert np.abs(one.records[0].measured - one.records[0].commanded).max() < 1e-3 * weight
+
+
+def test_by_flight_gives_means_with_their_sign(logs):
+    """A force of (0.3, -0.2, 0) N that the second flight alone has is what its mean grows by."""
+    first, second = wg.open_flights([logs.ideal, logs.test], MODEL)
+    push = np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.0])
+    pushed = replace(second, records=tuple(replace(r, measured=r.measured + push) for r in second.records))
+    before, after = (wg.compare([first, one], MODEL).to_json()["by_flight"] for one in (second, pushed))
+    assert [(row["flight"], row["model"]) for row in after] == [("ideal", "nominal"), ("test", "nominal")]
+    np.testing.assert_allclose(after[0]["mean"], before[0]["mean"])
+    np.testing.assert_allclose(np.array(after[1]["mean"]) - before[1]["mean"], push, atol=1e-12)
+    mean, rms = np.array(after[1]["mean"]), np.array(after[1]["rms"])
+    assert np.all(np.abs(mean) <= rms)
+
+
+def test_by_flight_on_the_command_line_prints_one_table_with_signs(logs, run):
+    shown = run("compare", logs.ideal, logs.test, "-m", "tilt_hexarotor", "--by-flight").stdout
+    assert "signed mean" in shown
+    assert "rms of |measured - predicted| by flight" not in shown
+    rows = [
+        line.split() for line in shown.splitlines() if " mean " in line and "nominal" in line and "signed" not in line
+    ]
+    by_flight = [row for row in rows if row[0] in ("ideal", "test")]
+    assert len(by_flight) == 2
+    assert all(value[0] in "+-0" for row in by_flight for value in row[3:])
+    assert wg.compare(wg.open_flights(logs.ideal, MODEL), MODEL).to_json()["by_flight"]

@@ -28,9 +28,9 @@ def degrees(angle: float) -> str:
 
 
 def tilting(vehicle: Vehicle) -> list[str]:
-    """Names of the arms that tilt, as effects call them."""
+    """Names of the arms that tilt: the user's, else as effects call them."""
     arms, _ = vehicle.geometry()
-    return [f"arm_{i}" for i in np.flatnonzero(arms.tilts)]
+    return [vehicle.arm_name(int(i)) for i in np.flatnonzero(arms.tilts)]
 
 
 def zeros(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:

@@ -96,7 +96,7 @@ def swap(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
         size = float(np.linalg.norm(torque))
         return f"its torque changes by {size:.2g} Nm" if size > resolution else "its torque stays"
 
-    which = "rotors that turn alike, pair after pair" if pair is None else f"rotor_{pair[0]} and rotor_{pair[1]}"
+    which = "rotors that turn alike, pair after pair" if pair is None else " and ".join(map(vehicle.rotor_name, pair))
     return Setup(
         f"Swap {which} (propeller, motor and speed controller) and hover as before",
         lambda fitted: total(fitted, 3, ("rotor_thrust", moved)),
@@ -121,7 +121,7 @@ def apart(vehicle: Vehicle, gains: Array) -> tuple[int, int] | None:
 def thrust(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """Thrust of each rotor on its own over the model's, less one (R,), at hover's command."""
     count = 1 if vehicle.rotors is None else len(vehicle.rotors)
-    names = [f"rotor_{r}" for r in range(count)] if count > 1 else ["thrust"]
+    names = [vehicle.rotor_name(r) for r in range(count)] if count > 1 else ["thrust"]
     what = "Run one rotor at a time" if count > 1 else "Run the vehicle"
 
     def predict(fitted: Fitted) -> Array:

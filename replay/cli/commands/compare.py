@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from typing import Annotated
 
 import typer
 
@@ -20,6 +21,9 @@ def compare(
     gp: o.GpOption = None,
     figure: o.Figure = None,
     csv: o.Csv = None,
+    by_flight: Annotated[
+        bool, typer.Option("--by-flight", help="Signed mean and rms of the residual by flight and axis, in one table.")
+    ] = False,
     *,
     reading: Reading,
     run: Run,
@@ -32,6 +36,7 @@ def compare(
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
     from wrenchgap.replay import api
+    from wrenchgap.replay.present.comparison import parts
     from wrenchgap.replay.present.documents import write_csv
 
     run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
@@ -41,7 +46,7 @@ def compare(
         flights, _ = run.open(reading, logs, base)
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
-    run.result(result)
+    run.show(*parts(result, signed=by_flight))
     look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
     run.line(f"why there: {look}{o.common_options(ctx)}", style="dim")
     run.draw(result, figure)

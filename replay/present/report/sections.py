@@ -13,6 +13,7 @@ from wrenchgap.learn.identify.staircase import Staircase
 from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
+from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import style
@@ -22,6 +23,7 @@ from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     UNIT_HEADS,
     change,
+    label,
     number,
     parameters_in_words,
     row,
@@ -105,17 +107,17 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     return {
         "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
-        "first": _candidates("Each effect alone", shown),
+        "first": _candidates("Each effect alone", shown, found.model.vehicle),
         "classes": explanation.open_in_words(found),
         "members": _members(found),
         "groups": "; ".join(" or ".join(group) for group in found.groups),
     }
 
 
-def _candidates(title: str, candidates: Sequence[Candidate]) -> Table:
+def _candidates(title: str, candidates: Sequence[Candidate], vehicle: Vehicle) -> Table:
     rows = []
     for c in candidates:
-        words = parameters_in_words(c.values) + (" (implausible: at its limit)" if c.implausible else "")
+        words = parameters_in_words(c.values, vehicle) + (" (implausible: at its limit)" if c.implausible else "")
         falls = [change(-float(v)) for v in c.reduction]
         rows.append([c.name, words, share(c.score), *falls, f"{c.evidence:.2f}", f"{c.significance:.1f}"])
     legend = (
@@ -151,7 +153,8 @@ def of_parameters(report: Report, _: Repetition) -> Content:
         low, high = (number(float(value + side * INTERVAL * std)) for side in (-1.0, 1.0))
         limits = f"{number(p.low)} to {number(p.high)}" + (" !" if f"{name}.{p.name}" in fitted.at_bound else "")
         first, last = name if name != last else "", name
-        rows.append([first, p.name, unit(p.unit), number(float(value), 4), f"{low} to {high}", limits])
+        named = label(p.name, report.addition.model.vehicle)
+        rows.append([first, named, unit(p.unit), number(float(value), 4), f"{low} to {high}", limits])
     caption = (
         "All effects of the model, fitted together to all given logs. The intervals follow from the scatter between "
         "blocks of time, as neighbouring samples are not independent; a standard deviation is never below "
