@@ -104,9 +104,9 @@ class Pool:
         flat = np.zeros(6, dtype=bool)
         return Column((), nothing, nothing, np.zeros_like(self.left), jacobian, -wide, wide, size, flat, 0.0)
 
-    def shared(self, theta: Array) -> Array:
+    def shared(self, theta: Array, without: Collection[str] = ()) -> Array:
         """What all flights share (K, 6) of what the model leaves, `theta` being the always-there unknowns of a
-        spectrum: laws and answers, without trims.
+        spectrum: laws, but those of some effects, and answers, without trims.
         """  # noqa: D205
         free, _ = responses(self.data, self.left)
         flights = int(self.data.flight.max()) + 1
@@ -117,7 +117,8 @@ class Pool:
         at += flights * len(trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist()))).axes)
         for column in self.common:
             size = column.jacobian.shape[2]
-            out = out + column.jacobian @ theta[at : at + size]
+            if column.key not in without:
+                out = out + column.jacobian @ theta[at : at + size]
             at += size
         return out
 

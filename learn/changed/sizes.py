@@ -1,0 +1,127 @@
+"""How large changes are: in SI, in units of the scatter between flights, and where on the vehicle.
+
+    std          of the change, from what wanders within the flights: the trims held fixed
+    scatter      what flights differ by, in this parameter: the trims free, sqrt(std_free^2 - std^2)
+    significance |change| / hypot(scatter, std)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.by_flight import values_by_flight
+from wrenchgap.learn.changed.places import where_of
+from wrenchgap.learn.changed.search import Weighed
+from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.score import Scored
+from wrenchgap.plant.effects import find
+
+LOUDER = 2.5
+"""Rms of what suspect flights leave within them, over that of the loudest healthy flight, that is worth a word."""
+WIDE = 4.0
+"""Prior of a value on one flight, in sizes of the prior of its change: wide enough not to pull."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter: its value on healthy flights and on the suspect ones, what healthy flights differ by, the standard
+    deviation of the change. `odds` is the log of those of the set that it is of, against no change.
+    """  # noqa: D205
+
+    effect: str
+    name: str
+    healthy: float
+    scatter: float
+    suspect: float
+    std: float
+    unit: str
+    where: str
+    odds: float
+
+    @property
+    def change(self) -> float:
+        """Suspect less healthy."""
+        return self.suspect - self.healthy
+
+    @property
+    def significance(self) -> float:
+        """The change in units of what it is uncertain by, scatter and standard deviation together."""
+        return abs(self.change) / max(float(np.hypot(self.scatter, self.std)), 1e-30)
+
+
+def sizes(found: Weighed, names: Sequence[str], healthy: int) -> tuple[Size, ...]:
+    """Parameters of a set of changes that are worth a line; the first `healthy` flights are healthy."""
+    if not names:
+        return ()
+    space = found.scorer.spectrum
+    scored = found.scorer(tuple(sorted(names)))
+    unknown = np.concatenate([space.parameters[n] for n in names])
+    usual = values_by_flight(found, names, WIDE * space.scale[unknown])[:healthy].mean(axis=0)
+    std, free = deviations(found, scored, names)
+    odds = scored.log_probability - found.scorer(()).log_probability
+    out, at = [], 0
+    vehicle = found.pool.model.vehicle
+    for name in names:
+        theta = scored.theta[name]
+        for k, p in enumerate(find(name).parameters(vehicle)):
+            scatter = float(np.sqrt(max(free[at] ** 2 - std[at] ** 2, 0.0)))
+            base, change = float(usual[at]), float(theta[k])
+            if abs(change) >= MATERIAL * space.columns[name].scale[k] or not find(name).sparse:
+                where = where_of(vehicle, name, p.name)
+                size = Size(name, p.name, base, scatter, base + change, float(std[at]), p.unit, where, odds)
+                out.append(size)
+            at += 1
+    return tuple(out)
+
+
+def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array]:
+    """Standard deviations (P,) of the changes: with every trim held fixed, and with all that is always there free."""
+    space = found.scorer.spectrum
+    unknown = np.concatenate([space.parameters[n] for n in names])
+    whole = np.tensordot(found.scorer.count / scored.variance, space.products, axes=([0, 1], [0, 1]))
+    prior = np.diag((WIDE * space.scale[unknown]) ** -2.0)
+    fixed = whole[np.ix_(unknown, unknown)]
+    always = space.always
+    inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
+    across = whole[np.ix_(always, unknown)]
+    free = fixed - across.T @ np.linalg.solve(inner, across)
+    return tuple(np.sqrt(np.diag(np.linalg.inv(part + prior))) for part in (fixed, free))  # type: ignore[return-value]
+
+
+def candidate_changes(found: Weighed, healthy: int) -> tuple[Size, ...]:
+    """Every change by itself, the likeliest first: its parameter that is most significant."""
+    scorer = found.scorer
+    ranked = sorted(scorer.spectrum.columns, key=lambda key: -scorer((key,)).log_probability)
+    out = []
+    for key in ranked:
+        listed = sizes(found, (key,), healthy)
+        if listed:
+            out.append(max(listed, key=lambda s: s.significance))
+    return tuple(out)
+
+
+def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
+    """Axes on which every suspect flight leaves, within itself, far more than the loudest healthy one; of axes on which
+    commands answer the motion nothing is said: those leave what the air was like.
+    """  # noqa: D205
+    space = found.scorer.spectrum
+    best = found.posterior.classes[0].sets[0].contender.scored
+    weights = best.weights if best.keys in found.scorer.known else found.scorer(()).weights
+    left = space.coefficients @ weights
+    flight = found.pool.data.flight[_firsts(found)]
+    within = np.ones(len(left), dtype=bool)
+    within[space.starts] = False
+    rms = np.array([np.sqrt(np.mean(left[within & (flight[space.block] == f)] ** 2, axis=0)) for f in np.unique(flight)])
+    mine = np.isin(np.unique(flight), list(suspects))
+    loud = rms[mine].min(axis=0) > LOUDER * rms[~mine].max(axis=0)
+    quiet = answered(found.pool.data)
+    return tuple(int(axis) for k, axis in enumerate(space.axes) if loud[k] and axis not in quiet)
+
+
+def _firsts(found: Weighed) -> Array:
+    return np.asarray(found.scorer.spectrum.starts)
