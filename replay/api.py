@@ -15,6 +15,8 @@ from typing import Any
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
 from wrenchgap.flight.unmeasured import axis_names
+from wrenchgap.learn.changed import changed as changing
+from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
@@ -143,6 +145,25 @@ def explain(
     """
     return explaining.explain(
         listed(flights), model_of(model), names=names, validation=listed(validate), jobs=jobs, progress=progress
+    )
+
+
+def changed(
+    suspects: Flights,
+    healthy: Flights,
+    model: Model | Addition,
+    *,
+    names: Sequence[str] = (),
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Changed:
+    """What changed on suspect flights against healthy ones of the same vehicle, where on it, and what to inspect.
+
+    What the model is wrong by in all of them drops out. Among `names`, by default the whole catalogue; `jobs`
+    processes, by default one for each core.
+    """
+    return changing.changed(
+        listed(suspects), listed(healthy), model_of(model), names=names, jobs=jobs, progress=progress
     )
 
 

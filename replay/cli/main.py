@@ -26,7 +26,7 @@ from wrenchgap.replay.cli.requests import grouped
 
 NAME = "wrenchgap"
 ORDER = (
-    *("inspect", "compare", "where", "explain", "add", "remove", "history", "learn", "report", "replay"),
+    *("inspect", "compare", "where", "explain", "changed", "add", "remove", "history", "learn", "report", "replay"),
     *("counterfactual", "design", "simulate", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""

@@ -24,6 +24,7 @@ __getattr__, __all__ = names_of(
         "wrenchgap.flight.errors": ("FitError", "LogError", "ModelError", "UsageError", "WrenchgapError"),
         "wrenchgap.replay.api": (
             "add",
+            "changed",
             "compare",
             "compensator",
             "counterfactual",
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from wrenchgap.flight.errors import UsageError as UsageError
     from wrenchgap.flight.errors import WrenchgapError as WrenchgapError
     from wrenchgap.replay.api import add as add
+    from wrenchgap.replay.api import changed as changed
     from wrenchgap.replay.api import compare as compare
     from wrenchgap.replay.api import compensator as compensator
     from wrenchgap.replay.api import counterfactual as counterfactual
