@@ -30,7 +30,7 @@ from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pool import Pool, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.search import Weighed, weigh
-from wrenchgap.learn.changed.sizes import Size, candidate_changes, louder, sizes
+from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, louder, sizes
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
@@ -82,7 +82,7 @@ class Changed(Result):
     settle: tuple[Check, ...]
     parameters: tuple[Size, ...]
     places: tuple[Place, ...]
-    alone: tuple[Size, ...]
+    alone: tuple[Alone, ...]
     odd: tuple[Odd, ...]
     not_compared: tuple[NotCompared, ...]
     rows: tuple[FlightRow, ...]
@@ -137,12 +137,12 @@ def changed(
     rows = list(found.rows)
     for number, one in odd:
         rows.append(_odd_row(pool, number, one))
-    return replace(found, odd=tuple(o for _, o in odd), rows=tuple(rows), untried=untried, flights=flights, timing=timing)
+    return replace(
+        found, odd=tuple(o for _, o in odd), rows=tuple(rows), untried=untried, flights=flights, timing=timing
+    )
 
 
-def checked(
-    suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model
-) -> tuple[OpenFlight, ...]:
+def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
     """All flights, healthy ones first, with names that differ; a one-line error for those that cannot be compared."""
     for side, word in ((suspects, "suspect"), (healthy, "healthy")):
         if not side:
@@ -186,7 +186,9 @@ def pooled(
     data = dataset(records, model, answering)
     chosen: Candidates = candidates(data.records, model, names)
     tell(0.1, "effects one by one")
-    found, failed = laws(data, model, chosen.tried, cores() if jobs is None else jobs)
+    names_of = list(dict.fromkeys(r.flight for r in records))
+    calm = dataset([r for r in records if names_of.index(r.flight) < healthy], model, answering)
+    found, failed = laws(data, model, chosen.tried, calm, cores() if jobs is None else jobs)
     problem = Problem(data, model, ())
     left = problem.at(np.zeros(problem.low.size)).residual
     return Pool(data, model, left, found, typical(model), {}), (*chosen.untried, *failed)
@@ -195,9 +197,9 @@ def pooled(
 def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: Progress) -> Changed:
     """The answer on a pool, of which `healthy` and `suspects` are flights by number; others are left out."""
     tell(0.6, "what healthy flights differ by")
-    both = [*healthy, *suspects]
-    pool = calibrated(pool.only(both), range(len(healthy)))
-    mine = list(range(len(healthy), len(both)))
+    both = sorted([*healthy, *suspects])
+    good, mine = ([both.index(f) for f in side] for side in (healthy, suspects))
+    pool = calibrated(pool.only(both), good)
     tell(0.7, "weighing sets of changes")
     found = weigh(pool, mine)
     pool = found.pool
@@ -206,12 +208,12 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if verdict is Verdict.CHANGED else ()
-    said, values = sizes(found, names, len(healthy)), [{} for _ in both]
+    said, values = sizes(found, names, good), [{} for _ in both]
     if names:
         scale = np.concatenate([found.scorer.spectrum.scale[found.scorer.spectrum.parameters[n]] for n in names])
         keys = [(n, p.name) for n in names for p in find(n).parameters(pool.model.vehicle)]
         values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, 4.0 * scale)]
-    roles = ["healthy"] * len(healthy) + ["suspect"] * len(mine)
+    roles = ["suspect" if f in suspects else "healthy" for f in both]
     return Changed(
         verdict,
         names,
@@ -221,7 +223,7 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
         found.posterior.settle,
         said,
         tuple(p for n in names for p in places(found, names, n)),
-        candidate_changes(found, len(healthy)),
+        candidate_changes(found, good),
         (),
         not_compared(pool, mine),
         tuple(rows_by_flight(pool, roles, values)),

@@ -96,9 +96,7 @@ def towards(vehicle: Vehicle, x: float, y: float) -> str:
     size = float(np.hypot(x, y))
     if size == 0.0:
         return ""
-    words = [
-        AHEAD[a][0] if v > 0 else AHEAD[a][1] for a, v in (("x", x), ("y", y)) if abs(v) > 0.38 * size
-    ]
+    words = [AHEAD[a][0] if v > 0 else AHEAD[a][1] for a, v in (("x", x), ("y", y)) if abs(v) > 0.38 * size]
     side = " ".join(words)
     if vehicle.arms is None or vehicle.rotors is None:
         return side

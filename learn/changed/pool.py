@@ -55,12 +55,8 @@ class Pool:
         """The same with some of the flights, in their order."""
         kept, names = self.rows(flights), self.names
         records = [r for r in self.data.records if names.index(r.flight) in flights]
-        mine = tuple(
-            replace(one, line=replace(one.line, offset=one.line.offset[kept], jacobian=one.line.jacobian[kept]))
-            for one in self.laws
-        )
         data = dataset(records, self.model, self.data.answering)
-        return replace(self, data=data, left=self.left[kept], laws=mine)
+        return replace(self, data=data, left=self.left[kept], laws=tuple(one.rows(kept) for one in self.laws))
 
     @property
     def shared_laws(self) -> tuple[Law, ...]:

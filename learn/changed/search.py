@@ -17,17 +17,22 @@ from wrenchgap.learn.changed.laws import again
 from wrenchgap.learn.changed.pool import Pool
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.posterior.classes import Class, NamedSet, merged, settled
-from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.hunt import Hunt
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
 from wrenchgap.learn.posterior.sets import IMPLAUSIBLE, Contender, Part, at_limit, by_axis, ordered, search, weights
 from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.vehicle import Vehicle
 
 KEPT = 30
 """Sets that are weighed."""
 BEHIND = 12.0
 """Log odds behind the best set from which on a set is not weighed."""
+ROUNDS = 3
+"""Of search and new derivatives, at most."""
+FAR = 0.3
+"""Change from where it was linearised, in sizes of its prior, that calls for new derivatives."""
 NEAR = 2.0
 """Difference of two predictions, in standard errors, that flights cannot show."""
 
@@ -55,17 +60,17 @@ class Weighed:
         return sum(s.weight for s in self.posterior.sets if not s.names)
 
 
-def weigh(pool: Pool, suspects: Collection[int], *, rounds: int = 2) -> Weighed:
+def weigh(pool: Pool, suspects: Collection[int]) -> Weighed:
     """Weigh sets of changes on these flights of a pool that was calibrated on the others.
 
-    Changes are linearised where their laws are, then where the best set has them.
+    Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
+    lags that are each half right make up for what their lines lack), of others in the best set.
     """
     rows = pool.rows(suspects)
-    for number in range(rounds):
+    for _ in range(ROUNDS):
         scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects))
-        best = ordered(scorer)[0]
-        moved = {n: t for n, t in best.theta.items() if _moved(scorer.spectrum.columns[n], t)}
-        if not moved or number == rounds - 1:
+        moved = _moved(scorer)
+        if not moved:
             break
         renewed = [again(pool.data, pool.model, o, moved[o.name]) if o.name in moved else o for o in pool.laws]
         pool = replace(pool, laws=tuple(renewed))
@@ -78,10 +83,19 @@ def weigh(pool: Pool, suspects: Collection[int], *, rounds: int = 2) -> Weighed:
     return Weighed(found, scorer, pool, tuple(suspects))
 
 
-def _moved(column: Column, theta: Array) -> bool:
-    """Whether a change is bent enough, and far enough from where it was linearised, for another derivative."""
-    far = float(np.max(np.abs(theta - column.theta) / column.scale)) > 0.3
-    return far and not column.names[0] == "rotor_thrust"  # a gain: exactly a straight line
+def _moved(scorer: Scorer) -> dict[str, Array]:
+    """Changes that are far from where they were linearised, and not straight lines, with their values."""
+    best, nothing = ordered(scorer)[0], scorer(()).log_probability
+    out = {}
+    for name, column in scorer.spectrum.columns.items():
+        alone = scorer((name,))
+        bent = find(name).place == "commands" and alone.log_probability > nothing
+        theta = alone.theta[name] if bent else best.theta.get(name)
+        if theta is None or (find(name).place == "thrusts" and find(name).sparse):  # a gain is a straight line
+            continue
+        if float(np.max(np.abs(theta - column.theta) / column.scale)) > FAR:
+            out[name] = theta
+    return out
 
 
 def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:
@@ -129,7 +143,7 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
     return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, by_axis(scorer, scored.left))
 
 
-def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: object) -> tuple[Class, ...]:
+def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:
     """Every set in the class of the heaviest set that it cannot be told from."""
     hunt = Hunt(scorer, sets[0].contender.scored.variance)
     groups: list[list[NamedSet]] = []
@@ -139,7 +153,7 @@ def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: object) -> tuple[
             groups.append([s])
         else:
             home.append(s)
-    found = [Class(sum(s.weight for s in g), tuple(g), settled(g, vehicle)) for g in groups]  # type: ignore[arg-type]
+    found = [Class(sum(s.weight for s in g), tuple(g), settled(g, vehicle)) for g in groups]
     return tuple(sorted(found, key=lambda c: -c.weight))
 
 

@@ -1,8 +1,9 @@
 """How large changes are: in SI, in units of the scatter between flights, and where on the vehicle.
 
-    std          of the change, from what wanders within the flights: the trims held fixed
-    scatter      what flights differ by, in this parameter: the trims free, sqrt(std_free^2 - std^2)
-    significance |change| / hypot(scatter, std)
+std          of the change, from what wanders within the flights: the trims held fixed; with what forms and stamps
+             that are nearly right may be off by (`learn.identify.least_squares.Problem.covariance`)
+scatter      what flights differ by, in this parameter: the trims free, sqrt(std_free^2 - std^2)
+significance |change| / hypot(scatter, std)
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from wrenchgap.learn.changed.places import where_of
 from wrenchgap.learn.changed.search import Weighed
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.identify.fit import MATERIAL
-from wrenchgap.learn.posterior.score import Scored
+from wrenchgap.learn.identify.least_squares import MISFIT
+from wrenchgap.learn.posterior.score import Scored, relevant
 from wrenchgap.plant.effects import find
 
 LOUDER = 2.5
@@ -30,7 +32,7 @@ WIDE = 4.0
 @dataclass(frozen=True)
 class Size:
     """One parameter: its value on healthy flights and on the suspect ones, what healthy flights differ by, the standard
-    deviation of the change. `odds` is the log of those of the set that it is of, against no change.
+    deviation of the change.
     """  # noqa: D205
 
     effect: str
@@ -41,7 +43,6 @@ class Size:
     std: float
     unit: str
     where: str
-    odds: float
 
     @property
     def change(self) -> float:
@@ -54,16 +55,29 @@ class Size:
         return abs(self.change) / max(float(np.hypot(self.scatter, self.std)), 1e-30)
 
 
-def sizes(found: Weighed, names: Sequence[str], healthy: int) -> tuple[Size, ...]:
-    """Parameters of a set of changes that are worth a line; the first `healthy` flights are healthy."""
+@dataclass(frozen=True)
+class Alone:
+    """A change by itself: its parameters, and the log odds of it against none, its prior included."""
+
+    effect: str
+    odds: float
+    sizes: tuple[Size, ...]
+
+    @property
+    def largest(self) -> Size:
+        """The parameter that is most significant."""
+        return max(self.sizes, key=lambda s: s.significance)
+
+
+def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int]) -> tuple[Size, ...]:
+    """Parameters of a set of changes that are worth a line; `healthy` are the healthy flights."""
     if not names:
         return ()
     space = found.scorer.spectrum
     scored = found.scorer(tuple(sorted(names)))
     unknown = np.concatenate([space.parameters[n] for n in names])
-    usual = values_by_flight(found, names, WIDE * space.scale[unknown])[:healthy].mean(axis=0)
+    usual = values_by_flight(found, names, WIDE * space.scale[unknown])[list(healthy)].mean(axis=0)
     std, free = deviations(found, scored, names)
-    odds = scored.log_probability - found.scorer(()).log_probability
     out, at = [], 0
     vehicle = found.pool.model.vehicle
     for name in names:
@@ -71,9 +85,12 @@ def sizes(found: Weighed, names: Sequence[str], healthy: int) -> tuple[Size, ...
         for k, p in enumerate(find(name).parameters(vehicle)):
             scatter = float(np.sqrt(max(free[at] ** 2 - std[at] ** 2, 0.0)))
             base, change = float(usual[at]), float(theta[k])
+            inexact = np.hypot(MISFIT * change, found.pool.data.records[0].dt / np.sqrt(12.0) if p.unit == "s" else 0.0)
             if abs(change) >= MATERIAL * space.columns[name].scale[k] or not find(name).sparse:
                 where = where_of(vehicle, name, p.name)
-                size = Size(name, p.name, base, scatter, base + change, float(std[at]), p.unit, where, odds)
+                size = Size(
+                    name, p.name, base, scatter, base + change, float(np.hypot(std[at], inexact)), p.unit, where
+                )
                 out.append(size)
             at += 1
     return tuple(out)
@@ -84,25 +101,24 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     space = found.scorer.spectrum
     unknown = np.concatenate([space.parameters[n] for n in names])
     whole = np.tensordot(found.scorer.count / scored.variance, space.products, axes=([0, 1], [0, 1]))
-    prior = np.diag((WIDE * space.scale[unknown]) ** -2.0)
     fixed = whole[np.ix_(unknown, unknown)]
     always = space.always
     inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
     across = whole[np.ix_(always, unknown)]
     free = fixed - across.T @ np.linalg.solve(inner, across)
+    theta = np.concatenate([scored.theta[n] for n in names])
+    low, high, usual, sparse = (x[unknown] for x in (space.low, space.high, space.scale, space.sparse))
+    size = relevant(free, free @ theta, low, high, usual, sparse, usual)
+    prior = np.diag(np.where(sparse, size, WIDE * usual) ** -2.0)
     return tuple(np.sqrt(np.diag(np.linalg.inv(part + prior))) for part in (fixed, free))  # type: ignore[return-value]
 
 
-def candidate_changes(found: Weighed, healthy: int) -> tuple[Size, ...]:
-    """Every change by itself, the likeliest first: its parameter that is most significant."""
+def candidate_changes(found: Weighed, healthy: Sequence[int]) -> tuple[Alone, ...]:
+    """Every change by itself, the likeliest first."""
     scorer = found.scorer
-    ranked = sorted(scorer.spectrum.columns, key=lambda key: -scorer((key,)).log_probability)
-    out = []
-    for key in ranked:
-        listed = sizes(found, (key,), healthy)
-        if listed:
-            out.append(max(listed, key=lambda s: s.significance))
-    return tuple(out)
+    odds = {k: scorer((k,)).log_probability - scorer(()).log_probability for k in scorer.spectrum.columns}
+    listed = [Alone(k, odds[k], sizes(found, (k,), healthy)) for k in sorted(odds, key=lambda k: -odds[k])]
+    return tuple(one for one in listed if one.sizes)
 
 
 def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
@@ -116,7 +132,9 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     flight = found.pool.data.flight[_firsts(found)]
     within = np.ones(len(left), dtype=bool)
     within[space.starts] = False
-    rms = np.array([np.sqrt(np.mean(left[within & (flight[space.block] == f)] ** 2, axis=0)) for f in np.unique(flight)])
+    rms = np.array(
+        [np.sqrt(np.mean(left[within & (flight[space.block] == f)] ** 2, axis=0)) for f in np.unique(flight)]
+    )
     mine = np.isin(np.unique(flight), list(suspects))
     loud = rms[mine].min(axis=0) > LOUDER * rms[~mine].max(axis=0)
     quiet = answered(found.pool.data)

@@ -19,6 +19,8 @@ from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
 
+WORTH_A_WORD = 1.0
+"""Standard deviations from which on the nearest change is named although nothing changed."""
 MOST = 8
 """Changes by themselves that are shown."""
 SIZES_LEGEND = (
@@ -31,12 +33,12 @@ ALONE_LEGEND = "log odds: of this change alone against none, its prior included;
 def parts(found: Changed) -> list[Part]:
     """Verdict, sizes, classes, each change by itself, flights, what cannot be compared, what to inspect."""
     out: list[Part] = []
-    for one in found.timing:
-        out += note_lines(timing.warnings(one), "warning")
     out += [Line(summary(found), "bold"), Line()]
     for odd in found.odd:
-        out += note_lines([f"{odd.flight} was given as healthy and is not: {odd.effect} ({odds(odd.odds)})."], "warning")
-    out += note_lines([baseline(found)])
+        out += note_lines(
+            [f"{odd.flight} was given as healthy and is not: {odd.effect} ({odds(odd.odds)})."], "warning"
+        )
+    out += note_lines([baseline(found), *feedback(found)])
     if found.parameters and found.verdict is not Verdict.NOTHING:
         out += [sizes(found), Line(SIZES_LEGEND + "\n", "dim")]
     shown = [c for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
@@ -48,7 +50,7 @@ def parts(found: Changed) -> list[Part]:
     out += note_lines(f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared)
     lacking = not_tried(found.untried).items()
     out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
-    out += note_lines(sentences(note for f in found.flights for note in f.notes))
+    out += note_lines(notes(found))
     return [*out, Line(), *(Line(text, "bold") for text in what_to_inspect.sentences(found))]
 
 
@@ -69,11 +71,40 @@ def baseline(found: Changed) -> str:
     return f"{healthy} healthy flights differ by (standard deviation, N and Nm): {', '.join(known)}."
 
 
+def feedback(found: Changed) -> list[str]:
+    """Where only means of flights were compared, and why."""
+    if not found.answering:
+        return []
+    listed = ", ".join(AXES[a] for a in found.answering)
+    return [
+        f"on {listed} the flights are feedback-dominated: commands answer the motion, so that their means are compared "
+        "and nothing else; a flight with excitation says more."
+    ]
+
+
+def notes(found: Changed) -> list[str]:
+    """Those of the flights, alike ones once."""
+    by_text: dict[str, list[str]] = {}
+    for flight in found.flights:
+        for text in sentences(flight.notes):
+            own, name = text, f"{flight.flight.name}: "
+            if text.startswith(name):
+                own = text[len(name) :]
+            by_text.setdefault(own, []).append(flight.flight.name)
+    return [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
+        for text, names in by_text.items()
+    ]
+
+
 def summary(found: Changed) -> str:
     """The verdict in plain words."""
     if found.verdict is Verdict.NOTHING:
         best = found.alone[0] if found.alone else None
-        nearest = f" Nearest: {in_words(found, best)}, {best.significance:.1f} standard deviations." if best else ""
+        nearest = ""
+        if best is not None and best.largest.significance > WORTH_A_WORD:
+            words = in_words(found, best.largest)
+            nearest = f" Nearest, and not established: {words}, {best.largest.significance:.1f} standard deviations."
         return f"Nothing changed that is beyond what healthy flights differ by.{nearest}"
     if found.verdict is Verdict.UNKNOWN:
         loud = f" on {', '.join(found.louder)}" if found.louder else ""
@@ -118,8 +149,8 @@ def sizes(found: Changed) -> Table:
 def alone(found: Changed) -> Table:
     """Each change by itself, likeliest first."""
     rows = [
-        (a.effect, a.name, a.where, number(a.change), unit(a.unit), f"{a.significance:.1f}", f"{a.odds:.1f}")
-        for a in found.alone[:MOST]
+        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", f"{a.odds:.1f}")
+        for a, s in ((a, a.largest) for a in found.alone[:MOST])
     ]
     heads = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
     return plain("each change by itself", heads, rows, left=3)
@@ -130,7 +161,9 @@ def flights(found: Changed) -> Table:
     out = table("mean residual of the given model by flight, signed", "flight", "", *UNIT_HEADS, left=2)
     for k, r in enumerate(found.rows):
         last = k == len(found.rows) - 1 or found.rows[k + 1].role != r.role
-        out.add_row(escape(r.flight), r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last)
+        out.add_row(
+            escape(r.flight), r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last
+        )
     out.add_row("scatter", "", *row(found.scatter))
     return out
 
@@ -160,7 +193,10 @@ def to_json(found: Changed) -> dict[str, Any]:
         "effects": [{"effect": n, "confidence": found.confidence(n), "family": family(n)} for n in found.names],
         "places": [vars(p) for p in found.places],
         "nothing": found.nothing,
-        "alone": [{**_parameter(a), "change": a.change, "log_odds": a.odds} for a in found.alone],
+        "alone": [
+            {"effect": a.effect, "log_odds": a.odds, "parameters": [_parameter(p) for p in a.sizes]}
+            for a in found.alone
+        ],
         "odd_because": [vars(o) for o in found.odd],
         "settle": settle.to_json(found.settle),
         "healthy": list(found.healthy),
@@ -191,6 +227,10 @@ def _flight(found: Changed, k: int) -> dict[str, Any]:
 
 
 def to_frame(found: Changed) -> pd.DataFrame:
-    """One row for each parameter of each change by itself that is most significant, likeliest first."""
-    rows = [{**_parameter(a), "change": a.change, "log_odds": a.odds, "named": a.effect in found.names} for a in found.alone]
+    """One row for each parameter of each change by itself, the likeliest change first."""
+    rows = [
+        {**_parameter(p), "change": p.change, "log_odds": a.odds, "named": a.effect in found.names}
+        for a in found.alone
+        for p in a.sizes
+    ]
     return pd.DataFrame(rows)

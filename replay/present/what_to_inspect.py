@@ -65,7 +65,7 @@ def sentences(found: Changed) -> list[str]:
 def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:
     if places:
         likely = places[:1] if places[0].probability >= SURE else [p for p in places if p.probability >= LIKELY]
-        which = " or ".join(f"{p.where} ({share(p.probability)})" for p in likely)
+        which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
         return f"{which}: {PARTS.get(name, 'what is mounted there')}"
     if name in ("com_offset", "payload"):
         by = {p.name: p.change for p in listed}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.learn.changed.changed import Changed
+from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS
 
@@ -53,8 +54,14 @@ def _changes(found: Changed, panel: Any) -> None:
         style.nothing(panel, "no effect of the catalogue could be tried")
         return
     colours = ["tab:red" if a.effect in found.names else "0.75" for a in shown]
-    panel.barh(range(len(shown)), [a.significance for a in shown], 0.7, color=colours)
-    panel.set_yticks(range(len(shown)), [f"{a.effect} {a.where or a.name}" for a in shown], fontsize=style.SMALL)
+    panel.barh(range(len(shown)), [a.largest.significance for a in shown], 0.7, color=colours)
+    panel.set_yticks(range(len(shown)), [_label(a.largest) for a in shown], fontsize=style.SMALL)
     style.labelled(panel, "each change by itself", "standard deviations", "x")
     style.grid(panel)
     panel.grid(visible=False, axis="y")
+
+
+def _label(size: Size) -> str:
+    """Effect, and the rotor or arm that it is of."""
+    own = size.where if size.name.split("_")[0] in ("rotor", "arm") else size.name
+    return f"{size.effect}: {own}"
