@@ -38,18 +38,17 @@ def rows_by_flight(pool: Pool, roles: Sequence[str], values: Sequence[dict[tuple
 
 
 def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Array:
-    """Parameters (F, P) of these effects on every flight alone, without a trim, what all flights share taken off.
+    """Parameters (F, P) of these effects by flight: what all flights share, and what each is off from that by itself.
 
-    `scale` (P,) are the prior's sizes. What is common of the effects themselves stays in: these are values, not
-    changes. What the model as given has of an effect counts.
+    `scale` (P,) are the prior's sizes of the latter; no trim is granted. What the model as given has of an effect
+    counts.
     """
     pool, scorer = found.pool, found.scorer
     best = scorer(tuple(sorted(names)))
-    always = scorer.spectrum.always
+    always = -best.weights[scorer.spectrum.always]
     lines = [next(one.line for one in pool.laws if one.name == n) for n in names]
-    shared = pool.shared(-best.weights[always], without=names)
-    lacking = pool.left - shared - sum(c.offset for c in lines)
-    stack = np.concatenate((lacking[:, :, None], *(c.jacobian for c in lines)), axis=2)
+    shared = np.concatenate([c.origin + pool.shared_values(always, n) for n, c in zip(names, lines, strict=True)])
+    stack = np.concatenate(((pool.left - pool.shared(always))[:, :, None], *(c.jacobian for c in lines)), axis=2)
     axes = scorer.spectrum.axes
     coefficients, block, _ = transformed(pool.data.records, stack[:, axes], np.arange(0))
     starts = np.flatnonzero(np.diff(block, prepend=-1))
@@ -70,4 +69,4 @@ def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Arra
         flat = x.reshape(-1, x.shape[2])
         whole = flat.T @ flat
         out.append(bounded(whole[1:, 1:], whole[1:, 0], low, high, scale))
-    return np.array(out) + np.concatenate([c.origin for c in lines])
+    return np.asarray(np.array(out) + shared)

@@ -3,8 +3,8 @@
 All flights are one linear problem (`learn.changed.pool`). What the model is wrong by in all of them is there and free
 within typical sizes, every flight has a trim of its own as large as healthy flights differ by, and candidates are
 changes: what effects add on the suspect flights only. Sets of changes are weighed as sets of effects are
-(`learn.posterior`). So a thrust scale, a trim, an unmodelled drag that is in all flights drops out, and a difference that
-healthy flights show among themselves is no change.
+(`learn.posterior`). So a thrust scale, a trim, an unmodelled drag that is in all flights drops out, and a difference
+that healthy flights show among themselves is no change.
 
     changed   nothing having changed has less than `CHANCE` of the weight, and the heaviest set has a name
     unknown   so too, but the heaviest set only says that there is a wrench; or the suspect flights leave far more
@@ -30,7 +30,7 @@ from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pool import Pool, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.search import Weighed, weigh
-from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, louder, sizes
+from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
@@ -65,13 +65,13 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Changed(Result):
-    """What changed on the `suspect` flights against the `healthy` ones (names; those that are `odd` are not among them).
+    """What changed on the `suspect` flights against the `healthy` ones (names; without those that are `odd`).
 
     `firm` are effects that changed in nine tenths of the weight of all sets. `classes` are sets of changes that these
     flights cannot tell apart, heaviest first, `nothing` the weight of none. `parameters` are those of the likeliest
     set, `places` where on the vehicle its sparse effects may be, `alone` each change by itself. `scatter` (6,) [N, Nm]
-    is what healthy flights differ by; with `scatter_known` off, one healthy flight, it is typical values. `rows` are the
-    flights. `louder` are axes on which suspect flights leave far more than healthy ones.
+    is what healthy flights differ by; with `scatter_known` off, one healthy flight, it is typical values. `rows` are
+    the flights. `louder` are axes on which suspect flights leave far more than healthy ones.
     """
 
     verdict: Verdict
@@ -134,12 +134,9 @@ def changed(
     gone = {number for number, _ in odd}
     good = [f for f in range(len(healthy)) if f not in gone]
     found = compared(pool, good, list(range(len(healthy), len(flights))), tell)
-    rows = list(found.rows)
-    for number, one in odd:
-        rows.append(_odd_row(pool, number, one))
-    return replace(
-        found, odd=tuple(o for _, o in odd), rows=tuple(rows), untried=untried, flights=flights, timing=timing
-    )
+    rows = (*(_odd_row(pool, number) for number, _ in odd), *found.rows)
+    found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried)
+    return replace(found, flights=flights, timing=timing)
 
 
 def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
@@ -149,12 +146,13 @@ def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model
             raise UsageError(f"changed: no {word} flight; give suspect flights, and healthy ones with --healthy")
     seen: dict[str, OpenFlight] = {}
     for one in (*healthy, *suspects):
-        other = seen.setdefault(one.flight.content_hash, one)
-        if other is not one:
+        other = seen.get(one.flight.content_hash)
+        if other is not None:
             raise LogError(
-                f"{one.flight.path}: is the same flight as {other.flight.path}; a flight cannot be healthy and suspect, "
-                "nor be given twice"
+                f"{one.flight.path}: is the same flight as {other.flight.path}; name each flight once, as "
+                "healthy or as suspect"
             )
+        seen[one.flight.content_hash] = one
     usual = float(np.median([_thrust(f) for f in healthy]))
     for one in suspects:
         ratio = _thrust(one) / max(usual, 1e-9)
@@ -208,11 +206,11 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if verdict is Verdict.CHANGED else ()
-    said, values = sizes(found, names, good), [{} for _ in both]
+    values: list[dict[tuple[str, str], float]] = [{} for _ in both]
     if names:
-        scale = np.concatenate([found.scorer.spectrum.scale[found.scorer.spectrum.parameters[n]] for n in names])
+        *_, prior = deviations(found, found.scorer(tuple(sorted(names))), names)
         keys = [(n, p.name) for n in names for p in find(n).parameters(pool.model.vehicle)]
-        values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, 4.0 * scale)]
+        values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, prior)]
     roles = ["suspect" if f in suspects else "healthy" for f in both]
     return Changed(
         verdict,
@@ -221,7 +219,7 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
         found.nothing,
         found.posterior.classes,
         found.posterior.settle,
-        said,
+        sizes(found, names, good),
         tuple(p for n in names for p in places(found, names, n)),
         candidate_changes(found, good),
         (),
@@ -242,9 +240,8 @@ def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdic
     return Verdict.UNKNOWN if set(best) <= set(NAMELESS) else Verdict.CHANGED
 
 
-def _odd_row(pool: Pool, number: int, odd: Odd) -> FlightRow:
-    row = rows_by_flight(pool.only([number]), ["odd"], [{}])[0]
-    return replace(row, flight=odd.flight)
+def _odd_row(pool: Pool, number: int) -> FlightRow:
+    return rows_by_flight(pool.only([number]), ["odd"], [{}])[0]
 
 
 __all__ = ["FIRM", "Changed", "Verdict", "changed", "where_of"]

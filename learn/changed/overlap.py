@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.pool import Pool
 from wrenchgap.learn.diagnose.quantities import quantities
 
@@ -58,6 +59,6 @@ def not_compared(pool: Pool, suspects: Collection[int]) -> tuple[NotCompared, ..
     return tuple(found)
 
 
-def _range(values: Sequence[float]) -> tuple[float, float]:
+def _range(values: Array) -> tuple[float, float]:
     low, high = np.percentile(values, (5.0, 95.0))
     return float(low), float(high)

@@ -103,12 +103,8 @@ def towards(vehicle: Vehicle, x: float, y: float) -> str:
     at = vehicle.arms.position_B[:, :2]
     bearing = np.degrees(np.arctan2(at[:, 1], at[:, 0]) - np.arctan2(y, x))
     apart = np.abs((bearing + 180.0) % 360.0 - 180.0)
-    half = 180.0 / len(at)
-    near = [int(k) for k in np.argsort(apart)[:2] if apart[k] < half] or [int(np.argmin(apart))]
-    if apart[near[0]] < 0.5 * half:
-        near = near[:1]
-    else:
-        near = [int(k) for k in np.argsort(apart)[:2]]
+    order = [int(k) for k in np.argsort(apart)]
+    near = order[: 1 if apart[order[0]] < 90.0 / len(at) else 2]
     return f"{' and '.join(_carried(vehicle, k) for k in near)} ({side})"
 
 

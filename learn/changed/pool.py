@@ -86,7 +86,7 @@ class Pool:
         trim = trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist())))
         known = self.common
         if len(suspects) > 1:
-            known = (*known, self._day(suspects))
+            known = (self._day(suspects), *known)
         return ChangeSpectrum(self.data, self.left, changes, trim, known)
 
     def _day(self, suspects: Collection[int]) -> Column:
@@ -100,23 +100,34 @@ class Pool:
         flat = np.zeros(6, dtype=bool)
         return Column((), nothing, nothing, np.zeros_like(self.left), jacobian, -wide, wide, size, flat, 0.0)
 
-    def shared(self, theta: Array, without: Collection[str] = ()) -> Array:
+    def shared(self, theta: Array) -> Array:
         """What all flights share (K, 6) of what the model leaves, `theta` being the always-there unknowns of a
-        spectrum: laws, but those of some effects, and answers, without trims.
+        spectrum: laws and answers, without trims.
         """  # noqa: D205
         free, _ = responses(self.data, self.left)
-        flights = int(self.data.flight.max()) + 1
-        at = free.shape[2]
-        out = free @ theta[:at]
+        out = free @ theta[: free.shape[2]]
         for axis in self.data.answering:  # answers count without their means over blocks
             out[:, axis] -= _block_means(self.data, out[:, axis])
-        at += flights * len(trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist()))).axes)
+        at = self._common_at(theta)
         for column in self.common:
             size = column.jacobian.shape[2]
-            if column.key not in without:
-                out = out + column.jacobian @ theta[at : at + size]
+            out = out + column.jacobian @ theta[at : at + size]
             at += size
         return out
+
+    def shared_values(self, theta: Array, name: str) -> Array:
+        """Parameters (P,) of an effect that all flights share, of those unknowns; zero of another form of an effect."""
+        size = len(next(one for one in self.laws if one.name == name).reference)
+        at = self._common_at(theta)
+        for column in self.common:
+            if column.key == name:
+                return theta[at : at + size]
+            at += column.jacobian.shape[2]
+        return np.zeros(size)
+
+    def _common_at(self, theta: Array) -> int:
+        """Where, among the unknowns that are always there, those of `common` begin: they are the last."""
+        return len(theta) - sum(int(c.jacobian.shape[2]) for c in self.common)
 
 
 def _block_means(data: Dataset, values: Array) -> Array:
@@ -136,7 +147,7 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
     for _ in range(ROUNDS):
         alone = replace(alone, sizes=sizes)
         theta = solved(alone.spectrum())
-        at = len(theta) - sum(c.jacobian.shape[2] for c in alone.common)
+        at = alone._common_at(theta)
         for one, column in zip(alone.shared_laws, alone.common, strict=True):
             size, least = column.jacobian.shape[2], one.common.scale
             shown = np.clip(np.abs(theta[at : at + size]), least, least / ABSOLUTE)

@@ -1,9 +1,9 @@
 """What is known of changes before any flight: how large, in which direction, and how rare.
 
 A model file may be wrong by all of an effect's typical size (`plant.effects.Parameter.scale`). What one vehicle differs
-by between two flights is less, and not the same for all effects: propellers get nicked, batteries slip, servo horns turn
-on their splines; the laws of the flow, the shape of a thrust curve and the drag torque per thrust of all rotors at once
-stay what they are. Shares and prices are our estimates, and coarse.
+by between two flights is less, and not the same for all effects: propellers get nicked, batteries slip, servo horns
+turn on their splines; the laws of the flow, the shape of a thrust curve and the drag torque per thrust of all rotors at
+once stay what they are. Shares and prices are our estimates, and coarse.
 """
 
 from __future__ import annotations

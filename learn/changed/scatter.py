@@ -3,8 +3,9 @@
     s^2 = (sum_f (m_f - m)^2 + WORTH t^2) / (F - 1 + WORTH)
 
 m_f is what is left of flight f on average when all that is common to the flights is taken off, F the healthy flights,
-t the typical scatter (`learn.identify.trim.typical`), which is worth `WORTH` flights. One healthy flight says nothing of its scatter: then t alone. Source: a random effect by flight (Pinheiro
-and Bates, "Mixed-Effects Models in S and S-PLUS", 2000, ch. 1) with a conjugate prior of its variance.
+t the typical scatter (`learn.identify.trim.typical`), which is worth `WORTH` flights. One healthy flight says nothing
+of its scatter: then t alone. Source: a random effect by flight (Pinheiro and Bates, "Mixed-Effects Models in S and
+S-PLUS", 2000, ch. 1) with a conjugate prior of its variance.
 """
 
 from __future__ import annotations

@@ -75,9 +75,8 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int]) -> tuple
         return ()
     space = found.scorer.spectrum
     scored = found.scorer(tuple(sorted(names)))
-    unknown = np.concatenate([space.parameters[n] for n in names])
-    usual = values_by_flight(found, names, WIDE * space.scale[unknown])[list(healthy)].mean(axis=0)
-    std, free = deviations(found, scored, names)
+    std, free, prior = deviations(found, scored, names)
+    usual = values_by_flight(found, names, prior)[list(healthy)].mean(axis=0)
     out, at = [], 0
     vehicle = found.pool.model.vehicle
     for name in names:
@@ -96,8 +95,10 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int]) -> tuple
     return tuple(out)
 
 
-def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array]:
-    """Standard deviations (P,) of the changes: with every trim held fixed, and with all that is always there free."""
+def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array, Array]:
+    """Standard deviations (P,) of the changes: with every trim held fixed, and with all that is always there free; the
+    sizes (P,) of the prior with which that is so.
+    """  # noqa: D205
     space = found.scorer.spectrum
     unknown = np.concatenate([space.parameters[n] for n in names])
     whole = np.tensordot(found.scorer.count / scored.variance, space.products, axes=([0, 1], [0, 1]))
@@ -109,8 +110,9 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     theta = np.concatenate([scored.theta[n] for n in names])
     low, high, usual, sparse = (x[unknown] for x in (space.low, space.high, space.scale, space.sparse))
     size = relevant(free, free @ theta, low, high, usual, sparse, usual)
-    prior = np.diag(np.where(sparse, size, WIDE * usual) ** -2.0)
-    return tuple(np.sqrt(np.diag(np.linalg.inv(part + prior))) for part in (fixed, free))  # type: ignore[return-value]
+    wide = np.where(sparse, size, WIDE * usual)
+    both = (np.sqrt(np.diag(np.linalg.inv(part + np.diag(wide**-2.0)))) for part in (fixed, free))
+    return (*both, wide)
 
 
 def candidate_changes(found: Weighed, healthy: Sequence[int]) -> tuple[Alone, ...]:

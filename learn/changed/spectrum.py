@@ -3,9 +3,9 @@
 On axes where commands answer the motion everything that changes within a flight is the controller's answer to air and
 sensors: the measured torque hardly differs from zero while the commanded one does, and any law that takes the command
 away again explains that. Whether something changed between two flights shows there in the mean over a flight alone.
-(Where all torques are like that nothing was excited, and the forces count by their means as well.) There the mean over a
-flight of all that may explain stands in every block of time, and the residual keeps what it
-wanders by, as the noise of that mean; all other frequencies are left out.
+(Where all torques are like that nothing was excited, and the forces count by their means as well.) There the mean over
+a flight of all that may explain stands in every block of time, and the residual keeps what it wanders by, as the noise
+of that mean; all other frequencies are left out.
 """
 
 from __future__ import annotations

@@ -135,14 +135,12 @@ def in_words(found: Changed, size: Size) -> str:
 
 def sizes(found: Changed) -> Table:
     """Parameters of the likeliest set."""
-    out = table(
-        "changes", "effect", "parameter", "where", "healthy", "scatter", "suspect", "change", "+-", "unit", "significance",
-        left=3,
-    )  # fmt: skip
+    numbers = ("healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
+    out = table("changes", "effect", "parameter", "where", *numbers, left=3)
     for p in found.parameters:
-        numbers = (number(v) for v in (p.healthy, p.scatter, p.suspect, p.change))
+        values = (number(v) for v in (p.healthy, p.scatter, p.suspect, p.change))
         texts = (escape(p.effect), escape(p.name), escape(p.where))
-        out.add_row(*texts, *numbers, number(p.std, 2), unit(p.unit), f"{p.significance:.1f}")
+        out.add_row(*texts, *values, number(p.std, 2), unit(p.unit), f"{p.significance:.1f}")
     return out
 
 

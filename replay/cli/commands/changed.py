@@ -41,7 +41,7 @@ def changed(
     """Find what changed on suspect flights against healthy flights of the same vehicle, and what to inspect.
 
     What MODEL is wrong by in all of the flights drops out. A change must exceed what healthy flights differ by among
-    themselves. Changes that are indistinguishable on these flights are one class. MODEL may be poor, and is not changed.
+    themselves. Changes that are indistinguishable on these flights are one class. MODEL may be poor; it stays as it is.
 
     Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
     """
@@ -52,7 +52,7 @@ def changed(
     base, names = run.model(model), o.parse_effects(effects_only)
     with run.progress("comparing") as report:
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # workers start while logs are read
-        good, bad = run.open(reading, healthy, base, suspects)
+        good, bad = run.open(reading, healthy, base, suspects, ("healthy", "suspect"))
         found = api.changed(bad, good, base, names=names, progress=report)
     run.result(found)
     run.notes(base.notes)
