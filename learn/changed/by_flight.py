@@ -47,7 +47,6 @@ def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Arra
     best = scorer(tuple(sorted(names)))
     always = -best.weights[scorer.spectrum.always]
     lines = [next(one.line for one in pool.laws if one.name == n) for n in names]
-    shared = np.concatenate([c.origin + pool.shared_values(always, n) for n, c in zip(names, lines, strict=True)])
     stack = np.concatenate(((pool.left - pool.shared(always))[:, :, None], *(c.jacobian for c in lines)), axis=2)
     axes = scorer.spectrum.axes
     coefficients, block, _ = transformed(pool.data.records, stack[:, axes], np.arange(0))
@@ -69,4 +68,12 @@ def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Arra
         flat = x.reshape(-1, x.shape[2])
         whole = flat.T @ flat
         out.append(bounded(whole[1:, 1:], whole[1:, 0], low, high, scale))
-    return np.asarray(np.array(out) + shared)
+    return np.asarray(np.array(out) + shared(found, names))
+
+
+def shared(found: Weighed, names: Sequence[str]) -> Array:
+    """Parameters (P,) of these effects that all flights share; what the model as given has counts."""
+    pool, scorer = found.pool, found.scorer
+    always = -scorer(tuple(sorted(names))).weights[scorer.spectrum.always]
+    origins = {one.name: one.line.origin for one in pool.laws}
+    return np.concatenate([origins[n] + pool.shared_values(always, n) for n in names])

@@ -31,6 +31,7 @@ from wrenchgap.learn.changed.pool import Pool, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
+from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
@@ -71,7 +72,8 @@ class Changed(Result):
     flights cannot tell apart, heaviest first, `nothing` the weight of none. `parameters` are those of the likeliest
     set, `places` where on the vehicle its sparse effects may be, `alone` each change by itself. `scatter` (6,) [N, Nm]
     is what healthy flights differ by; with `scatter_known` off, one healthy flight, it is typical values. `rows` are
-    the flights. `louder` are axes on which suspect flights leave far more than healthy ones.
+    the flights; `by_means` says that nothing was excited, so that only their means were compared. `louder` are
+    axes on which suspect flights leave far more than healthy ones.
     """
 
     verdict: Verdict
@@ -89,6 +91,7 @@ class Changed(Result):
     scatter: Array
     scatter_known: bool
     answering: tuple[int, ...]
+    by_means: bool
     louder: tuple[str, ...]
     untried: tuple[Untried, ...]
     model: Model
@@ -221,13 +224,14 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
         found.posterior.settle,
         sizes(found, names, good),
         tuple(p for n in names for p in places(found, names, n)),
-        candidate_changes(found, good),
+        candidate_changes(found),
         (),
         not_compared(pool, mine),
         tuple(rows_by_flight(pool, roles, values)),
         np.where(pool.data.measured_axes, pool.scatter, np.nan),
         len(healthy) > 1,
         pool.data.answering,
+        bool(answered(pool.data)),
         tuple(AXES[a] for a in loud),
         (),
         pool.model,

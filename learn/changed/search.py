@@ -40,6 +40,11 @@ NEAR = 2.0
 class ChangeScorer(Scorer):
     """Scores sets of changes; some changes are rarer than others (`learn.changed.priors`)."""
 
+    def __init__(self, spectrum: Spectrum, reference: Array) -> None:
+        super().__init__(spectrum, reference)
+        self.bare: dict[Keys, Contender] = {}
+        """Sets of which everything is said already."""
+
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
         return super().prior_of(keys) - sum(change_prior(n).price for k in keys for n in self.spectrum.columns[k].names)
@@ -109,7 +114,7 @@ def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:
     return scorer
 
 
-def contender(scorer: Scorer, keys: Keys) -> Contender:
+def contender(scorer: ChangeScorer, keys: Keys) -> Contender:
     """All that is said of a set, and what remains of it without what it does not need."""
     leaves = {leaf.keys: leaf for leaf in _leaves(scorer, _bare(scorer, keys), set())}
     log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
@@ -117,7 +122,7 @@ def contender(scorer: Scorer, keys: Keys) -> Contender:
     return replace(_bare(scorer, keys), leaves=tuple(zip(leaves.values(), (share / share.sum()).tolist(), strict=True)))
 
 
-def _leaves(scorer: Scorer, whole: Contender, seen: set[Keys]) -> list[Contender]:
+def _leaves(scorer: ChangeScorer, whole: Contender, seen: set[Keys]) -> list[Contender]:
     """Sets that are reached by taking out one part after the other that is not worth its price."""
     if whole.keys in seen:
         return []
@@ -129,7 +134,13 @@ def _leaves(scorer: Scorer, whole: Contender, seen: set[Keys]) -> list[Contender
     return [leaf for rest in rests for leaf in _leaves(scorer, _bare(scorer, rest), seen)]
 
 
-def _bare(scorer: Scorer, keys: Keys) -> Contender:
+def _bare(scorer: ChangeScorer, keys: Keys) -> Contender:
+    if keys not in scorer.bare:
+        scorer.bare[keys] = _described(scorer, keys)
+    return scorer.bare[keys]
+
+
+def _described(scorer: Scorer, keys: Keys) -> Contender:
     space, scored = scorer.spectrum, scorer(keys)
     parts = []
     for key in scored.keys:

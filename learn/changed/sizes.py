@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.by_flight import values_by_flight
+from wrenchgap.learn.changed.by_flight import shared, values_by_flight
 from wrenchgap.learn.changed.places import where_of
 from wrenchgap.learn.changed.search import Weighed
 from wrenchgap.learn.changed.spectrum import answered
@@ -69,14 +69,16 @@ class Alone:
         return max(self.sizes, key=lambda s: s.significance)
 
 
-def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int]) -> tuple[Size, ...]:
-    """Parameters of a set of changes that are worth a line; `healthy` are the healthy flights."""
+def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> tuple[Size, ...]:
+    """Parameters of a set of changes that are worth a line; `healthy` are flights of which the values are a mean, where
+    there are none they are what all flights share.
+    """  # noqa: D205
     if not names:
         return ()
     space = found.scorer.spectrum
     scored = found.scorer(tuple(sorted(names)))
     std, free, prior = deviations(found, scored, names)
-    usual = values_by_flight(found, names, prior)[list(healthy)].mean(axis=0)
+    usual = values_by_flight(found, names, prior)[list(healthy)].mean(axis=0) if healthy else shared(found, names)
     out, at = [], 0
     vehicle = found.pool.model.vehicle
     for name in names:
@@ -115,11 +117,11 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     return (*both, wide)
 
 
-def candidate_changes(found: Weighed, healthy: Sequence[int]) -> tuple[Alone, ...]:
+def candidate_changes(found: Weighed) -> tuple[Alone, ...]:
     """Every change by itself, the likeliest first."""
     scorer = found.scorer
     odds = {k: scorer((k,)).log_probability - scorer(()).log_probability for k in scorer.spectrum.columns}
-    listed = [Alone(k, odds[k], sizes(found, (k,), healthy)) for k in sorted(odds, key=lambda k: -odds[k])]
+    listed = [Alone(k, odds[k], sizes(found, (k,))) for k in sorted(odds, key=lambda k: -odds[k])]
     return tuple(one for one in listed if one.sizes)
 
 

@@ -1,11 +1,10 @@
-"""What flights say of changes, by frequency: as `learn.posterior.spectrum`, where commands answer the motion by means.
+"""What flights say of changes, by frequency: as `learn.posterior.spectrum`, or by means where nothing was excited.
 
-On axes where commands answer the motion everything that changes within a flight is the controller's answer to air and
-sensors: the measured torque hardly differs from zero while the commanded one does, and any law that takes the command
-away again explains that. Whether something changed between two flights shows there in the mean over a flight alone.
-(Where all torques are like that nothing was excited, and the forces count by their means as well.) There the mean over
-a flight of all that may explain stands in every block of time, and the residual keeps what it wanders by, as the noise
-of that mean; all other frequencies are left out.
+Where commands answer the motion on all torques and the commanded force hardly varies, a hover, everything that changes
+within a flight is the controller's answer to air and sensors: the measured torque hardly differs from zero while the
+commanded one does, and any law that takes the command away again explains that. Whether something changed between two
+flights shows there in the mean over a flight alone. The mean over a flight of all that may explain then stands in every
+block of time, and the residual keeps what it wanders by, as the noise of that mean; all other frequencies are left out.
 """
 
 from __future__ import annotations
@@ -19,6 +18,11 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.trim import Trim
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import UNUSUAL, Spectrum
+
+EXCITED = 0.1
+"""Standard deviation of the commanded force over its size from which on a flight is no hover."""
+CALMER = 0.34
+"""Quantile over flights whose excitation counts."""
 
 
 class ChangeSpectrum(Spectrum):
@@ -63,11 +67,26 @@ class ChangeSpectrum(Spectrum):
 
 
 def answered(data: Dataset) -> tuple[int, ...]:
-    """Axes on which the means of flights alone count: those on which commands answer the motion, and all where those
-    are all the measured torques: then nothing was flown that would excite anything.
-    """  # noqa: D205
+    """Axes on which the means of flights alone count: all where nothing was excited, else none.
+
+    That is so where commands answer the motion on all measured torques, and the commanded force hardly varies.
+    """
     torques = {axis for axis in range(3, 6) if data.measured_axes[axis]}
-    return tuple(range(6)) if torques and torques <= set(data.answering) else data.answering
+    if not torques or not torques <= set(data.answering):
+        return ()
+    return tuple(range(6)) if excitation(data) < EXCITED else ()
+
+
+def excitation(data: Dataset) -> float:
+    """How much the commanded force varies within a flight: its standard deviation over its size, of the calmer flights.
+
+    Of two flights the calmer one counts: the other one alone has nothing to be compared with.
+    """
+    found = []
+    for f in np.unique(data.flight):
+        force = data.commanded[data.flight == f, :3]
+        found.append(float(np.sqrt(force.var(axis=0).sum()) / np.linalg.norm(force, axis=1).mean()))
+    return float(np.quantile(found, CALMER, method="lower"))
 
 
 def flights_of_blocks(data: Dataset, spectrum: Spectrum) -> Array:

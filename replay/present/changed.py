@@ -73,12 +73,11 @@ def baseline(found: Changed) -> str:
 
 def feedback(found: Changed) -> list[str]:
     """Where only means of flights were compared, and why."""
-    if not found.answering:
+    if not found.by_means:
         return []
-    listed = ", ".join(AXES[a] for a in found.answering)
     return [
-        f"on {listed} the flights are feedback-dominated: commands answer the motion, so that their means are compared "
-        "and nothing else; a flight with excitation says more."
+        "the flights are feedback-dominated hovers: commands answer the motion, so that the flights' means are "
+        "compared and nothing else; flights with excitation on all axes say more."
     ]
 
 
@@ -204,6 +203,7 @@ def to_json(found: Changed) -> dict[str, Any]:
         "by_flight": [_flight(found, k) for k in range(len(found.rows))],
         "axes": list(AXES),
         "answering": [AXES[a] for a in found.answering],
+        "by_means": found.by_means,
         "louder": list(found.louder),
         "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
         "unmeasured": unmeasured(found.scatter),
