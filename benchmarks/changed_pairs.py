@@ -2,7 +2,7 @@
 
     python -m benchmarks.changed_pairs --json FILE [--seconds 12] [--quiet-flights 6]
 
-Three healthy flights, one suspect, all excited. The model is wrong in all of them: 5 % too much thrust, a centre of mass
+Three healthy flights, one suspect, all excited. The model is wrong in all: 5 % too much thrust, a centre of mass
 7 mm off, no servo lag. Effects are the whole catalogue; what is hidden is made by an engine that shares no formula with
 it. A row is written as soon as it is known.
 """
