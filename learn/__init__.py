@@ -28,6 +28,7 @@ __getattr__, __all__ = names_of(
         "wrenchgap.learn.identify.add": ("Addition",),
         "wrenchgap.learn.posterior.explain": ("Explanation", "Verdict"),
         "wrenchgap.learn.identify.learning": ("Learnt",),
+        "wrenchgap.learn.identify.trend": ("Trend",),
         "wrenchgap.learn.process.gp": ("FitSettings", "GaussianProcess"),
     },
 )
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from wrenchgap.learn.diagnose.where import Where as Where
     from wrenchgap.learn.identify.add import Addition as Addition
     from wrenchgap.learn.identify.learning import Learnt as Learnt
+    from wrenchgap.learn.identify.trend import Trend as Trend
     from wrenchgap.learn.posterior.explain import Explanation as Explanation
     from wrenchgap.learn.posterior.explain import Verdict as Verdict
     from wrenchgap.learn.process.gp import FitSettings as FitSettings

@@ -15,12 +15,10 @@ from typing import Any
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
 from wrenchgap.flight.unmeasured import axis_names
-from wrenchgap.learn.changed import changed as changing
-from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
-from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.opening import open_flights as open_every
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
@@ -31,7 +29,7 @@ from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.learn.diagnose.where import Where, examine
 from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify import learning
-from wrenchgap.learn.identify.add import Addition, labels
+from wrenchgap.learn.identify.add import Addition, labels, model_of
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.posterior import explain as explaining
 from wrenchgap.learn.posterior.explain import Explanation
@@ -51,7 +49,6 @@ from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
 from wrenchgap.replay.report import contents as reporting
 from wrenchgap.replay.report.contents import Report
 
-Flights = OpenFlight | Sequence[OpenFlight]
 Progress = Callable[[float, str], None]
 
 
@@ -148,25 +145,6 @@ def explain(
     )
 
 
-def changed(
-    suspects: Flights,
-    healthy: Flights,
-    model: Model | Addition,
-    *,
-    names: Sequence[str] = (),
-    jobs: int | None = None,
-    progress: Progress | None = None,
-) -> Changed:
-    """What changed on suspect flights against healthy ones of the same vehicle, where on it, and what to inspect.
-
-    What the model is wrong by in all of them drops out. Among `names`, by default the whole catalogue; `jobs`
-    processes, by default one for each core.
-    """
-    return changing.changed(
-        listed(suspects), listed(healthy), model_of(model), names=names, jobs=jobs, progress=progress
-    )
-
-
 def report(
     flights: Flights,
     model: Model | Addition,
@@ -236,16 +214,6 @@ def load_gp(path: str | Path) -> GaussianProcess:
 def save_gp(gp: GaussianProcess | Learnt, path: str | Path, *, force: bool = False) -> None:
     """Write a process: arrays and JSON in a zip, no code. Raises UsageError where the file exists without `force`."""
     store.save(gp_of(gp), path, force=force)
-
-
-def model_of(model: Model | Addition) -> Model:
-    """The model itself."""
-    return model.model if isinstance(model, Addition) else model
-
-
-def listed(flights: Flights) -> list[OpenFlight]:
-    """One flight or several, as a list."""
-    return [flights] if isinstance(flights, OpenFlight) else list(flights)
 
 
 def design(

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.field import hexarotor
 from benchmarks.field.cases import Case
-from benchmarks.field.told import AIRS, BIASES, Names, Told, families
+from benchmarks.field.told import AIRS, BIASED, BIASES, Names, Told, families
 from wrenchgap import explain, open_flights
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn import Explanation
@@ -63,7 +63,7 @@ def flown(case: Case) -> tuple[Flight, Told, Model]:
     if case.vehicle == "hexa":
         lists = tuple(hexarotor.answers(e) for e in case.effects)
         near = frozenset(name for e in case.effects for name in hexarotor.near(e))
-        anyway = families({*hexarotor.HAS_ANYWAY, *(AIRS if case.flying == "turbulence" else ())})
+        anyway = families({*hexarotor.HAS_ANYWAY, *BIASED[case.imu], *(AIRS if case.flying == "turbulence" else ())})
         told = Told(tuple(tuple(families(s) for s in sets) for sets in lists), anyway, families(near), None)
         return hexarotor.flown(case), told, model_file.load("tilt_hexarotor")
     from benchmarks.field import quadrotor  # needs RotorPy

@@ -7,7 +7,7 @@ from benchmarks.field.engine import fly, recorded
 from benchmarks.field.hidden import HIDDEN, build
 from benchmarks.field.oracle import amplitudes
 from benchmarks.field.sensors import measured
-from benchmarks.field.told import AIRS, Told, families
+from benchmarks.field.told import AIRS, BIASED, Told, families
 from benchmarks.field.truth import Truth
 from benchmarks.field.vehicles import GRAVITY, vehicle
 from wrenchgap.flight.flight import Flight
@@ -42,7 +42,7 @@ def flown(case: Case) -> tuple[Flight, Told, Model]:
     hidden = [HIDDEN[e] for e in case.effects]
     told = Told(
         answers=tuple(tuple(families(s) for s in h.answers) for h in hidden),
-        anyway=families(AIRS if case.flying == "turbulence" else ()),
+        anyway=families((*BIASED[case.imu], *(AIRS if case.flying == "turbulence" else ()))),
         near=families(name for h in hidden for name in h.near),
         amplitudes=sizes,
     )

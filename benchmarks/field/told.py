@@ -12,9 +12,11 @@ Names = frozenset[str]
 AIRS = ("rotor_drag", "body_drag", "wind", "axial_inflow", "rotational_drag")
 """Names of what turbulence does to a vehicle; true of a flight in gusts."""
 
-BIASES = ("constant_wrench",)
-"""Names of what an accelerometer's bias looks like. No name of the catalogue says it, so that a set of names may have
-one of these besides, but none of them may be firm."""
+BIASES = ("constant_wrench", "accelerometer_bias")
+"""Names of what an accelerometer's bias looks like; a set of names may have one of these besides. None of them may be
+firm, but `accelerometer_bias` where the IMU is a cheap one: that has one."""
+BIASED = {"good": (), "cheap": ("accelerometer_bias",)}
+"""Names of what every IMU of a grade has."""
 
 
 @dataclass(frozen=True)

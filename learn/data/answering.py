@@ -38,10 +38,16 @@ def answerable(records: Sequence[Record], block: NDArray[np.intp]) -> Array:
     signals = answers(records)
     count = np.bincount(block)[:, None]
     means = np.stack([np.bincount(block, weights=s) for s in signals.T], axis=1) / count if signals.size else signals
-    varying = signals - means[block] if signals.size else signals
-    size = np.linalg.norm(varying, axis=0)
-    left, spread, _ = np.linalg.svd(varying[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(left[:, spread > 1e-6 * spread.max(initial=0.0)])
+    return spanned(signals - means[block] if signals.size else signals)
+
+
+def spanned(signals: Array) -> Array:
+    """Orthonormal basis (K, B) of what signals (K, A) span, each counting alike."""
+    size = np.linalg.norm(signals, axis=0)
+    if not np.any(size > 0.0):
+        return np.zeros((len(signals), 0))
+    left, spread, _ = np.linalg.svd(signals[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(left[:, spread > 1e-6 * spread.max()])
 
 
 def lagged(signal: Array, samples: float) -> Array:

@@ -42,6 +42,14 @@ class OpenFlight:
     notes: tuple[str, ...]
 
 
+Flights = OpenFlight | Sequence[OpenFlight]
+
+
+def listed(flights: Flights) -> list[OpenFlight]:
+    """One flight or several, as a list."""
+    return [flights] if isinstance(flights, OpenFlight) else list(flights)
+
+
 def open_flight(log: str | Path | Flight, model: Model, **options: Any) -> OpenFlight:
     """One log for a model; options are those of `open_flights`."""
     return open_flights([log], model, **options)[0]

@@ -20,12 +20,17 @@ Groups are found by forward selection, the one that takes off the most first, as
 **The command is special.** A controller with feedback answers any disturbance, so the commanded wrench goes with
 whatever is wrong: in hover the residual is minus the command. It is therefore tried last, and counts only for what the
 other inputs do not explain.
+
+**So is a vehicle that is blown about.** A gust moves it, and the controller leans it into the wind: attitude and
+velocity then go with the residual, but behind it. What depends on the state is explained by the state of a moment ago
+as well as by that of a moment later; what moves the state is explained better by the later one (Sims, "Money, Income,
+and Causality", American Economic Review 62, 1972). `Relevance.driven` leaves that out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 
@@ -49,6 +54,9 @@ LEAST = 0.02
 MOST = 4
 """Most groups chosen."""
 LAST = "command"
+LATER = 0.3
+"""How much earlier and later the inputs are taken to see which moves which [s]: what gusts of a few seconds do to a
+vehicle shows, and its state has not yet changed much."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +89,14 @@ class GroupRelevance:
 class Relevance:
     """Groups of inputs, those chosen first in the order of choice, then the others by what they explain alone.
 
-    `explained` is the share that the chosen groups explain together, `explained_axes` (6,) per axis.
+    `explained` is the share that the chosen groups explain together, `explained_axes` (6,) per axis; `driven` that of
+    the chosen groups but the command, less what they explain better by their values a moment later than earlier.
     """
 
     groups: tuple[GroupRelevance, ...]
     explained: float
     explained_axes: Array
+    driven: float
     lacking: dict[str, str]
 
     @property
@@ -264,7 +274,28 @@ class _Search:
             )
         found.sort(key=lambda g: (g.step or len(self.groups) + 1, -g.alone))
         whole, axes = self.share(self.base, current)
-        return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0) * self.absent, lacking)
+        driven = self.driven([self.groups[i] for i in others])
+        return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0) * self.absent, driven, lacking)
+
+    def driven(self, chosen: Sequence[InputGroup]) -> float:
+        """What these groups explain, less what they do better `LATER` than earlier."""
+        shares = []
+        for seconds in (-LATER, 0.0, LATER):
+            moved = [replace(g, values=shifted(self.data, g.values, seconds)) for g in chosen]
+            other = _Search(self.data, self.residual, moved, None)
+            shares.append(other.share(other.base, other.left(range(len(moved))))[0])
+        earlier, now, later = shares
+        return max(now - max(later - earlier, 0.0), 0.0)
+
+
+def shifted(data: Dataset, values: Array, seconds: float) -> Array:
+    """Values (K, D) of that many seconds later; at the ends of records the last that there are."""
+    steps = round(seconds / data.records[0].dt_kept)
+    ends = np.cumsum([len(r) for r in data.records])
+    rows = [
+        np.clip(np.arange(b - len(r), b) + steps, b - len(r), b - 1) for r, b in zip(data.records, ends, strict=True)
+    ]
+    return np.asarray(values[np.concatenate(rows)])
 
 
 def _spectrum(sums: _Sums) -> tuple[Array, Array, Array]:

@@ -59,6 +59,11 @@ class Addition(Result):
         return tuple((f.flight.path.name, f.flight.content_hash) for f in self.flights)
 
 
+def model_of(model: Model | Addition) -> Model:
+    """The model itself."""
+    return model.model if isinstance(model, Addition) else model
+
+
 def labels(model: Model | Addition, *others: Model | Addition) -> list[str]:
     """Names for tables; of an addition "+ EFFECT", what it adds to `model`, or to nominal where that is one too."""
     first = set() if isinstance(model, Addition) else {e.name for e in model.effects}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,6 +77,17 @@ def merged(contenders: Sequence[Contender], share: Array) -> tuple[NamedSet, ...
     sets = [NamedSet(leaf.names, weight, leaf) for leaf, weight in zip(heaviest, total, strict=True)]
     sets.sort(key=lambda s: -s.weight)
     return tuple(s for k, s in enumerate(sets) if k == 0 or s.weight >= LIGHT)
+
+
+def one_each(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
+    """Sets with the same names put together, heaviest first."""
+    by_names: dict[frozenset[str], list[NamedSet]] = {}
+    for s in sets:
+        by_names.setdefault(frozenset(s.names), []).append(s)
+    joined = [
+        replace(max(same, key=lambda s: s.weight), weight=sum(s.weight for s in same)) for same in by_names.values()
+    ]
+    return tuple(sorted(joined, key=lambda s: -s.weight))
 
 
 def classes(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:

@@ -73,7 +73,7 @@ QUIET = 1.5
 """Rms over the noise below which nothing is looked for in what is left."""
 PREDICTABLE = 0.3
 """Share of what is left that must depend on what was logged to be missing physics, where commands answer the motion:
-those answer turbulence too, and states that it has moved go with it."""
+those answer turbulence too (`learn.diagnose.relevance.Relevance.driven`)."""
 UNUSUAL = 0.1
 """Share of the time, the worst, that a verdict disregards."""
 FEWEST = 5
@@ -193,7 +193,7 @@ def search_dataset(
     tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.5 * f, words))
     found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.3 * f, words))
     tell(0.8, "fitting what was named")
-    best, named = needed(on, found, jobs)
+    best, named, found = needed(on, found, jobs)
     every, whole = (on, best) if on.data is data else _whole(data, model, [m.name for m in named], best)
     swinging = oscillation(on.data, best.left) if _over_noise(on.data, best.left) > QUIET else None
     loud = _open(on, best.left)
@@ -264,7 +264,7 @@ def _verdict(
     """Unknown where something swings, or structure is left; where commands answer the motion, and with it turbulence,
     only structure that can be predicted is one.
     """  # noqa: D205
-    turbulent = bool(on.data.answering) and (depends is None or depends.explained < PREDICTABLE)
+    turbulent = bool(on.data.answering) and (depends is None or depends.driven < PREDICTABLE)
     if swinging is not None or (loud.any() and not turbulent):
         return Verdict.UNKNOWN
     if not named:

@@ -91,10 +91,10 @@ def fitted(on: Ground, names: Sequence[str], start: Fit | None = None) -> Fitted
     return Fitted(found, held_out(on.data, on.model, names, found))
 
 
-def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...]]:
+def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[Member, ...], Posterior]:
     """The likeliest set without those of its effects that are too small for a name when all are fitted together, at
-    the limit of what is plausible, or not needed on held-out time: those go, the least needed first. The fit, and the
-    members by what they take off.
+    the limit of what is plausible, or not needed on held-out time: those go, the least needed first. The fit, the
+    members by what they take off, and the posterior without what went.
     """  # noqa: D205
     names = list(found.best.names)
     best = fitted(on, names)
@@ -107,9 +107,13 @@ def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[M
             if not (material(best.fit, on.model, m.name) and m.needed) or (m.name in stuck and m.share < MAJOR)
         ]
         if not idle:
-            return best, listed
+            return best, listed, found
         gone = min(idle, key=lambda m: m.evidence).name
-        names = that_act([n for n in names if n != gone], on.own)
+        kept = that_act([n for n in names if n != gone], on.own)
+        for name in names:
+            if name not in kept:
+                found = found.without(name, on.model.vehicle)
+        names = kept
         best = fitted(on, names, best.fit)
 
 

@@ -8,11 +8,11 @@ these flights are one class (`learn.posterior.classes`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged, settled
+from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged, one_each, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.sets import Contender, contender, ordered, searched, weights
@@ -20,6 +20,7 @@ from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.learn.posterior.table import Ground
 from wrenchgap.learn.posterior.together import Noise, linearised_together, spectrum_of
 from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.vehicle import Vehicle
 
 KEPT = 40
 """Sets that are weighed."""
@@ -54,6 +55,23 @@ class Posterior:
         for s in self.sets:
             total += s.weight * max((s.trust[n] for n in s.names if family(n) in shared), default=0.0)
         return min(SUREST, total)
+
+    def without(self, name: str, vehicle: Vehicle) -> Posterior:
+        """The same where `name` turned out to do nothing beside the rest of the best set: it goes from all sets that
+        have that rest.
+        """  # noqa: D205
+        rest = set(self.best.names) - {name}
+
+        def shorter(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
+            every = [
+                replace(s, names=tuple(n for n in s.names if n != name)) if rest <= set(s.names) else s for s in sets
+            ]
+            return one_each(every)
+
+        sets = shorter(self.sets)
+        groups = [Class(c.weight, shorter(c.sets)) for c in self.classes]
+        kept = [replace(c, settle=settled(c.sets, vehicle)) for c in groups]
+        return Posterior(sets, tuple(kept), settled(sets, vehicle))
 
     @property
     def firm(self) -> tuple[str, ...]:

@@ -141,12 +141,21 @@ def mean_squares(
     products: Array, weights: Array, members: Sequence[NDArray[np.intp]], accuracy: Sequence[float]
 ) -> tuple[Array, Array]:
     """By band and axis: what is left, and what the laws of the members, known to these shares, may be off by."""
-    left = np.einsum("klij,i,j->kl", products, weights, weights)
+    left = quadratic(products, weights)
     sizes = np.zeros(left.shape)
     for m, share in zip(members, accuracy, strict=True):
-        own = np.einsum("klij,i,j->kl", products[:, :, m[:, None], m], weights[m], weights[m])
+        own = quadratic(products[:, :, m[:, None], m], weights[m])
         sizes += share * np.sqrt(np.maximum(own, 0.0))
     return np.maximum(left, 0.0), sizes**2
+
+
+def quadratic(products: Array, weights: Array) -> Array:
+    """The form w' P w (bands, axes) of products P (bands, axes, Q, Q) and weights (Q,). What numpy's indexing
+    of the last two axes returns lies in memory with them in front; so it is read in that order.
+    """  # noqa: D205
+    inner = np.ascontiguousarray(products.transpose(2, 3, 0, 1))
+    once = weights @ inner.reshape(len(weights), -1)
+    return np.asarray(weights @ once.reshape(len(weights), -1)).reshape(products.shape[:2])
 
 
 def occam(A: Array, theta: Array, scale: Array) -> float:

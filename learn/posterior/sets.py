@@ -22,6 +22,8 @@ TOP = 30
 """Best sets of a hunt that are scored with the spectrum unknown."""
 DRAWS = 1000
 SEED = 0
+MANY = 12
+"""Sets from which on what remains of a set is followed along the likeliest way only."""
 IMPLAUSIBLE = 0.6
 """Trust in an effect that others push to the limit of what is plausible: something else is pushing."""
 LOUD = 2.5
@@ -82,23 +84,36 @@ class Contender:
 
 def contender(scorer: Scorer, keys: Keys) -> Contender:
     """All that is said of a set, and of what remains of it."""
-    leaves = {leaf.keys: leaf for leaf in _leaves(scorer, _bare(scorer, keys), set())}
+    leaves = {leaf: _bare(scorer, leaf) for leaf in _leaves(scorer, scorer(keys).keys, set())}
     log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
     share = np.exp(log - log.max())
     shares = zip(leaves.values(), (share / share.sum()).tolist(), strict=True)
     return replace(_bare(scorer, keys), leaves=tuple(shares))
 
 
-def _leaves(scorer: Scorer, whole: Contender, seen: set[Keys]) -> list[Contender]:
-    """Sets without anything idle that can be reached by taking out one idle part after the other."""
-    if whole.keys in seen:
+def _leaves(scorer: Scorer, keys: Keys, seen: set[Keys]) -> list[Keys]:
+    """Sets without anything idle that can be reached by taking out one idle part after the other, the likeliest ways
+    first; once `MANY` sets were seen, only the likeliest way further.
+    """  # noqa: D205
+    if keys in seen:
         return []
-    seen.add(whole.keys)
-    idle = [k for k, p in zip(whole.keys, whole.parts, strict=True) if p.evidence <= LEAST_EVIDENCE]
+    seen.add(keys)
+    left = by_axis(scorer, scorer(keys).left)
+    rests = [tuple(k for k in keys if k != gone) for gone in keys]
+    idle = [r for r in rests if _evidence(left, by_axis(scorer, scorer(r).left)) <= LEAST_EVIDENCE]
     if not idle:
-        return [whole]
-    rests = [tuple(k for k in whole.keys if k != gone) for gone in idle]
-    return [leaf for rest in rests for leaf in _leaves(scorer, _bare(scorer, rest), seen)]
+        return [keys]
+    idle.sort(key=lambda rest: -scorer(rest).log_probability)
+    out: list[Keys] = []
+    for rest in idle:
+        if not out or len(seen) < MANY:
+            out += _leaves(scorer, rest, seen)
+    return out
+
+
+def _evidence(left: Array, without: Array) -> float:
+    """Sum over axes of the log of how much the rms grows, from mean squares."""
+    return 0.5 * float(np.sum(np.log(without) - np.log(left)))
 
 
 def _bare(scorer: Scorer, keys: Keys) -> Contender:
@@ -112,7 +127,7 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
         returns = np.maximum(without / left - 1.0, 0.0)
         above = np.maximum(1.0 - LOUD**2 * sensor / left, 0.0) * returns / (returns + 1.0)
         trust = float(returns.sum() / max(float(np.sum(returns + above)), 1e-30))
-        evidence = 0.5 * float(np.sum(np.log(without) - np.log(left)))
+        evidence = _evidence(left, without)
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
         parts.append(Part(c.names, theta, size, stuck, evidence, trust * (IMPLAUSIBLE if stuck else 1.0)))

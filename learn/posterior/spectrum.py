@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.answering import answers
+from wrenchgap.learn.data.answering import answers, spanned
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.trim import Trim
@@ -38,9 +38,9 @@ class Spectrum:
 
     The stacked quantities are: what the model leaves, then for each column its parameters and its offset, then what is
     always there: what the model's own effects may be off by (`known`), biases and trims of flights
-    (`learn.identify.trim`), and on the axes where commands answer the motion free responses to all commands, without
-    their mean (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients. `count` (bands,
-    axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
+    (`learn.identify.trim`). On the axes where commands answer the motion it is of all of them what free responses to
+    all commands leave (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients. `count`
+    (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
     """
 
     def __init__(
@@ -50,7 +50,6 @@ class Spectrum:
         self.columns = {c.key: c for c in columns}
         flights = int(data.flight.max()) + 1
         bias = trim.columns(data)
-        free, sizes = responses(data, base)
         stacked, at = [base[:, :, None]], 1
         self.parameters: dict[str, NDArray[np.intp]] = {}
         self.offset: dict[str, int] = {}
@@ -59,26 +58,43 @@ class Spectrum:
             self.parameters[c.key], self.offset[c.key] = np.arange(at, at + size), at + size
             stacked += [c.jacobian, c.offset[:, :, None]]
             at += size + 1
-        stacked += [free, bias, *(c.jacobian for c in known)]
+        stacked += [bias, *(c.jacobian for c in known)]
         nothing, one = np.zeros(1), np.ones(1)
-        limit = np.concatenate((60.0 * sizes, np.tile(trim.limit, flights), *(c.high for c in known)))
+        limit = np.concatenate((np.tile(trim.limit, flights), *(c.high for c in known)))
         self.always = np.arange(at, at + limit.size)
         self.low = np.concatenate([nothing, *(x for c in columns for x in (c.low, nothing)), -limit])
         self.high = np.concatenate([nothing, *(x for c in columns for x in (c.high, nothing)), limit])
-        always = np.concatenate((sizes, np.tile(trim.scale, flights), *(c.scale for c in known)))
+        always = np.concatenate((np.tile(trim.scale, flights), *(c.scale for c in known)))
         self.scale = np.concatenate([one, *(x for c in columns for x in (c.scale, one)), always])
         sparse = [np.zeros(1, bool), *(x for c in columns for x in (c.sparse, np.zeros(1, bool)))]
         self.sparse = np.concatenate([*sparse, np.zeros(limit.size, bool)])
         whole = np.concatenate(stacked, axis=2)[:, self.axes]
-        self.coefficients, self.block, hertz = transformed(data.records, whole, self.always[: free.shape[2]])
+        self.coefficients, self.block, hertz = transformed(data.records, whole)
         _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
         self.starts = np.flatnonzero(np.diff(self.block, prepend=-1))
         self.blocks = len(self.starts)
         per_band = np.bincount(self.band)
         self.count = np.repeat(per_band[:, None], len(self.axes), axis=1).astype(float)
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
+        self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
         self.products = self._products()
+
+    def _take_out_answers(self, data: Dataset) -> None:
+        """On the axes where commands answer the motion: leave of everything what no linear response to the commands
+        explains, the means of the blocks apart. Weighed by the spectrum of what the model leaves.
+        """  # noqa: D205
+        answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
+        if not answering:
+            return
+        signals = answers(data.records)
+        free = transformed(data.records, signals[:, None], without_mean=True)[0][:, 0]
+        for k in answering:
+            power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / self.count[:, k]
+            weight = np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5
+            basis = spanned(free * weight)
+            part = self.coefficients[:, k] * weight
+            self.coefficients[:, k] = (part - basis @ (basis.T @ part)) / weight
 
     def _products(self) -> Array:
         by_band = [np.moveaxis(self.coefficients[self.band == k], 0, 1) for k in range(len(self.count))]
@@ -101,22 +117,8 @@ class Spectrum:
             self.products = self._products()
 
 
-def responses(data: Dataset, base: Array) -> tuple[Array, Array]:
-    """Free responses (K, 6, A) of the answering axes to all commands, and their typical sizes (A,)."""
-    signals, axes = answers(data.records), data.answering
-    spread = np.std(signals, axis=0)
-    count = signals.shape[1]
-    out = np.zeros((len(base), 6, len(axes) * count))
-    sizes = np.ones(out.shape[2])
-    for i, axis in enumerate(axes):
-        mine = slice(i * count, (i + 1) * count)
-        out[:, axis, mine] = signals
-        sizes[mine] = np.std(base[:, axis]) / np.maximum(spread, 1e-12)
-    return out, np.maximum(sizes, 1e-12)
-
-
 def transformed(
-    records: Sequence[Record], stacked: Array, without_mean: NDArray[np.intp]
+    records: Sequence[Record], stacked: Array, *, without_mean: bool = False
 ) -> tuple[Array, NDArray[np.intp], Array]:
     """Cosine coefficients (K, L, Q) of the blocks of all records; the block and the frequency [Hz] of each (K,)."""
     out: list[Array] = []
@@ -127,8 +129,8 @@ def transformed(
         n, dt = len(record), record.dt_kept
         cuts = np.linspace(0, n, max(1, round(n * dt / SECONDS)) + 1).astype(int)
         for first, last in itertools.pairwise(cuts):
-            part = stacked[at + first : at + last].copy()
-            part[:, :, without_mean] -= part[:, :, without_mean].mean(axis=0)
+            part = stacked[at + first : at + last]
+            part = part - part.mean(axis=0) if without_mean else part
             out.append(dct(part, axis=0, norm="ortho", type=2))
             hertz.append(np.arange(last - first) / (2 * (last - first) * dt))
             block.append(np.full(last - first, len(block)))

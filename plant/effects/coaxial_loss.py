@@ -20,29 +20,35 @@ class CoaxialLoss(ThrustEffect):
     """
 
     name = "coaxial_loss"
+    family = "coaxial_loss"
+    form = "a constant share of the lower rotor's thrust"
     needs_coaxial = True
     excited_by = "unequal speeds within a pair"
-    confused_with = ("thrust_scale", "drag_torque")
+    confused_with = ("thrust_scale", "drag_torque", "coaxial_loss_of_wake")
 
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The loss; only for a vehicle that has coaxial pairs."""
         _, rotors = vehicle.geometry()
-        if not _lower(rotors).any():
-            raise ModelError(f"{vehicle.name}: effect coaxial_loss needs two rotors on one arm, and no arm has them")
+        if not lower(rotors).any():
+            raise ModelError(f"{vehicle.name}: effect {self.name} needs two rotors on one arm, and no arm has them")
         return (Parameter("eta", "1", 0.0, 0.5, 0.1),)
 
     def apply(self, actuation: Actuation, theta: Array, context: Context) -> Array:
         """Thrusts (N, R), the lower ones reduced."""
         _, rotors = context.vehicle.geometry()
-        return np.asarray(actuation.thrust * np.where(_lower(rotors), 1.0 - theta[0], 1.0))
+        return np.asarray(actuation.thrust * np.where(lower(rotors), 1.0 - theta[0], 1.0))
 
 
-def _lower(rotors: Rotors) -> NDArray[np.bool_]:
+def lower(rotors: Rotors) -> NDArray[np.bool_]:
     """Which rotors have another one above them on the same arm, (R,)."""
-    return _lower_of(tuple(int(a) for a in rotors.arm), tuple(float(o) for o in rotors.offset))
+    return above(tuple(int(a) for a in rotors.arm), tuple(float(o) for o in rotors.offset)) >= 0
 
 
 @lru_cache(maxsize=16)
-def _lower_of(arm: tuple[int, ...], offset: tuple[float, ...]) -> NDArray[np.bool_]:
-    pairs = list(zip(arm, offset, strict=True))
-    return np.array([any(a == b and o < p for b, p in pairs) for a, o in pairs])
+def above(arm: tuple[int, ...], offset: tuple[float, ...]) -> NDArray[np.intp]:
+    """For every rotor the one next above it on its arm (R,), -1 where there is none."""
+    out = np.full(len(arm), -1)
+    for i, (own, height) in enumerate(zip(arm, offset, strict=True)):
+        higher = [(p, j) for j, (other, p) in enumerate(zip(arm, offset, strict=True)) if other == own and p > height]
+        out[i] = min(higher, default=(0.0, -1))[1]
+    return out

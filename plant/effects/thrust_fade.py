@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
 
-LAST, SPAN = 60.0, 30.0
+LAST, SPAN = 20.0, 15.0
 """Time since the log's first sample that must be reached, and that must be flown in one piece [s]."""
 
 

@@ -26,6 +26,7 @@ MODULES = {
     "LogReport": "inspection",
     "Replay": "replay",
     "Report": "report",
+    "Trend": "trend",
     "Where": "where",
 }
 """Which module presents which result, by the name of its class; its figures are in the module of that name in

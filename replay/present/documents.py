@@ -38,6 +38,7 @@ VERSIONS = {
     "replay": 1,
     "counterfactual": 1,
     "design": 1,
+    "trend": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 

@@ -24,7 +24,6 @@ __getattr__, __all__ = names_of(
         "wrenchgap.flight.errors": ("FitError", "LogError", "ModelError", "UsageError", "WrenchgapError"),
         "wrenchgap.replay.api": (
             "add",
-            "changed",
             "compare",
             "compensator",
             "counterfactual",
@@ -43,6 +42,7 @@ __getattr__, __all__ = names_of(
             "simulate",
             "where",
         ),
+        "wrenchgap.replay.between_flights": ("changed", "trend"),
     },
 )
 
@@ -53,7 +53,6 @@ if TYPE_CHECKING:
     from wrenchgap.flight.errors import UsageError as UsageError
     from wrenchgap.flight.errors import WrenchgapError as WrenchgapError
     from wrenchgap.replay.api import add as add
-    from wrenchgap.replay.api import changed as changed
     from wrenchgap.replay.api import compare as compare
     from wrenchgap.replay.api import compensator as compensator
     from wrenchgap.replay.api import counterfactual as counterfactual
@@ -71,3 +70,5 @@ if TYPE_CHECKING:
     from wrenchgap.replay.api import save_model as save_model
     from wrenchgap.replay.api import simulate as simulate
     from wrenchgap.replay.api import where as where
+    from wrenchgap.replay.between_flights import changed as changed
+    from wrenchgap.replay.between_flights import trend as trend

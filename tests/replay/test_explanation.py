@@ -55,7 +55,7 @@ def nothing(logs):
 def heading(explained):
     group = GroupRelevance("heading", "heading", ("sin", "cos"), 0.6, 0.5, np.zeros(6), np.zeros(6), 9.0, 1)
     other = replace(group, name="height", label="height", step=0)
-    return Relevance((group, other), explained, np.zeros(6), {})
+    return Relevance((group, other), explained, np.zeros(6), explained, {})
 
 
 def swinging(found):

@@ -115,3 +115,19 @@ def test_a_part_that_is_not_there_is_refused_in_one_line(crazyflie):
     with pytest.raises(UsageError, match="got the part 'rotor_7', expected one of com, imu, arm_0") as caught:
         drawn(crazyflie, {"rotor_7": ""})
     assert "\n" not in str(caught.value)
+
+
+def test_words_stay_on_the_picture_and_off_its_axes(crazyflie):
+    """Long ones too, and those on a centre of mass that is a little beside O."""
+    beside = replace(crazyflie, body=replace(crazyflie.body, com_B=np.array([0.0, 1e-3, 0.0])))
+    words = {"com": "moved by 4.1 mm towards the back and to the left", "imu": "turned by 1.2 deg about body x"}
+    words |= {f"rotor_{r}": "relative thrust -0.081 of what it was" for r in range(4)}
+    figure = style.figure_of(vehicle.picture(beside, words))
+    figure.canvas.draw()
+    (panel,) = figure.axes
+    box = panel.get_window_extent()
+    for text in panel.texts:
+        if ":" in text.get_text():
+            extent = text.get_window_extent()
+            assert box.x0 <= extent.x0
+            assert extent.x1 <= box.x1

@@ -44,7 +44,7 @@ TRIALS: tuple[Trial, ...] = (
     ),
     Trial("rotor_inertia", 30, ("rotor_gyroscopic",), rotors.spin, "30 % of a typical rotor's"),
     Trial("swing_arm", 30, ("arm_reaction",), arms.swing, "0.2 deg"),
-    Trial("pair", 60, ("coaxial_loss",), rotors.pair, "1 %"),
+    Trial("pair", 60, ("coaxial_loss", "coaxial_loss_of_wake"), rotors.pair, "1 %"),
     Trial("curve", 60, ("thrust_curve",), rotors.curve, "1 %"),
     Trial("torque", 60, ("drag_torque", "drag_torque_of_speed"), rotors.torque, "2 %"),
     # sag is right at a voltage of its own: what it makes of the level on another supply is not known

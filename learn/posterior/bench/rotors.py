@@ -143,7 +143,9 @@ def pair(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     return Setup(
         "Run the lower rotor of a pair on a thrust stand, then both, and compare the sum with the two alone, to "
         f"{100 * STAND:.0f} % of a rotor's thrust",
-        lambda fitted: total(fitted, 1, ("coaxial_loss", lambda theta: -theta)),
+        lambda fitted: total(
+            fitted, 1, *((form, lambda theta: -theta) for form in ("coaxial_loss", "coaxial_loss_of_wake"))
+        ),
         STAND,
         lambda lost: off(lost, ["the lower rotor's"], STAND, per_cent, "the sum of the two"),
         "less than the sum",

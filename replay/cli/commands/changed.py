@@ -46,14 +46,14 @@ def changed(
     Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
     """
     from wrenchgap.learn.parallel import cores, get_ready
-    from wrenchgap.replay import api
+    from wrenchgap.replay import between_flights
 
     run.claim({"--figure": figure}, *suspects, *healthy, model)
     base, names = run.model(model), o.parse_effects(effects_only)
     with run.progress("comparing") as report:
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # workers start while logs are read
         good, bad = run.open(reading, healthy, base, suspects, ("healthy", "suspect"))
-        found = api.changed(bad, good, base, names=names, progress=report)
+        found = between_flights.changed(bad, good, base, names=names, progress=report)
     run.result(found)
     run.notes(base.notes)
     run.draw(found, figure)

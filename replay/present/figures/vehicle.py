@@ -8,6 +8,7 @@ Parts are called as parameters call them: `rotor_2`, `arm_1`, and besides `com` 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,10 @@ TURN, SWEEP = 0.78, 250.0
 """Radius of the arrow that shows how a rotor turns, in rotor radii; the angle that it sweeps [deg]."""
 ROOM, WIDE, HIGH = 1.12, 1.9, 1.35
 """Distance from O of words on a part, half the width and half the height of the picture, in half the vehicle's size."""
+INNER = {"com": (-1.0, 0.0), "imu": (1.0, 0.0)}
+"""On which side (x, y) words on parts in the middle stand: behind and in front."""
+LETTERS = 28
+"""Longest line of words."""
 ALIKE = 1e-6
 """Distance [m] below which two rotors are drawn as one above the other."""
 
@@ -55,7 +60,8 @@ def draw(
     _rotors(panel, vehicle, marks)
     _body(panel, vehicle, marks, half, moved_B)
     for name, words in marks.items():
-        _words(panel, places[name], f"{called(vehicle, name)}: {words}" if words else called(vehicle, name), half)
+        text = f"{called(vehicle, name)}: {words}" if words else called(vehicle, name)
+        _words(panel, places[name], text, half, INNER.get(name))
     panel.set_aspect("equal")
     panel.set_xlim(WIDE * half, -WIDE * half)
     panel.set_ylim(-WIDE * half, WIDE * half)  # for the same SI prefix on both
@@ -178,23 +184,22 @@ def _name(panel: Any, y: float, x: float, text: str, colour: str) -> None:
     panel.text(y, x, text, zorder=7, path_effects=[withStroke(linewidth=2.5, foreground="white")], **look)
 
 
-def _words(panel: Any, place: Array, text: str, half: float) -> None:
-    """Words on a marked part, outside the vehicle on the side where the part is, with a line to it."""
+def _words(panel: Any, place: Array, text: str, half: float, side: tuple[float, float] | None) -> None:
+    """Words on a marked part outside the vehicle, on the side (x, y) or where the part is, with a line to it."""
     x, y = float(place[0]), float(place[1])
     length = float(np.hypot(x, y))
-    out = np.array([x, y]) / length if length > ALIKE else np.array([-1.0, 0.0])
+    out = np.array(side) if side is not None else np.array([x, y]) / max(length, ALIKE)
     at = ROOM * half * out
-    side = {"ha": "right" if out[1] > 0.3 else "left" if out[1] < -0.3 else "center"}
     panel.annotate(
-        text,
+        fill(text, LETTERS),
         (y, x),
         (float(at[1]), float(at[0])),
         arrowprops={"arrowstyle": "-", "color": style.WARNING, "lw": 0.8},
         fontsize=style.USUAL,
         color=style.WARNING,
         parse_math=False,
+        ha="right" if out[1] > 0.3 else "left" if out[1] < -0.3 else "center",
         va="bottom" if out[0] >= 0 else "top",
-        **side,
         zorder=8,
     )
 

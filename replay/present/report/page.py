@@ -30,20 +30,28 @@ def page(report: Report, repetition: Repetition) -> str:
     """The whole page."""
     found, tested = report.explanation, report.explanation.validation
     flights = ", ".join(f.records[0].flight for f in report.flights)
-    templates = Environment(
+    return (
+        environment()
+        .get_template("page.html.jinja")
+        .render(
+            title=f"{report.model.name}: {flights}",
+            date=repetition.date,
+            vehicle=report.model.vehicle.name,
+            verdict=str(found.verdict),
+            summary=explanation.summary(found),
+            errors=" ".join(map(staircase.sentence, report.staircases)),
+            warnings=[] if tested is None else explanation.validation_warnings(tested),
+            sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
+        )
+    )
+
+
+def environment() -> Environment:
+    """The templates; texts are escaped, and nothing may be missing."""
+    return Environment(
         loader=PackageLoader("wrenchgap.replay.present.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-    )
-    return templates.get_template("page.html.jinja").render(
-        title=f"{report.model.name}: {flights}",
-        date=repetition.date,
-        vehicle=report.model.vehicle.name,
-        verdict=str(found.verdict),
-        summary=explanation.summary(found),
-        errors=" ".join(map(staircase.sentence, report.staircases)),
-        warnings=[] if tested is None else explanation.validation_warnings(tested),
-        sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
     )

@@ -44,7 +44,7 @@ def test_pieces_of_a_flight_go_on_where_the_last_ended(bench):
     ("first", "last", "voltage", "why"),
     [
         (0.0, 200.0, 22.0, "battery_sag"),
-        (0.0, 40.0, None, "until 40 s"),
+        (0.0, 18.0, None, "until 18 s"),
         (300.0, 310.0, None, "flown for 10 s"),
         (0.0, 200.0, None, None),
         (300.0, 360.0, None, None),

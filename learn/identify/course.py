@@ -1,0 +1,185 @@
+"""How one number goes over the flights: steady, in steps, or drifting.
+
+Three descriptions of n values y_i, flight after flight, are weighed by the Bayesian information criterion
+
+    n log(max(RSS, sum_i e_i^2) / n) + k log n,        k = 1 constant, 2 a line, 1 + 2 K for K steps
+
+with e_i the standard error of each value by itself: no description is praised for going closer than that. Where the
+steps are is found by dynamic programming over all segmentations (ruptures: Truong, Oudre and Vayatis, Signal
+Processing 167, 2020). A step is believed where the means of the two segments beside it differ by more than the scatter
+within all segments allows,
+
+    t = (m_2 - m_1) / (s sqrt(1/n_1 + 1/n_2)),        s^2 = max(RSS / (n - K - 1), mean e_i^2),
+
+on n - K - 1 degrees of freedom. Because its place was sought, p is multiplied by the number of places (Bonferroni), and
+by the number of parameters that are looked at together; steps count from `SIGNIFICANT` on. A slope likewise, on n - 2.
+A segment has two flights at least: one flight by itself is an outlier, no step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+import ruptures
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from wrenchgap.flight.flight import Array
+
+FEWEST = 4
+"""Flights below which nothing can be said about steps and drifts."""
+SHORTEST = 2
+"""Flights of a segment, at least."""
+MOST_STEPS = 8
+"""Steps that are looked for at most."""
+SIGNIFICANT = 0.01
+"""Probability, corrected for all that was looked at, below which a step or a drift is believed."""
+INTERVAL = 0.95
+"""Probability of intervals."""
+
+
+class Verdict(StrEnum):
+    """What became of a parameter over the flights."""
+
+    STEADY = "steady"
+    STEPS = "steps"
+    DRIFT = "drift"
+    FEW = "few"  # flights: nothing can be said
+    OPEN = "open"  # the flights do not show the parameter
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step from one flight to the next: `flight` is the index of the first after it; levels before and after.
+
+    `low` and `high` are the 95 % interval of its `size`; `t` is against the scatter within the segments, `p` the
+    probability of one as large anywhere without any, corrected for what was looked at.
+    """
+
+    flight: int
+    before: float
+    after: float
+    low: float
+    high: float
+    t: float
+    p: float
+
+    @property
+    def size(self) -> float:
+        """By how much the level changed."""
+        return self.after - self.before
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A straight line over the flights: change from one flight to the next with its 95 % interval, t and p."""
+
+    slope: float
+    low: float
+    high: float
+    t: float
+    p: float
+
+
+@dataclass(frozen=True)
+class Course:
+    """A number over n flights: `level` (n,) of the description that was chosen, `scatter` about it, one sigma.
+
+    `drift` is there wherever a line through all flights is significant, also where steps describe them better.
+    """
+
+    verdict: Verdict
+    level: Array
+    scatter: float
+    steps: tuple[Step, ...] = ()
+    drift: Drift | None = None
+
+
+def course(values: Array, errors: Array, looks: int = 1) -> Course:
+    """What (n,) values with standard errors (n,) did over the flights; `looks` parameters are looked at together."""
+    count = len(values)
+    constant = np.full(count, values.mean())
+    if count < FEWEST:
+        return Course(Verdict.FEW, constant, float(values.std(ddof=1)) if count > 1 else float("nan"))
+    own = float(np.sum(errors**2))
+
+    def criterion(level: Array, parameters: int) -> float:
+        left = max(float(np.sum((values - level) ** 2)), own, 1e-300)
+        return float(count * np.log(left / count) + parameters * np.log(count))
+
+    found = [(criterion(constant, 1), Course(Verdict.STEADY, constant, _scatter(values, constant, 1, 0.0)))]
+    line = _line(values, errors, looks)
+    if line is not None:
+        found.append((criterion(line.level, 2), line))
+    for level, steps in _segmentations(values, errors, looks):
+        scatter, drift = _scatter(values, level, len(steps) + 1, 0.0), None if line is None else line.drift
+        chosen = Course(Verdict.STEPS, level, scatter, steps, drift)
+        found.append((criterion(level, 1 + 2 * len(steps)), chosen))
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _scatter(values: Array, level: Array, levels: int, own: float) -> float:
+    """Standard deviation about the level, at least what each value is uncertain by itself."""
+    return float(np.sqrt(max(np.sum((values - level) ** 2) / max(len(values) - levels, 1), own**2)))
+
+
+def _own(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def _line(values: Array, errors: Array, looks: int) -> Course | None:
+    """A drift, where it is significant."""
+    count = len(values)
+    centred = np.arange(count) - 0.5 * (count - 1)
+    slope = float(centred @ values / (centred @ centred))
+    level = values.mean() + slope * centred
+    free = count - 2
+    error = _scatter(values, level, 2, _own(errors)) / float(np.sqrt(centred @ centred))
+    t, p, half = _test(slope, error, free, looks)
+    if p >= SIGNIFICANT:
+        return None
+    drift = Drift(slope, slope - half, slope + half, t, p)
+    return Course(Verdict.DRIFT, level, _scatter(values, level, 2, 0.0), drift=drift)
+
+
+def _segmentations(values: Array, errors: Array, looks: int) -> list[tuple[Array, tuple[Step, ...]]]:
+    """The best segmentations with one step, two, ... of which every step is significant: levels (n,) and steps."""
+    count = len(values)
+    places = count - 2 * SHORTEST + 1
+    size = max(float(np.std(values)), 1e-300)
+    search = ruptures.Dynp(model="l2", min_size=SHORTEST, jump=1).fit((values / size)[:, None])
+    out = []
+    for number in range(1, min(MOST_STEPS, count // SHORTEST - 1) + 1):
+        ends = search.predict(n_bkps=number)
+        parts = np.split(np.arange(count), ends[:-1])
+        level = np.concatenate([np.full(len(part), values[part].mean()) for part in parts])
+        scatter = _scatter(values, level, number + 1, _own(errors))
+        steps = [
+            _step(values, before, after, scatter, count - number - 1, looks * places)
+            for before, after in pairwise(parts)
+        ]
+        if all(step.p < SIGNIFICANT for step in steps):
+            out.append((level, tuple(steps)))
+    return out
+
+
+def _step(
+    values: Array, first: NDArray[np.intp], second: NDArray[np.intp], scatter: float, free: int, looks: int
+) -> Step:
+    """The step between two segments, given by the indices of their flights."""
+    low, high = float(values[first].mean()), float(values[second].mean())
+    error = scatter * float(np.sqrt(1.0 / len(first) + 1.0 / len(second)))
+    t, p, half = _test(high - low, error, free, looks)
+    return Step(int(second[0]), low, high, high - low - half, high - low + half, t, p)
+
+
+def _test(size: float, error: float, free: int, looks: int) -> tuple[float, float, float]:
+    """Student's t of a size, its two-sided probability for so many looks, half the width of its interval."""
+    t = size / max(error, 1e-300)
+    quantile: Callable[..., float] = student.ppf
+    p = min(1.0, 2.0 * float(student.sf(abs(t), free)) * looks)
+    return t, p, float(quantile(0.5 * (1.0 + INTERVAL), free)) * error

@@ -1,0 +1,166 @@
+"""Parameters flight by flight: each flight fitted by itself, and what each parameter did over the flights.
+
+A flight is fitted without the trims that `add` grants flights which differ (`learn.identify.trim`): what differs is
+looked for. On axes where the commands of any flight answer the motion, what such answers could explain is left out
+of all of them, so that every flight is fitted alike. Steps and drifts: `learn.identify.course`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.applicable import Untried, inapplicable
+from wrenchgap.learn.data.dataset import dataset
+from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
+from wrenchgap.learn.identify.course import Course, Verdict, course
+from wrenchgap.learn.identify.fit import Fit, fit
+from wrenchgap.learn.identify.least_squares import MISFIT
+from wrenchgap.plant.air import require_force
+from wrenchgap.plant.effects import Parameter, find
+from wrenchgap.plant.model import Model
+
+TRIMS = ("thrust_scale", "com_offset")
+"""What is fitted where neither the user nor the model names an effect: what every repair moves."""
+UNSEEN = 0.8
+"""Standard error from which on a flight does not show a parameter, in typical sizes (the prior's)."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An effect that was not fitted because a flight lacks what it needs."""
+
+    flight: str
+    reason: Untried
+
+
+@dataclass(frozen=True)
+class ParameterTrend:
+    """One parameter over n flights: `values` (n,) and their standard deviations `std` (n,), in `unit`.
+
+    `errors` (n,) are those of each flight by itself, without what the law may be off by, which is the same on all
+    flights. `at_limit` are the flights (indices) on which the value ended at the limit of what is plausible.
+    """
+
+    effect: str
+    name: str
+    unit: str
+    values: Array
+    std: Array
+    errors: Array
+    course: Course
+    at_limit: tuple[int, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Trend(Result):
+    """Parameters over flights, in the order given; `left_out` are effects that were not fitted, and why.
+
+    `left` (n, 6) [N, Nm] is the rms of the residual of each flight with its own values.
+    """
+
+    model: Model
+    effects: tuple[str, ...]
+    flights: tuple[OpenFlight, ...]
+    parameters: tuple[ParameterTrend, ...]
+    left: Array
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the flights."""
+        return tuple(f.records[0].flight for f in self.flights)
+
+    @property
+    def changed(self) -> tuple[ParameterTrend, ...]:
+        """Parameters with a step or a drift, the most significant first."""
+        found = [p for p in self.parameters if p.course.verdict in (Verdict.STEPS, Verdict.DRIFT)]
+        return tuple(sorted(found, key=lambda p: _least(p.course)))
+
+
+def _least(course: Course) -> float:
+    """The smallest probability of its steps or its drift."""
+    return min([step.p for step in course.steps] + ([course.drift.p] if course.drift else []), default=1.0)
+
+
+def trend(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    names: Sequence[str] = (),
+    *,
+    progress: Callable[[float, str], None] | None = None,
+) -> Trend:
+    """Fit `names` (else the effects of the model, else `TRIMS`) to each flight and follow every parameter.
+
+    Other effects of the model stay as they are; those that a flight does not allow are left out of all. Raises
+    UsageError for fewer than two flights, or where none of the default effects can be fitted; FitError for a named
+    effect that a flight does not allow.
+    """
+    if len(flights) < 2:
+        raise UsageError(f"trend: got {len(flights)} flight, expected two or more, as they were flown")
+    report = progress or (lambda fraction, words: None)
+    chosen, left_out = _effects(flights, model, names)
+    usable = model.without(one.reason.effect for one in left_out if model.effect(one.reason.effect) is not None)
+    alike = replace(usable, between_flights=None)
+    answering = answering_axes([timing_of(one, model) for one in flights])
+    fits = []
+    for k, one in enumerate(flights):
+        report(k / len(flights), f"fitting {one.records[0].flight}")
+        try:
+            fits.append(fit(dataset(one.records, alike, answering), alike, chosen))
+        except FitError as error:
+            raise FitError(f"{one.records[0].flight}: {error}") from None
+    left = np.array([rms(found.residual) for found in fits])
+    left[:, ~np.isfinite(np.sum([r.noise for one in flights for r in one.records], axis=0))] = np.nan
+    return Trend(model, chosen, tuple(flights), _followed(fits), left, left_out)
+
+
+def _effects(
+    flights: Sequence[OpenFlight], model: Model, names: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[LeftOut, ...]]:
+    """What is fitted on all flights; what nobody named and a flight does not allow, of the model or of `TRIMS`."""
+    asked, own = tuple(dict.fromkeys(find(name).name for name in names)), tuple(e.name for e in model.effects)
+    usual = own or TRIMS
+    lacking = {name: one for name in (*asked, *usual) if (one := _lacking(name, flights, model)) is not None}
+    for name in asked:
+        if name in lacking:
+            raise FitError(f"{lacking[name].flight}: {lacking[name].reason}; leave it out of --fit")
+    chosen = asked or tuple(name for name in usual if name not in lacking)
+    if not chosen:
+        first = lacking[usual[0]]
+        raise UsageError(f"trend: nothing to fit: {first.flight}: {first.reason}; name effects with --fit")
+    require_force((*(name for name in own if name not in lacking), *chosen))
+    return chosen, tuple(one for name, one in lacking.items() if name in own or not asked)
+
+
+def _lacking(name: str, flights: Sequence[OpenFlight], model: Model) -> LeftOut | None:
+    """The first flight that does not allow an effect, and why."""
+    found = ((one.records[0].flight, inapplicable(name, model, one.records)) for one in flights)
+    return next((LeftOut(flight, why) for flight, why in found if why is not None), None)
+
+
+def _followed(fits: Sequence[Fit]) -> tuple[ParameterTrend, ...]:
+    """Every parameter of the fits, one a flight, and its course."""
+    theta, std = np.array([f.theta for f in fits]), np.array([f.std for f in fits])
+    errors = np.sqrt(np.maximum(std**2 - (MISFIT * theta) ** 2, 0.0))
+    shown = [_shown(p, errors[:, k]) for k, (_, p) in enumerate(fits[0].parameters)]
+    out = []
+    for k, (effect, p) in enumerate(fits[0].parameters):
+        found = course(theta[:, k], errors[:, k], max(sum(shown), 1))
+        if not shown[k]:
+            found = Course(Verdict.OPEN, np.full(len(fits), theta[:, k].mean()), found.scatter)
+        stuck = tuple(i for i, f in enumerate(fits) if f"{effect}.{p.name}" in f.at_bound)
+        out.append(ParameterTrend(effect, p.name, p.unit, theta[:, k], std[:, k], errors[:, k], found, stuck))
+    return tuple(out)
+
+
+def _shown(parameter: Parameter, errors: Array) -> bool:
+    """Whether the flights say more of a parameter than what is typical of its kind."""
+    return bool(np.median(errors) < UNSEEN * parameter.scale)

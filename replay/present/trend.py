@@ -1,0 +1,250 @@
+"""Parameters over flights: what stepped or drifted in sentences, tables, JSON, a table of every value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Drift, Step, Verdict
+from wrenchgap.learn.identify.trend import ParameterTrend, Trend
+from wrenchgap.plant.vehicle import PART, Vehicle
+from wrenchgap.replay.present.documents import atomic
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import called, entries, label, number, quantity, unit, unmeasured
+from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+
+MANY_STEPS = 3
+"""Steps from which on a sentence tells the clearest, and the line through all flights where that is significant."""
+MOST_COLUMNS = 7
+"""Parameters whose values are printed by flight; of more, those that changed."""
+WORDS = {
+    Verdict.STEADY: "steady",
+    Verdict.STEPS: "steps",
+    Verdict.DRIFT: "drifts",
+    Verdict.FEW: "too few flights",
+    Verdict.OPEN: "not shown by these flights",
+}
+LEGEND = (
+    "scatter: standard deviation of the flights about their level (or line)   error: standard error of one flight by "
+    "itself, median   p: of a change as large anywhere where there is none, corrected for the places and parameters "
+    f"looked at; below {SIGNIFICANT:g} it counts"
+)
+
+
+CAVEAT = (
+    "Told of the effects that were fitted; another one may explain the same change. A new session (a battery put in "
+    "anew, a propeller taken off) is a step like any other: docs/trend.md."
+)
+"""What stands below changes."""
+
+
+def parts(found: Trend) -> list[Part]:
+    """The summary, parameters, steps and drifts, values by flight, notes."""
+    out: list[Part] = [Line(text, "bold") for text in summary(found)]
+    out += [*([Line(CAVEAT, "dim")] if found.changed else []), Line(), overview(found)]
+    if changes := [p for p in found.changed if p.course.steps]:
+        out.append(steps(found, changes))
+    out += [Line(LEGEND + "\n", "dim"), values(found)]
+    return [*out, *note_lines(notes(found))]
+
+
+def summary(found: Trend) -> list[str]:
+    """One sentence for each parameter that changed, the most significant first, and what to look at."""
+    count = len(found.flights)
+    if count < FEWEST:
+        return [f"{count} flights: nothing can be said about steps and drifts; {FEWEST} or more are needed."]
+    if not found.changed:
+        return [f"Nothing changed over these {count} flights beyond the scatter between them."]
+    looks = places(found)
+    inspect = [f"Look at: {', '.join(looks)}."] if looks else []
+    return [*(sentence(p, found) for p in found.changed), *inspect]
+
+
+def sentence(p: ParameterTrend, found: Trend) -> str:
+    """What one parameter did."""
+    name = f"{p.effect} {called(p.name, found.model.vehicle)}"
+    if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
+        return f"{name} drifts by {_slope(p.course.drift, p.unit)}."
+    steps, line = p.course.steps, p.course.drift
+    if len(steps) < MANY_STEPS:
+        return f"{name} steps: {'; '.join(_step(step, p.unit, found.names) for step in steps)}."
+    clearest = max(steps, key=lambda step: abs(step.t))
+    told = f"{name} steps {len(steps)} times; the clearest is {_step(clearest, p.unit, found.names)}."
+    return told + (f" A line through all flights: {_slope(line, p.unit)}." if line else "")
+
+
+def _step(step: Step, unit_name: str, names: Sequence[str]) -> str:
+    size = _signed(step.size, unit_name)
+    return f"{size} from flight {step.flight + 1} ({names[step.flight]}) on, {_interval(step, unit_name)}"
+
+
+def _slope(drift: Drift, unit_name: str) -> str:
+    return f"{_signed(drift.slope, unit_name)} a flight, {_interval(drift, unit_name)}"
+
+
+def _interval(found: Step | Drift, unit_name: str) -> str:
+    return f"95 % interval {number(found.low)} to {quantity(found.high, unit_name)}, t {found.t:.1f}"
+
+
+def _signed(value: float, unit_name: str) -> str:
+    return f"{'+' if value > 0 else ''}{quantity(value, unit_name)}"
+
+
+def places(found: Trend) -> list[str]:
+    """Parts of the vehicle whose parameters changed, by the user's names, each once."""
+    vehicle = found.model.vehicle
+    return list(dict.fromkeys(w for p in found.changed if (w := where(p, vehicle)) is not None))
+
+
+def where(p: ParameterTrend, vehicle: Vehicle) -> str | None:
+    """The user's name of the rotor or arm that a parameter belongs to; None for one of the whole vehicle."""
+    if PART.fullmatch(p.name):
+        return vehicle.called(p.name)
+    return "centre of mass" if p.effect == "com_offset" else None
+
+
+def overview(found: Trend) -> Table:
+    """One row for each parameter: mean, scatter, error of a flight, what it did."""
+    heads = ("effect", "parameter", "over the flights", "mean", "scatter", "error", "unit")
+    out = table(f"{len(found.flights)} flights, each fitted by itself", *heads, left=3)
+    out.columns[-1].justify = "left"
+    last = ""
+    for p in found.parameters:
+        first, last = p.effect if p.effect != last else "", p.effect
+        numbers = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
+        name = escape(label(p.name, found.model.vehicle))
+        style = "bold" if p in found.changed else "dim" if p.course.verdict is Verdict.OPEN else ""
+        out.add_row(escape(first), name, WORDS[p.course.verdict], *numbers, unit(p.unit), style=style)
+    return out
+
+
+def steps(found: Trend, changed: Sequence[ParameterTrend]) -> Table:
+    """One row for each step: flight, levels before and after, size with its interval, t and p."""
+    out = table("steps", "parameter", "from flight", "before", "after", "size", "95 %", "t", "p", left=2)
+    for p in changed:
+        for k, step in enumerate(p.course.steps):
+            name = escape(column(p, found)) if k == 0 else ""
+            place = escape(f"{step.flight + 1} {found.names[step.flight]}")
+            interval = f"{number(step.low)} to {number(step.high)}"
+            sizes = (number(step.before), number(step.after), number(step.size), interval)
+            test = (f"{step.t:.1f}", f"{step.p:.1g}")
+            out.add_row(name, place, *sizes, *test, end_section=step is p.course.steps[-1])
+    return out
+
+
+def column(p: ParameterTrend, found: Trend) -> str:
+    """Effect, parameter and unit."""
+    return f"{p.effect} {label(p.name, found.model.vehicle)}{f' [{p.unit}]' if unit(p.unit) else ''}"
+
+
+def values(found: Trend) -> Table:
+    """Every value by flight, with a mark on the first flight after a step."""
+    shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
+    shown = shown if len(shown) <= MOST_COLUMNS else list(found.changed[:MOST_COLUMNS])
+    heads = [column(p, found).replace(" ", "\n", 1) for p in shown]
+    out = table("values by flight; > the first flight after a step", "", "flight", *heads, left=2)
+    for k, name in enumerate(found.names):
+        texts = [f"{'> ' if any(s.flight == k for s in p.course.steps) else ''}{number(p.values[k])}" for p in shown]
+        out.add_row(str(k + 1), escape(name), *texts)
+    return out
+
+
+def notes(found: Trend) -> list[str]:
+    """In which order the flights are, what was not fitted, what ended at a limit; the notes of the flights."""
+    out = [f"effect {one.reason.effect} is not fitted: {one.flight}: {one.reason.reason}" for one in found.left_out]
+    for p in found.parameters:
+        if p.at_limit and p.course.verdict is not Verdict.OPEN:
+            flights = ", ".join(found.names[k] for k in p.at_limit)
+            name = f"{p.effect}.{called(p.name, found.model.vehicle)}"
+            out.append(f"{name} ended at the limit of what is plausible on {flights}")
+    return [*out, *sentences(found.model.notes), *_of_flights(found)]
+
+
+def _of_flights(found: Trend) -> list[str]:
+    """Notes of the flights; one that all of them have is said once."""
+    said: dict[str, list[str]] = {}
+    for name, one in zip(found.names, found.flights, strict=True):
+        for text in sentences(one.notes):
+            said.setdefault(text.removeprefix(f"{name}: "), []).append(text)
+    every = len(found.flights)
+    return [
+        note for rest, texts in said.items() for note in ([f"all flights: {rest}"] if len(texts) == every else texts)
+    ]
+
+
+def to_json(found: Trend) -> dict[str, Any]:
+    """The body of the `trend` schema."""
+    noise = np.sum([r.noise for f in found.flights for r in f.records], axis=0)
+    few = len(found.flights) < FEWEST
+    return {
+        "verdict": "few" if few else "changed" if found.changed else "steady",
+        "summary": " ".join(summary(found)),
+        "model": found.model.name,
+        "effects": list(found.effects),
+        "flights": list(found.names),
+        "parameters": [_parameter_json(p, found) for p in found.parameters],
+        "inspect": places(found),
+        "significant": SIGNIFICANT,
+        "axes": list(AXES),
+        "rms": found.left,
+        "unmeasured": unmeasured(noise),
+        "left_out": [
+            {"effect": one.reason.effect, "flight": one.flight, "reason": one.reason.reason} for one in found.left_out
+        ],
+        "cutoff_hz": found.flights[0].records[0].cutoff_hz,
+        "notes": notes(found),
+    }
+
+
+def _parameter_json(p: ParameterTrend, found: Trend) -> dict[str, Any]:
+    test = ("low", "high", "t", "p")
+    line = p.course.drift
+    return {
+        **entries(p, "effect", "name", "unit", "values", "std", "errors"),
+        "where": where(p, found.model.vehicle),
+        "verdict": str(p.course.verdict),
+        **entries(p.course, "scatter", "level"),
+        "steps": [
+            {"flight": found.names[s.flight], "index": s.flight, **entries(s, "before", "after", "size", *test)}
+            for s in p.course.steps
+        ],
+        "drift": None if line is None else entries(line, "slope", *test),
+        "at_limit": [found.names[k] for k in p.at_limit],
+    }
+
+
+def to_frame(found: Trend) -> pd.DataFrame:
+    """One row for each flight and parameter."""
+    rows = []
+    for p in found.parameters:
+        segment = np.zeros(len(found.names), dtype=int)
+        for step in p.course.steps:
+            segment[step.flight :] += 1
+        for k, one in enumerate(found.flights):
+            file = {"file": one.flight.path.name, "sha256": one.flight.content_hash}
+            about = {"flight": found.names[k], "index": k, **file}
+            which = {"effect": p.effect, "parameter": p.name, "where": where(p, found.model.vehicle), "unit": p.unit}
+            sizes = {"value": float(p.values[k]), "std": float(p.std[k]), "error": float(p.errors[k])}
+            course = {"segment": int(segment[k]), "level": float(p.course.level[k]), "scatter": p.course.scatter}
+            rows.append({**about, **which, **sizes, **course, "verdict": str(p.course.verdict)})
+    return pd.DataFrame(rows)
+
+
+def check_table(path: Path | None) -> None:
+    """Raise UsageError where the name of the table is not that of a Parquet file."""
+    if path is not None and path.suffix.lower() != ".parquet":
+        raise UsageError(f"--table {path}: the table is a Parquet file; expected a name that ends in .parquet")
+
+
+def save_table(found: Trend, path: Path) -> None:
+    """Write `to_frame` as Parquet, all of it or nothing."""
+    with atomic(path) as partial:
+        to_frame(found).to_parquet(partial, index=False)

@@ -1,0 +1,111 @@
+"""A season of short flights of an engine that shares nothing with the fit: what moved, when, by how much."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from benchmarks.hidden_effects.engine import fly
+from wrenchgap.flight.errors import FitError, UsageError
+from wrenchgap.learn.identify.course import Verdict
+from wrenchgap.learn.identify.trend import TRIMS, trend
+
+MODEL = wg.load_model("tilt_hexarotor")
+SECONDS, COUNT, REPAIR = 6.0, 8, 5
+SHIFT, LOADING = 2.0e-3, 2.0e-4
+"""How far the repair moved the centre of mass along y; how differently the battery goes in, one sigma [m]."""
+
+
+def flown(k, x, y, missing=0.0):
+    """Flight k with the hull's centre of mass at (x, y) and thinner air."""
+    hidden = {"com_offset": {"x": x, "y": y}, "thin_air": {"missing": missing}}
+    names = ["com_offset", *(["thin_air"] if missing else [])]
+    flight, _ = fly(names, [hidden[n] for n in names], "train", SECONDS, seed=k)
+    return replace(flight, path=flight.path.with_name(f"flight{k}{flight.path.suffix}"))
+
+
+@pytest.fixture(scope="module")
+def season(once):
+    """A centre of mass that moves at flight `REPAIR`, counted from 0, and scatters from flight to flight."""
+
+    def made():
+        rng = np.random.default_rng(7)
+        offsets = LOADING * rng.normal(size=(COUNT, 2)) + np.outer(np.arange(COUNT) >= REPAIR, (0.0, SHIFT))
+        return offsets, wg.open_flights([flown(k, *xy) for k, xy in enumerate(offsets)], MODEL)
+
+    return once("season", made)
+
+
+@pytest.fixture(scope="module")
+def followed(season):
+    return wg.trend(season[1], MODEL)
+
+
+def parameter(found, effect, name):
+    return next(p for p in found.parameters if (p.effect, p.name) == (effect, name))
+
+
+def test_a_moved_centre_of_mass_is_found_at_its_flight(followed, season):
+    """Size and interval against the positions that were really flown, means before and after."""
+    assert followed.effects == TRIMS
+    y = parameter(followed, "com_offset", "y")
+    assert y.course.verdict is Verdict.STEPS
+    (step,) = y.course.steps
+    true = season[0][REPAIR:, 1].mean() - season[0][:REPAIR, 1].mean()
+    assert step.flight == REPAIR
+    assert step.size == pytest.approx(true, rel=0.1)
+    assert step.low < SHIFT < step.high
+
+
+def test_what_did_not_move_is_steady(followed):
+    assert [(p.effect, p.name) for p in followed.changed] == [("com_offset", "y")]
+
+
+def test_values_follow_the_flights_one_by_one(followed, season):
+    """What the engine flew, flight by flight, and not only on average."""
+    for k, name in enumerate("xy"):
+        values = parameter(followed, "com_offset", name).values
+        assert np.corrcoef(values, season[0][:, k])[0, 1] > 0.95
+
+
+def test_the_scatter_is_that_of_loading(followed, season):
+    x = parameter(followed, "com_offset", "x")
+    assert x.course.scatter == pytest.approx(season[0][:, 0].std(ddof=1), rel=0.3)
+
+
+def test_trims_that_the_model_grants_between_flights_do_not_hide_the_step(season, followed):
+    granting = replace(MODEL, between_flights=(0.1, 0.1, 0.1, 0.1, 0.1, 0.01))
+    (step,) = parameter(trend(season[1], granting), "com_offset", "y").course.steps
+    assert step.size == pytest.approx(parameter(followed, "com_offset", "y").course.steps[0].size, rel=1e-6)
+
+
+def test_before_the_repair_nothing_changed(season):
+    assert wg.trend(season[1][:REPAIR], MODEL).changed == ()
+
+
+def test_three_flights_are_too_few(season):
+    found = wg.trend(season[1][REPAIR - 2 : REPAIR + 1], MODEL, ["com_offset"])
+    assert {p.course.verdict for p in found.parameters} <= {Verdict.FEW, Verdict.OPEN}
+    assert "nothing can be said about steps and drifts" in str(found)
+
+
+def test_effects_of_the_model_are_followed_by_default(season):
+    model = MODEL.with_effects(wg.add(MODEL, "com_offset", season[1][:1]).model.effects)
+    assert wg.trend(season[1][:4], model).effects == ("com_offset",)
+
+
+def test_what_a_flight_lacks_is_said(season):
+    with pytest.raises(FitError, match=r"battery_sag: needs the battery voltage.*--fit") as caught:
+        wg.trend(season[1][:2], MODEL, ["battery_sag"])
+    assert "\n" not in str(caught.value)
+    with pytest.raises(UsageError, match="got 1 flight, expected two or more"):
+        wg.trend(season[1][0], MODEL)
+
+
+def test_propellers_that_wear_drift():
+    """Air that thins, or propellers that wear, by 0.5 % a flight."""
+    flights = wg.open_flights([flown(k, 0.0, 0.0, 0.001 + 0.005 * k) for k in range(6)], MODEL)
+    scale = parameter(wg.trend(flights, MODEL), "thrust_scale", "scale")
+    assert scale.course.verdict is Verdict.DRIFT
+    assert scale.course.drift.slope == pytest.approx(-0.005, rel=0.1)
