@@ -16,7 +16,7 @@ from wrenchgap.learn.changed.spectrum import ChangeSpectrum
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.trim import trim_of, typical
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.spectrum import Spectrum, responses
+from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
 
@@ -102,12 +102,9 @@ class Pool:
 
     def shared(self, theta: Array) -> Array:
         """What all flights share (K, 6) of what the model leaves, `theta` being the always-there unknowns of a
-        spectrum: laws and answers, without trims.
+        spectrum: laws, without trims.
         """  # noqa: D205
-        free, _ = responses(self.data, self.left)
-        out = free @ theta[: free.shape[2]]
-        for axis in self.data.answering:  # answers count without their means over blocks
-            out[:, axis] -= _block_means(self.data, out[:, axis])
+        out = np.zeros_like(self.left)
         at = self._common_at(theta)
         for column in self.common:
             size = column.jacobian.shape[2]
@@ -128,11 +125,6 @@ class Pool:
     def _common_at(self, theta: Array) -> int:
         """Where, among the unknowns that are always there, those of `common` begin: they are the last."""
         return len(theta) - sum(int(c.jacobian.shape[2]) for c in self.common)
-
-
-def _block_means(data: Dataset, values: Array) -> Array:
-    count = np.bincount(data.block)
-    return np.asarray((np.bincount(data.block, weights=values) / count)[data.block])
 
 
 def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
