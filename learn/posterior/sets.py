@@ -15,7 +15,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import LEAST_EVIDENCE
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.hunt import Hunt
-from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, quadratic, saturated
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
 TOP = 30
@@ -29,6 +29,9 @@ IMPLAUSIBLE = 0.6
 LOUD = 2.5
 """Rms over that of the sensors from which on what a set leaves is structure: something else may be making it, and with
 it the difference that one of the members makes."""
+ROUGH, FAR_OFF = 0.05, 3.0
+"""Accuracy beyond which a law's shape is an assumption: several times its accuracy, it may have made the difference
+that another member makes."""
 MAJOR = 1.5
 """Evidence from which on an effect that others push to the limit of what is plausible is named all the same."""
 
@@ -38,8 +41,8 @@ class Part:
     """One candidate of a set: `names` of its effects, `size` of its largest parameter in typical sizes.
 
     `stuck` says that one is at a limit of what is plausible. `evidence` is the sum over axes of the log of how much the
-    rms grows without it; `trust` the share of that which what the set leaves unexplained could not have made as well
-    (`LOUD`).
+    rms grows without it; `trust` the share of that which what neither the set leaves unexplained (`LOUD`) nor the
+    rough laws of its other members (`ROUGH`) could have made as well.
     """
 
     names: tuple[str, ...]
@@ -51,9 +54,9 @@ class Part:
 
     @property
     def named(self) -> bool:
-        """Whether it is large enough for a name, and matters enough."""
-        enough = MAJOR if self.stuck else LEAST_EVIDENCE
-        return self.size >= MATERIAL and self.evidence > enough and self.trust > 0.5
+        """Whether it is large enough for a name, matters enough, and is likelier there than a fluke of the rest."""
+        enough, least = (MAJOR, 0.5 * IMPLAUSIBLE) if self.stuck else (LEAST_EVIDENCE, 0.5)
+        return self.size >= MATERIAL and self.evidence > enough and self.trust > least
 
 
 @dataclass(frozen=True)
@@ -121,12 +124,16 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
     parts = []
+    sizes = {k: _size(scorer, scored, k) for k in scored.keys}
     for key in scored.keys:
         c, theta = space.columns[key], scored.theta[key]
         without = by_axis(scorer, scorer(tuple(k for k in scored.keys if k != key)).left)
         returns = np.maximum(without / left - 1.0, 0.0)
         above = np.maximum(1.0 - LOUD**2 * sensor / left, 0.0) * returns / (returns + 1.0)
-        trust = float(returns.sum() / max(float(np.sum(returns + above)), 1e-30))
+        rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > ROUGH]
+        law = sum((FAR_OFF * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
+        own = returns * sizes[key] / np.maximum(sizes[key] + law, 1e-30)
+        trust = float(own.sum() / max(float(np.sum(returns + above)), 1e-30))
         evidence = _evidence(left, without)
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
@@ -134,6 +141,13 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
     used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
     predicted = -space.coefficients[:, :, used] @ scored.weights[used]
     return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, left)
+
+
+def _size(scorer: Scorer, scored: Scored, key: str) -> Array:
+    """Mean squares (L,) by axis of what a member adds."""
+    space = scorer.spectrum
+    rows = np.append(space.parameters[key], space.offset[key])
+    return by_axis(scorer, quadratic(space.products[:, :, rows[:, None], rows], scored.weights[rows]))
 
 
 def at_limit(theta: Array, low: Array, high: Array) -> bool:

@@ -25,7 +25,7 @@ class DownwashBlockage(ThrustEffect):
 
     name = "downwash_blockage"
     needs_tilt = True
-    accuracy = 0.2
+    accuracy = 0.1
     excited_by = "sustained high tilt, at which a wake sweeps over a neighbour's boom"
     confused_with = ("rotor_interference", "thrust_scale", "com_offset")
 

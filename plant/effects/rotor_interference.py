@@ -26,7 +26,7 @@ class RotorInterference(ThrustEffect):
 
     name = "rotor_interference"
     needs_tilt = True
-    accuracy = 0.2
+    accuracy = 0.1
     excited_by = "sustained high tilt in several azimuths; sets in above about 60 deg"
     confused_with = ("com_offset", "rotor_thrust", "downwash_blockage")
 

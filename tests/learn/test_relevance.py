@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.learn.diagnose.quantities import input_groups
-from wrenchgap.learn.diagnose.relevance import relevance
+from wrenchgap.learn.diagnose.relevance import relevance, shifted
 
 
 def group(data, name):
@@ -69,3 +69,18 @@ def test_on_the_independent_engine(fly, hexarotor, effect, trajectory, inputs):
     assert found.chosen[0].name == inputs
     again = relevance(data, residual)
     assert [(g.name, g.alone, g.lost) for g in again.groups] == [(g.name, g.alone, g.lost) for g in found.groups]
+
+
+def test_what_moves_the_state_is_not_driven_by_it(tumbling):
+    """A force that velocity follows a moment later, as a gust's, and one that follows velocity, as drag's: both
+    are explained by velocity, and only the second depends on it.
+    """
+    values = group(tumbling, "velocity")[:, 0]
+    size = 4 * tumbling.noise[0] / values.std()
+    behind, ahead = (white(tumbling, 3) for _ in range(2))
+    behind[:, 0] += size * values
+    ahead[:, 0] += size * shifted(tumbling, values[:, None], 0.15)[:, 0]
+    assert relevance(tumbling, behind).driven > 0.8 * relevance(tumbling, behind).explained
+    found = relevance(tumbling, ahead)
+    assert "velocity" in {g.name for g in found.chosen}
+    assert found.driven < 0.6 * found.explained

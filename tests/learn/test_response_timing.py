@@ -8,9 +8,10 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.flight import Flight, ImuSeries, WrenchSeries
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.offsets import Problem
+from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.diagnose.response import responses
+from wrenchgap.learn.diagnose.response import Response, responses
+from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes
 from wrenchgap.plant import model_file
 
 RATE = 250.0
@@ -42,6 +43,28 @@ def log(tau=0.0, delay=0.0):
 def found_in(made, vehicle=VEHICLE):
     records = [prepare(s, vehicle) for s in flight.uniform(made)]
     return {r.axis: r for r in responses(made, vehicle, records)}
+
+
+def test_where_one_torque_answers_the_others_do_unless_they_plainly_follow():
+    """One controller makes all three. torque_z has no response of its own; torque_x and torque_y are what is said."""
+
+    def axes(x, y, z=None):
+        made = {"force_z": None, "torque_x": x, "torque_y": y, "torque_z": z}
+        answers = tuple(response(*row) for row in made.items())
+        return answering_axes([FlightTiming("flight", 30.0, (), (), responses=answers)])
+
+    follows, vague, answers = "plain", None, Problem.FEEDBACK
+    assert axes(answers, vague) == (3, 4, 5)
+    assert axes(answers, follows, follows) == (3,)
+    assert axes(answers, follows) == (3, 4, 5)
+    assert axes(follows, follows) == ()
+    assert axes(vague, vague) == ()
+
+
+def response(axis, kind):
+    problem = kind if isinstance(kind, Problem) else None
+    seconds = 0.01 if kind == "plain" else None
+    return Response(axis, Offset("commanded", "measured", seconds, problem=problem), plain=kind == "plain")
 
 
 def test_a_perfect_plant_responds_at_once_although_commands_are_held():

@@ -18,7 +18,7 @@ def test_a_faster_upper_rotor_costs_the_lower_one_thrust(hexarotor):
     given inflow goes with the blade's own speed: a lower rotor at half the speed loses half as much.
     """
     lost = {}
-    rotors = hexarotor.vehicle.rotors
+    rotors = hexarotor.rotors
     low = next(r for r in range(len(rotors)) if rotors.offset[r] < rotors.offset[rotors.arm == rotors.arm[r]].max())
     up = next(r for r in np.flatnonzero(rotors.arm == rotors.arm[low]) if r != low)
     for pair in ((1.0, 1.0), (2.0, 1.0), (1.0, 0.5)):
@@ -26,9 +26,7 @@ def test_a_faster_upper_rotor_costs_the_lower_one_thrust(hexarotor):
         speed[0, [up, low]] *= pair
         thrust = rotors.c_f * speed**2
         actuation = SimpleNamespace(thrust=thrust, rotor_speed=speed)
-        after = find("coaxial_loss_of_wake").apply(
-            actuation, np.array([0.2]), SimpleNamespace(vehicle=hexarotor.vehicle)
-        )
+        after = find("coaxial_loss_of_wake").apply(actuation, np.array([0.2]), SimpleNamespace(vehicle=hexarotor))
         lost[pair] = thrust[0, low] - after[0, low]
         assert after[0, up] == thrust[0, up]
     assert lost[2.0, 1.0] == pytest.approx(2.0 * lost[1.0, 1.0])
