@@ -163,7 +163,7 @@ def singles(rows: Sequence[Row]) -> str:
         mine = [r for r in rows if _truth(r) == truth]
         named, none = sum(map(is_rotor, mine)), sum(map(_nothing, mine))
         lines.append(f"| {truth} | {len(mine)} | {named} | {len(mine) - named - none} | {none} |")
-    return "\n".join(lines) + "\n"
+    return head + "\n".join(lines) + "\n"
 
 
 def weights(rows: Sequence[Row]) -> str:
