@@ -155,6 +155,7 @@ def table(rows: Sequence[Row]) -> str:
 
 def singles(rows: Sequence[Row]) -> str:
     """One line for each kind of truth: how many of its flights have which answer."""
+    head = "Those that were judged; the others were not run.\n\n"
     lines = [
         "| truth | flights | rotor M3 firm | something else named | nothing beyond scatter |",
         "|---|---|---|---|---|",
