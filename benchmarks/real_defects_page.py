@@ -34,7 +34,7 @@ LIMITS = """
 - A cut propeller shows by its yaw torque first (M_z differs least between sessions), together with roll, pitch and
   thrust. The size is a loss of thrust at equal command, as the model has it; what the propeller loses of its drag
   torque beyond that is not a parameter of its own.
-- Both flights of a case were flown on one day and count as one for what differs between days.
+- Both flights of a case are taken to be of one day, and count as one for what differs between days.
 """
 
 
