@@ -4,11 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from wrenchgap.learn.changed import changed as changing
+from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import trend as trending
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.trend import Trend
 from wrenchgap.plant.model import Model
+
+
+def changed(
+    suspects: Flights,
+    healthy: Flights,
+    model: Model | Addition,
+    *,
+    names: Sequence[str] = (),
+    jobs: int | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> Changed:
+    """What changed on suspect flights against healthy ones of the same vehicle, where on it, and what to inspect.
+
+    What the model is wrong by in all of them drops out. Among `names`, by default the whole catalogue; `jobs`
+    processes, by default one for each core.
+    """
+    return changing.changed(
+        listed(suspects), listed(healthy), model_of(model), names=names, jobs=jobs, progress=progress
+    )
 
 
 def trend(

@@ -26,8 +26,8 @@ from wrenchgap.replay.cli.requests import grouped
 
 NAME = "wrenchgap"
 ORDER = (
-    *("inspect", "compare", "where", "explain", "add", "remove", "history", "learn", "report", "trend", "replay"),
-    *("counterfactual", "design", "simulate", "view", "demo"),
+    *("inspect", "compare", "where", "explain", "changed", "trend", "add", "remove", "history", "learn", "report"),
+    *("replay", "counterfactual", "design", "simulate", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""
 

@@ -83,16 +83,25 @@ class Run:
         return found
 
     def open(
-        self, reading: Reading, logs: Sequence[Path], model: Model, unseen: Sequence[Path] | None = None, **how: Any
+        self,
+        reading: Reading,
+        logs: Sequence[Path],
+        model: Model,
+        unseen: Sequence[Path] | None = None,
+        roles: tuple[str, str] = ("log", "validation"),
+        **how: Any,
     ) -> tuple[list[OpenFlight], list[OpenFlight]]:
-        """Flights of `logs` and of `unseen`, opened for a model; `how` as in `learn.data.opening.open_flights`."""
+        """Flights of `logs` and of `unseen`, opened for a model; `how` as in `learn.data.opening.open_flights`.
+
+        `roles` are those of the two among what went into the result.
+        """
         from wrenchgap.learn.data.opening import open_flights
 
         how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
         how |= {"unmeasured": reading.absent}
         every = open_flights([*logs, *(unseen or ())], model, cutoff_hz=reading.cutoff_hz, **how)
         flights, tests = every[: len(logs)], every[len(logs) :]
-        self._logs += [*((one, "log") for one in flights), *((one, "validation") for one in tests)]
+        self._logs += [*((one, roles[0]) for one in flights), *((one, roles[1]) for one in tests)]
         return flights, tests
 
     @cached_property

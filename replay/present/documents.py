@@ -28,6 +28,7 @@ VERSIONS = {
     "simulate": 1,
     "compare": 1,
     "explain": 2,
+    "changed": 1,
     "where": 1,
     "add": 1,
     "remove": 1,

@@ -273,7 +273,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "summary": summary(found),
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
         "steps": [{"on": [], "chosen": _first(found), "alike": [], "candidates": ranked}],
-        "classes": [_class_json(c, found.model.vehicle) for c in found.classes],
+        "classes": [class_json(c, found.model.vehicle) for c in found.classes],
         "settle": settle.to_json(found.posterior.settle),
         "firm": list(found.firm),
         "open": [axis for axis, left in zip(AXES, found.open, strict=True) if left],
@@ -295,7 +295,8 @@ def _first(found: Explanation) -> str | None:
     return next((c.name for c in found.ranking if c.name in found.effects), None)
 
 
-def _class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
+def class_json(one: Class, vehicle: Vehicle) -> dict[str, Any]:
+    """One entry of `classes`."""
     return {
         "weight": one.weight,
         "sets": [{"effects": list(s.names), "weight": s.weight} for s in one.sets],

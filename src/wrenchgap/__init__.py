@@ -42,7 +42,7 @@ __getattr__, __all__ = names_of(
             "simulate",
             "where",
         ),
-        "wrenchgap.replay.between_flights": ("trend",),
+        "wrenchgap.replay.between_flights": ("changed", "trend"),
     },
 )
 
@@ -70,4 +70,5 @@ if TYPE_CHECKING:
     from wrenchgap.replay.api import save_model as save_model
     from wrenchgap.replay.api import simulate as simulate
     from wrenchgap.replay.api import where as where
+    from wrenchgap.replay.between_flights import changed as changed
     from wrenchgap.replay.between_flights import trend as trend

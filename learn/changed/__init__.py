@@ -1,0 +1,1 @@
+"""What changed between flights: effects as changes on suspect flights, everything absolute as a nuisance."""

@@ -1,0 +1,79 @@
+"""One flight at a time: signed means of what the model leaves, and values of effects on that flight alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.pool import Pool
+from wrenchgap.learn.changed.scatter import means_by_flight
+from wrenchgap.learn.changed.search import Weighed
+from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.posterior.score import bounded
+from wrenchgap.learn.posterior.spectrum import transformed
+
+
+@dataclass(frozen=True)
+class FlightRow:
+    """One flight: `role` "healthy", "odd" or "suspect"; `mean` and `rms` (6,) of what the given model leaves, NaN on
+    axes that were not measured; `values` of the effects that changed, by (effect, parameter), on this flight alone.
+    """  # noqa: D205
+
+    flight: str
+    role: str
+    mean: Array
+    rms: Array
+    values: dict[tuple[str, str], float]
+
+
+def rows_by_flight(pool: Pool, roles: Sequence[str], values: Sequence[dict[tuple[str, str], float]]) -> list[FlightRow]:
+    """A row for each flight of the pool."""
+    left = np.where(pool.data.measured_axes, pool.left, np.nan)
+    means = means_by_flight(pool.data, left)
+    sizes = np.sqrt(means_by_flight(pool.data, left**2))
+    return [FlightRow(*row) for row in zip(pool.names, roles, means, sizes, values, strict=True)]
+
+
+def values_by_flight(found: Weighed, names: Sequence[str], scale: Array) -> Array:
+    """Parameters (F, P) of these effects by flight: what all flights share, and what each is off from that by itself.
+
+    `scale` (P,) are the prior's sizes of the latter; no trim is granted. What the model as given has of an effect
+    counts.
+    """
+    pool, scorer = found.pool, found.scorer
+    best = scorer(tuple(sorted(names)))
+    always = -best.weights[scorer.spectrum.always]
+    lines = [next(one.line for one in pool.laws if one.name == n) for n in names]
+    stack = np.concatenate(((pool.left - pool.shared(always))[:, :, None], *(c.jacobian for c in lines)), axis=2)
+    axes = scorer.spectrum.axes
+    coefficients, block, _ = transformed(pool.data.records, pool.data.unanswered(stack)[:, axes])
+    starts = np.flatnonzero(np.diff(block, prepend=-1))
+    means_alone = [k for k, axis in enumerate(axes) if axis in answered(pool.data)]
+    within = np.ones(len(block), dtype=bool)
+    within[starts] = False
+    rows = np.ix_(within, np.array(means_alone, dtype=int)) if means_alone else None
+    if rows is not None:
+        coefficients[rows] = 0.0
+    weight = (scorer.count / np.maximum(scorer.spectrum.count, 1.0) / best.variance)[scorer.spectrum.band]
+    low, high = (np.concatenate([getattr(c, side) for c in lines]) for side in ("low", "high"))
+    low, high = np.minimum(low, -np.abs(high)), np.maximum(high, np.abs(low))
+    out = []
+    flight = pool.data.flight[starts][block]
+    for f in range(len(pool.names)):
+        mine = flight == f
+        x = coefficients[mine] * np.sqrt(weight[mine])[:, :, None]
+        flat = x.reshape(-1, x.shape[2])
+        whole = flat.T @ flat
+        out.append(bounded(whole[1:, 1:], whole[1:, 0], low, high, scale))
+    return np.asarray(np.array(out) + shared(found, names))
+
+
+def shared(found: Weighed, names: Sequence[str]) -> Array:
+    """Parameters (P,) of these effects that all flights share; what the model as given has counts."""
+    pool, scorer = found.pool, found.scorer
+    always = -scorer(tuple(sorted(names))).weights[scorer.spectrum.always]
+    origins = {one.name: one.line.origin for one in pool.laws}
+    return np.concatenate([origins[n] + pool.shared_values(always, n) for n in names])

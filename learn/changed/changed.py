@@ -1,0 +1,251 @@
+"""What changed between healthy flights and suspect ones: the one way from opened flights to that answer.
+
+All flights are one linear problem (`learn.changed.pool`). What the model is wrong by in all of them is there and free
+within typical sizes, every flight has a trim of its own as large as healthy flights differ by, and candidates are
+changes: what effects add on the suspect flights only. Sets of changes are weighed as sets of effects are
+(`learn.posterior`). So a thrust scale, a trim, an unmodelled drag that is in all flights drops out, and a difference
+that healthy flights show among themselves is no change.
+
+    changed   nothing having changed has less than `CHANCE` of the weight, and the heaviest set has a name
+    unknown   so too, but the heaviest set only says that there is a wrench; or the suspect flights leave far more
+    nothing   else
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.result import Result
+from wrenchgap.learn.changed.by_flight import FlightRow, rows_by_flight, values_by_flight
+from wrenchgap.learn.changed.laws import laws
+from wrenchgap.learn.changed.odd import Odd, odd_flights
+from wrenchgap.learn.changed.overlap import NotCompared, not_compared
+from wrenchgap.learn.changed.places import Place, places, where_of
+from wrenchgap.learn.changed.pool import Pool, calibrated
+from wrenchgap.learn.changed.priors import NAMELESS
+from wrenchgap.learn.changed.search import Weighed, weigh
+from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
+from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.data.applicable import Untried
+from wrenchgap.learn.data.dataset import dataset, spread_out
+from wrenchgap.learn.data.opening import OpenFlight, distinct
+from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
+from wrenchgap.learn.identify.candidates import Candidates, candidates
+from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.trim import typical
+from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.posterior import FIRM
+from wrenchgap.learn.posterior.settle import Check
+from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.model import Model
+
+Progress = Callable[[float, str], None]
+
+SECONDS = 120.0
+"""Most flight time of either side [s]; of longer logs, pieces spread over all of it."""
+CHANCE = 0.1
+"""Weight of nothing having changed below which something has."""
+UNLIKE = 1.6
+"""Ratio of commanded thrusts from which on two flights are not of one vehicle."""
+
+
+class Verdict(StrEnum):
+    """Whether something changed; see the module."""
+
+    CHANGED = "changed"
+    NOTHING = "nothing"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, repr=False)
+class Changed(Result):
+    """What changed on the `suspect` flights against the `healthy` ones (names; without those that are `odd`).
+
+    `firm` are effects that changed in nine tenths of the weight of all sets. `classes` are sets of changes that these
+    flights cannot tell apart, heaviest first, `nothing` the weight of none. `parameters` are those of the likeliest
+    set, `places` where on the vehicle its sparse effects may be, `alone` each change by itself. `scatter` (6,) [N, Nm]
+    is what healthy flights differ by; with `scatter_known` off, one healthy flight, it is typical values. `rows` are
+    the flights; `by_means` says that nothing was excited, so that only their means were compared. `louder` are
+    axes on which suspect flights leave far more than healthy ones.
+    """
+
+    verdict: Verdict
+    names: tuple[str, ...]
+    firm: tuple[str, ...]
+    nothing: float
+    classes: tuple[Class, ...]
+    settle: tuple[Check, ...]
+    parameters: tuple[Size, ...]
+    places: tuple[Place, ...]
+    alone: tuple[Alone, ...]
+    odd: tuple[Odd, ...]
+    not_compared: tuple[NotCompared, ...]
+    rows: tuple[FlightRow, ...]
+    scatter: Array
+    scatter_known: bool
+    answering: tuple[int, ...]
+    by_means: bool
+    louder: tuple[str, ...]
+    untried: tuple[Untried, ...]
+    model: Model
+    flights: tuple[OpenFlight, ...] = ()
+    timing: tuple[FlightTiming, ...] = ()
+
+    @property
+    def suspect(self) -> tuple[str, ...]:
+        """Names of the suspect flights."""
+        return tuple(r.flight for r in self.rows if r.role == "suspect")
+
+    @property
+    def healthy(self) -> tuple[str, ...]:
+        """Names of the healthy flights that were compared with."""
+        return tuple(r.flight for r in self.rows if r.role == "healthy")
+
+    def confidence(self, name: str) -> float:
+        """Weight of the sets that name the effect, or another form of it."""
+        return sum(s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names})
+
+
+def changed(
+    suspects: Sequence[OpenFlight],
+    healthy: Sequence[OpenFlight],
+    model: Model,
+    *,
+    names: Sequence[str] = (),
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Changed:
+    """Find what changed between flights that were opened for `model`, among `names`, by default the catalogue.
+
+    `jobs` processes, by default one for each core. Raises UsageError where a side has no flight, LogError for the same
+    flight on both sides or one of another vehicle, ModelError for unknown names.
+    """
+    tell = progress or (lambda fraction, words: None)
+    flights = checked(suspects, healthy, model)
+    tell(0.0, "timing of the topics")
+    timing = tuple(timing_of(f, model) for f in flights)
+    pool, untried = pooled(flights, len(healthy), model, names, answering_axes(timing), jobs, tell)
+    tell(0.5, "comparing healthy flights")
+    odd = odd_flights(pool, range(len(healthy)))
+    gone = {number for number, _ in odd}
+    good = [f for f in range(len(healthy)) if f not in gone]
+    found = compared(pool, good, list(range(len(healthy), len(flights))), tell)
+    rows = (*(_odd_row(pool, number) for number, _ in odd), *found.rows)
+    found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried)
+    return replace(found, flights=flights, timing=timing)
+
+
+def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
+    """All flights, healthy ones first, with names that differ; a one-line error for those that cannot be compared."""
+    for side, word in ((suspects, "suspect"), (healthy, "healthy")):
+        if not side:
+            raise UsageError(f"changed: no {word} flight; give suspect flights, and healthy ones with --healthy")
+    seen: dict[str, OpenFlight] = {}
+    for one in (*healthy, *suspects):
+        other = seen.get(one.flight.content_hash)
+        if other is not None:
+            raise LogError(
+                f"{one.flight.path}: is the same flight as {other.flight.path}; name each flight once, as "
+                "healthy or as suspect"
+            )
+        seen[one.flight.content_hash] = one
+    usual = float(np.median([_thrust(f) for f in healthy]))
+    for one in suspects:
+        ratio = _thrust(one) / max(usual, 1e-9)
+        if not 1.0 / UNLIKE < ratio < UNLIKE:
+            raise LogError(
+                f"{one.flight.path.name}: flies at a commanded thrust of {_thrust(one):.3g} N, the healthy flights at "
+                f"{usual:.3g} N; expected flights of one vehicle ({model.vehicle.name})"
+            )
+    return tuple(distinct([*healthy, *suspects]))
+
+
+def _thrust(flight: OpenFlight) -> float:
+    """Median size of the commanded force [N]."""
+    return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))
+
+
+def pooled(
+    flights: Sequence[OpenFlight],
+    healthy: int,
+    model: Model,
+    names: Sequence[str],
+    answering: tuple[int, ...],
+    jobs: int | None,
+    tell: Progress,
+) -> tuple[Pool, tuple[Untried, ...]]:
+    """All flights as one problem, the first `healthy` of them healthy; effects that cannot be tried."""
+    sides = (flights[:healthy], flights[healthy:])
+    records = [r for side in sides for r in spread_out(tuple(r for f in side for r in f.records), SECONDS)]
+    data = dataset(records, model, answering)
+    chosen: Candidates = candidates(data.records, model, names)
+    tell(0.1, "effects one by one")
+    names_of = list(dict.fromkeys(r.flight for r in records))
+    calm = dataset([r for r in records if names_of.index(r.flight) < healthy], model, answering)
+    found, failed = laws(data, model, chosen.tried, calm, cores() if jobs is None else jobs)
+    problem = Problem(data, model, ())
+    left = problem.at(np.zeros(problem.low.size)).residual
+    return Pool(data, model, left, found, typical(model), {}), (*chosen.untried, *failed)
+
+
+def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: Progress) -> Changed:
+    """The answer on a pool, of which `healthy` and `suspects` are flights by number; others are left out."""
+    tell(0.6, "what healthy flights differ by")
+    both = sorted([*healthy, *suspects])
+    good, mine = ([both.index(f) for f in side] for side in (healthy, suspects))
+    pool = calibrated(pool.only(both), good)
+    tell(0.7, "weighing sets of changes")
+    found = weigh(pool, mine)
+    pool = found.pool
+    best = next((c.sets[0] for c in found.posterior.classes if c.sets[0].names), None)
+    loud = louder(found, mine)
+    verdict = _verdict(found, () if best is None else best.names, loud)
+    names = () if verdict is Verdict.NOTHING or best is None else best.names
+    firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if verdict is Verdict.CHANGED else ()
+    values: list[dict[tuple[str, str], float]] = [{} for _ in both]
+    if names:
+        *_, prior = deviations(found, found.scorer(tuple(sorted(names))), names)
+        keys = [(n, p.name) for n in names for p in find(n).parameters(pool.model.vehicle)]
+        values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, prior)]
+    roles = ["suspect" if f in suspects else "healthy" for f in both]
+    return Changed(
+        verdict,
+        names,
+        firm,
+        found.nothing,
+        found.posterior.classes,
+        found.posterior.settle,
+        sizes(found, names, good),
+        tuple(p for n in names for p in places(found, names, n)),
+        candidate_changes(found),
+        (),
+        not_compared(pool, mine),
+        tuple(rows_by_flight(pool, roles, values)),
+        np.where(pool.data.measured_axes, pool.scatter, np.nan),
+        len(healthy) > 1,
+        pool.data.answering,
+        bool(answered(pool.data)),
+        tuple(AXES[a] for a in loud),
+        (),
+        pool.model,
+    )
+
+
+def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:
+    if found.nothing >= CHANCE or not best:
+        return Verdict.UNKNOWN if loud else Verdict.NOTHING
+    return Verdict.UNKNOWN if set(best) <= set(NAMELESS) else Verdict.CHANGED
+
+
+def _odd_row(pool: Pool, number: int) -> FlightRow:
+    return rows_by_flight(pool.only([number]), ["odd"], [{}])[0]
+
+
+__all__ = ["FIRM", "Changed", "Verdict", "changed", "where_of"]

@@ -1,0 +1,163 @@
+"""Flights of both sides as one linear problem: what the model leaves, laws of effects, what all flights share."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.laws import ABSOLUTE, Law
+from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
+from wrenchgap.learn.changed.spectrum import ChangeSpectrum
+from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.identify.trim import trim_of, typical
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.plant.effects import family
+from wrenchgap.plant.model import Model
+
+ROUNDS = 4
+"""In which the sizes of what is common are found."""
+WIDE = 10.0
+"""Scatter, in typical ones, that flights are granted while the sizes of what is common are found: whatever is wrong
+with a command is also an explanation of why two flights are commanded differently, and would take their scatter."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Flights with what the given model leaves, `left` (K, 6), and the `laws` of effects over all of them.
+
+    `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation; `sizes` those of the laws' common parts,
+    where the healthy flights say more than nothing.
+    """
+
+    data: Dataset
+    model: Model
+    left: Array
+    laws: tuple[Law, ...]
+    scatter: Array
+    sizes: dict[str, Array]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Flights by their number."""
+        return tuple(dict.fromkeys(r.flight for r in self.data.records))
+
+    def rows(self, flights: Collection[int]) -> NDArray[np.bool_]:
+        """Samples (K,) of some flights."""
+        return np.isin(self.data.flight, list(flights))
+
+    def only(self, flights: Collection[int]) -> Pool:
+        """The same with some of the flights, in their order."""
+        kept, names = self.rows(flights), self.names
+        records = [r for r in self.data.records if names.index(r.flight) in flights]
+        data = dataset(records, self.model, self.data.answering)
+        return replace(self, data=data, left=self.left[kept], laws=tuple(one.rows(kept) for one in self.laws))
+
+    @property
+    def shared_laws(self) -> tuple[Law, ...]:
+        """Of effects with several forms the first: one is enough to be in all flights."""
+        first: dict[str, Law] = {}
+        for one in self.laws:
+            first.setdefault(family(one.name), one)
+        return tuple(first.values())
+
+    @cached_property
+    def common(self) -> tuple[Column, ...]:
+        """What is in all flights alike, with the sizes that healthy flights make likely."""
+        out = []
+        for one in self.shared_laws:
+            column = one.common
+            if one.name in self.sizes and len(self.sizes[one.name]) == len(column.scale):
+                column = replace(column, scale=self.sizes[one.name])
+            out.append(column)
+        return tuple(out)
+
+    def spectrum(self, changes: tuple[Column, ...] = (), suspects: Collection[int] = ()) -> Spectrum:
+        """Of these changes, beside what all flights share and what every flight may differ by.
+
+        Several suspect flights have a trim in common besides: they may have been flown on one day, and then tell no
+        more about it than one does.
+        """
+        trim = trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist())))
+        known = self.common
+        if len(suspects) > 1:
+            known = (self._day(suspects), *known)
+        return ChangeSpectrum(self.data, self.left, changes, trim, known)
+
+    def _day(self, suspects: Collection[int]) -> Column:
+        rows = self.rows(suspects)
+        jacobian = np.zeros((len(rows), 6, 6))
+        for axis in np.flatnonzero(self.data.measured_axes):
+            jacobian[rows, axis, axis] = 1.0
+        size = self.scatter * np.sqrt(1.0 - 1.0 / len(suspects)) + 1e-12
+        nothing = np.zeros(6)
+        wide = 5.0 * size
+        flat = np.zeros(6, dtype=bool)
+        return Column((), nothing, nothing, np.zeros_like(self.left), jacobian, -wide, wide, size, flat, 0.0)
+
+    def shared(self, theta: Array) -> Array:
+        """What all flights share (K, 6) of what the model leaves, `theta` being the always-there unknowns of a
+        spectrum: laws, without trims.
+        """  # noqa: D205
+        out = np.zeros_like(self.left)
+        at = self._common_at(theta)
+        for column in self.common:
+            size = column.jacobian.shape[2]
+            out = out + column.jacobian @ theta[at : at + size]
+            at += size
+        return out
+
+    def shared_values(self, theta: Array, name: str) -> Array:
+        """Parameters (P,) of an effect that all flights share, of those unknowns; zero of another form of an effect."""
+        size = len(next(one for one in self.laws if one.name == name).reference)
+        at = self._common_at(theta)
+        for column in self.common:
+            if column.key == name:
+                return theta[at : at + size]
+            at += column.jacobian.shape[2]
+        return np.zeros(size)
+
+    def _common_at(self, theta: Array) -> int:
+        """Where, among the unknowns that are always there, those of `common` begin: they are the last."""
+        return len(theta) - sum(int(c.jacobian.shape[2]) for c in self.common)
+
+
+def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
+    """The pool with the scatter of its healthy flights and the sizes of what is common to them.
+
+    Sizes by automatic relevance (`learn.identify.fit`) from what happens within the flights, from `ABSOLUTE` of the
+    typical ones up to these: what healthy flights show may be as large as they show it.
+    """
+    alone = pool.only(healthy)
+    usual, sizes = typical(pool.model), {one.name: one.common.scale for one in pool.laws}
+    alone = replace(alone, scatter=WIDE * usual)
+    for _ in range(ROUNDS):
+        alone = replace(alone, sizes=sizes)
+        theta = solved(alone.spectrum())
+        at = alone._common_at(theta)
+        for one, column in zip(alone.shared_laws, alone.common, strict=True):
+            size, least = column.jacobian.shape[2], one.common.scale
+            shown = np.clip(np.abs(theta[at : at + size]), least, least / ABSOLUTE)
+            sizes = sizes | {one.name: shown}
+            at += size
+    means = means_by_flight(alone.data, alone.left - alone.shared(theta))
+    return replace(pool, scatter=scatter_between(means, pool.model), sizes=sizes)
+
+
+def solved(spectrum: Spectrum, rounds: int = 3) -> Array:
+    """The always-there unknowns by themselves, axes and bands weighed by what they leave."""
+    always, left = spectrum.always, spectrum.products[:, :, 0, 0]
+    weights = np.zeros(spectrum.low.size)
+    weights[0] = 1.0
+    for _ in range(rounds):
+        variance = np.maximum(left, spectrum.sensor)
+        whole = np.tensordot(spectrum.count / variance, spectrum.products, axes=([0, 1], [0, 1]))
+        prior = np.diag(spectrum.scale[always] ** -2.0)
+        weights[always] = -np.linalg.solve(whole[np.ix_(always, always)] + prior, whole[always, 0])
+        left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
+    return np.asarray(-weights[always])

@@ -1,0 +1,183 @@
+"""Which changes: the search over sets of `learn.posterior`, with changes on suspect flights as its candidates.
+
+A change of the mean of a flight can always be said to be trim. What a set is worth is therefore the log odds in all,
+trims and their prior included, and not what it takes off what is left, which trims would take off as well. Two sets are
+one class where they differ by less than `NEAR` standard errors of everything that is always there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.laws import again
+from wrenchgap.learn.changed.pool import Pool
+from wrenchgap.learn.changed.priors import change_prior
+from wrenchgap.learn.posterior.classes import Class, NamedSet, merged, settled
+from wrenchgap.learn.posterior.hunt import Hunt
+from wrenchgap.learn.posterior.posterior import Posterior
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
+from wrenchgap.learn.posterior.sets import IMPLAUSIBLE, Contender, Part, at_limit, by_axis, ordered, search, weights
+from wrenchgap.learn.posterior.spectrum import Spectrum
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.vehicle import Vehicle
+
+KEPT = 30
+"""Sets that are weighed."""
+BEHIND = 12.0
+"""Log odds behind the best set from which on a set is not weighed."""
+ROUNDS = 3
+"""Of search and new derivatives, at most."""
+FAR = 0.3
+"""Change from where it was linearised, in sizes of its prior, that calls for new derivatives."""
+NEAR = 2.0
+"""Difference of two predictions, in standard errors, that flights cannot show."""
+
+
+class ChangeScorer(Scorer):
+    """Scores sets of changes; some changes are rarer than others (`learn.changed.priors`)."""
+
+    def __init__(self, spectrum: Spectrum, reference: Array) -> None:
+        super().__init__(spectrum, reference)
+        self.bare: dict[Keys, Contender] = {}
+        """Sets of which everything is said already."""
+
+    def prior_of(self, keys: Keys) -> float:
+        """Log probability of the set before any flight."""
+        return super().prior_of(keys) - sum(change_prior(n).price for k in keys for n in self.spectrum.columns[k].names)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Sets of changes with their weights; the scorer that says more of each."""
+
+    posterior: Posterior
+    scorer: ChangeScorer
+    pool: Pool
+    suspects: tuple[int, ...]
+
+    @property
+    def nothing(self) -> float:
+        """Weight of the set in which nothing changed."""
+        return sum(s.weight for s in self.posterior.sets if not s.names)
+
+
+def weigh(pool: Pool, suspects: Collection[int]) -> Weighed:
+    """Weigh sets of changes on these flights of a pool that was calibrated on the others.
+
+    Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
+    lags that are each half right make up for what their lines lack), of others in the best set.
+    """
+    rows = pool.rows(suspects)
+    for _ in range(ROUNDS):
+        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects))
+        moved = _moved(scorer)
+        if not moved:
+            break
+        renewed = [again(pool.data, pool.model, o, moved[o.name]) if o.name in moved else o for o in pool.laws]
+        pool = replace(pool, laws=tuple(renewed))
+    log = ordered(scorer)
+    kept = [s for s in log[:KEPT] if s.log_probability > log[0].log_probability - BEHIND]
+    contenders = [contender(scorer, s.keys) for s in kept]
+    sets = merged(contenders, weights(contenders))
+    vehicle = pool.model.vehicle
+    found = Posterior(sets, grouped(sets, scorer, vehicle), settled(sets, vehicle))
+    return Weighed(found, scorer, pool, tuple(suspects))
+
+
+def _moved(scorer: Scorer) -> dict[str, Array]:
+    """Changes that are far from where they were linearised, and not straight lines, with their values."""
+    best, nothing = ordered(scorer)[0], scorer(()).log_probability
+    out = {}
+    for name, column in scorer.spectrum.columns.items():
+        alone = scorer((name,))
+        bent = find(name).place == "commands" and alone.log_probability > nothing
+        theta = alone.theta[name] if bent else best.theta.get(name)
+        if theta is None or (find(name).place == "thrusts" and find(name).sparse):  # a gain is a straight line
+            continue
+        if float(np.max(np.abs(theta - column.theta) / column.scale)) > FAR:
+            out[name] = theta
+    return out
+
+
+def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:
+    """As `learn.posterior.sets.searched`, of changes."""
+    reference, weights_left = saturated(spectrum)
+    spectrum.calm(spectrum.loud(spectrum.coefficients @ weights_left))
+    for _ in range(rounds):
+        scorer = ChangeScorer(spectrum, reference)
+        search(scorer)
+        reference = ordered(scorer)[0].left
+    return scorer
+
+
+def contender(scorer: ChangeScorer, keys: Keys) -> Contender:
+    """All that is said of a set, and what remains of it without what it does not need."""
+    leaves = {leaf.keys: leaf for leaf in _leaves(scorer, _bare(scorer, keys), set())}
+    log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
+    share = np.exp(log - log.max())
+    return replace(_bare(scorer, keys), leaves=tuple(zip(leaves.values(), (share / share.sum()).tolist(), strict=True)))
+
+
+def _leaves(scorer: ChangeScorer, whole: Contender, seen: set[Keys]) -> list[Contender]:
+    """Sets that are reached by taking out one part after the other that is not worth its price."""
+    if whole.keys in seen:
+        return []
+    seen.add(whole.keys)
+    idle = [k for k, p in zip(whole.keys, whole.parts, strict=True) if p.evidence <= 0.0]
+    if not idle:
+        return [whole]
+    rests = [tuple(k for k in whole.keys if k != gone) for gone in idle]
+    return [leaf for rest in rests for leaf in _leaves(scorer, _bare(scorer, rest), seen)]
+
+
+def _bare(scorer: ChangeScorer, keys: Keys) -> Contender:
+    if keys not in scorer.bare:
+        scorer.bare[keys] = _described(scorer, keys)
+    return scorer.bare[keys]
+
+
+def _described(scorer: Scorer, keys: Keys) -> Contender:
+    space, scored = scorer.spectrum, scorer(keys)
+    parts = []
+    for key in scored.keys:
+        c, theta = space.columns[key], scored.theta[key]
+        odds = scored.log_probability - scorer(tuple(k for k in scored.keys if k != key)).log_probability
+        stuck = at_limit(theta, c.low, c.high)
+        size = float(np.max(np.abs(theta) / c.scale))
+        parts.append(Part(c.names, theta, size, stuck, odds, IMPLAUSIBLE if stuck else 1.0))
+    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
+    predicted = -space.coefficients[:, :, used] @ scored.weights[used]
+    return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, by_axis(scorer, scored.left))
+
+
+def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:
+    """Every set in the class of the heaviest set that it cannot be told from."""
+    hunt = Hunt(scorer, sets[0].contender.scored.variance)
+    groups: list[list[NamedSet]] = []
+    for s in sets:
+        home = next((g for g in groups if bool(g[0].names) == bool(s.names) and apart(hunt, g[0], s) < NEAR), None)
+        if home is None:
+            groups.append([s])
+        else:
+            home.append(s)
+    found = [Class(sum(s.weight for s in g), tuple(g), settled(g, vehicle)) for g in groups]
+    return tuple(sorted(found, key=lambda c: -c.weight))
+
+
+def apart(hunt: Hunt, first: NamedSet, second: NamedSet) -> float:
+    """Standard errors between two sets' predictions, all that is always there being free to make up for them."""
+    weights = changes_only(hunt, first.contender.scored) - changes_only(hunt, second.contender.scored)
+    return float(np.sqrt(max(weights @ hunt.whole @ weights, 0.0)))
+
+
+def changes_only(hunt: Hunt, scored: Scored) -> Array:
+    """Weights (Q,) of a set's own columns in the stacked quantities."""
+    out = np.zeros_like(scored.weights)
+    for key in scored.keys:
+        mine = np.append(hunt.space.parameters[key], hunt.space.offset[key])
+        out[mine] = scored.weights[mine]
+    return out

@@ -1,0 +1,149 @@
+"""How large changes are: in SI, in units of the scatter between flights, and where on the vehicle.
+
+std          of the change, from what wanders within the flights: the trims held fixed; with what forms and stamps
+             that are nearly right may be off by (`learn.identify.least_squares.Problem.covariance`)
+scatter      what flights differ by, in this parameter: the trims free, sqrt(std_free^2 - std^2)
+significance |change| / hypot(scatter, std)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.by_flight import shared, values_by_flight
+from wrenchgap.learn.changed.places import where_of
+from wrenchgap.learn.changed.search import Weighed
+from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.identify.least_squares import MISFIT
+from wrenchgap.learn.posterior.score import Scored, relevant
+from wrenchgap.plant.effects import find
+
+LOUDER = 2.5
+"""Rms of what suspect flights leave within them, over that of the loudest healthy flight, that is worth a word."""
+WIDE = 4.0
+"""Prior of a value on one flight, in sizes of the prior of its change: wide enough not to pull."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """One parameter: its value on healthy flights and on the suspect ones, what healthy flights differ by, the standard
+    deviation of the change.
+    """  # noqa: D205
+
+    effect: str
+    name: str
+    healthy: float
+    scatter: float
+    suspect: float
+    std: float
+    unit: str
+    where: str
+
+    @property
+    def change(self) -> float:
+        """Suspect less healthy."""
+        return self.suspect - self.healthy
+
+    @property
+    def significance(self) -> float:
+        """The change in units of what it is uncertain by, scatter and standard deviation together."""
+        return abs(self.change) / max(float(np.hypot(self.scatter, self.std)), 1e-30)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """A change by itself: its parameters, and the log odds of it against none, its prior included."""
+
+    effect: str
+    odds: float
+    sizes: tuple[Size, ...]
+
+    @property
+    def largest(self) -> Size:
+        """The parameter that is most significant."""
+        return max(self.sizes, key=lambda s: s.significance)
+
+
+def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> tuple[Size, ...]:
+    """Parameters of a set of changes that are worth a line; `healthy` are flights of which the values are a mean, where
+    there are none they are what all flights share.
+    """  # noqa: D205
+    if not names:
+        return ()
+    space = found.scorer.spectrum
+    scored = found.scorer(tuple(sorted(names)))
+    std, free, prior = deviations(found, scored, names)
+    usual = values_by_flight(found, names, prior)[list(healthy)].mean(axis=0) if healthy else shared(found, names)
+    out, at = [], 0
+    vehicle = found.pool.model.vehicle
+    for name in names:
+        theta = scored.theta[name]
+        for k, p in enumerate(find(name).parameters(vehicle)):
+            scatter = float(np.sqrt(max(free[at] ** 2 - std[at] ** 2, 0.0)))
+            base, change = float(usual[at]), float(theta[k])
+            inexact = np.hypot(MISFIT * change, found.pool.data.records[0].dt / np.sqrt(12.0) if p.unit == "s" else 0.0)
+            if abs(change) >= MATERIAL * space.columns[name].scale[k] or not find(name).sparse:
+                where = where_of(vehicle, name, p.name)
+                size = Size(
+                    name, p.name, base, scatter, base + change, float(np.hypot(std[at], inexact)), p.unit, where
+                )
+                out.append(size)
+            at += 1
+    return tuple(out)
+
+
+def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array, Array]:
+    """Standard deviations (P,) of the changes: with every trim held fixed, and with all that is always there free; the
+    sizes (P,) of the prior with which that is so.
+    """  # noqa: D205
+    space = found.scorer.spectrum
+    unknown = np.concatenate([space.parameters[n] for n in names])
+    whole = np.tensordot(found.scorer.count / scored.variance, space.products, axes=([0, 1], [0, 1]))
+    fixed = whole[np.ix_(unknown, unknown)]
+    always = space.always
+    inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
+    across = whole[np.ix_(always, unknown)]
+    free = fixed - across.T @ np.linalg.solve(inner, across)
+    theta = np.concatenate([scored.theta[n] for n in names])
+    low, high, usual, sparse = (x[unknown] for x in (space.low, space.high, space.scale, space.sparse))
+    size = relevant(free, free @ theta, low, high, usual, sparse, usual)
+    wide = np.where(sparse, size, WIDE * usual)
+    both = (np.sqrt(np.diag(np.linalg.inv(part + np.diag(wide**-2.0)))) for part in (fixed, free))
+    return (*both, wide)
+
+
+def candidate_changes(found: Weighed) -> tuple[Alone, ...]:
+    """Every change by itself, the likeliest first."""
+    scorer = found.scorer
+    odds = {k: scorer((k,)).log_probability - scorer(()).log_probability for k in scorer.spectrum.columns}
+    listed = [Alone(k, odds[k], sizes(found, (k,))) for k in sorted(odds, key=lambda k: -odds[k])]
+    return tuple(one for one in listed if one.sizes)
+
+
+def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
+    """Axes on which every suspect flight leaves, within itself, far more than the loudest healthy one; of axes on which
+    commands answer the motion nothing is said: those leave what the air was like.
+    """  # noqa: D205
+    space = found.scorer.spectrum
+    best = found.posterior.classes[0].sets[0].contender.scored
+    weights = best.weights if best.keys in found.scorer.known else found.scorer(()).weights
+    left = space.coefficients @ weights
+    flight = found.pool.data.flight[_firsts(found)]
+    within = np.ones(len(left), dtype=bool)
+    within[space.starts] = False
+    rms = np.array(
+        [np.sqrt(np.mean(left[within & (flight[space.block] == f)] ** 2, axis=0)) for f in np.unique(flight)]
+    )
+    mine = np.isin(np.unique(flight), list(suspects))
+    loud = rms[mine].min(axis=0) > LOUDER * rms[~mine].max(axis=0)
+    quiet = answered(found.pool.data)
+    return tuple(int(axis) for k, axis in enumerate(space.axes) if loud[k] and axis not in quiet)
+
+
+def _firsts(found: Weighed) -> Array:
+    return np.asarray(found.scorer.spectrum.starts)

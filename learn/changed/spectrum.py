@@ -1,0 +1,94 @@
+"""What flights say of changes, by frequency: as `learn.posterior.spectrum`, or by means where nothing was excited.
+
+Where commands answer the motion on all torques and the commanded force hardly varies, a hover, everything that changes
+within a flight is the controller's answer to air and sensors: the measured torque hardly differs from zero while the
+commanded one does, and any law that takes the command away again explains that. Whether something changed between two
+flights shows there in the mean over a flight alone. The mean over a flight of all that may explain then stands in every
+block of time, and the residual keeps what it wanders by, as the noise of that mean; all other frequencies are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.identify.trim import Trim
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.spectrum import UNUSUAL, Spectrum
+
+EXCITED = 0.1
+"""Standard deviation of the commanded force over its size from which on a flight is no hover."""
+CALMER = 0.34
+"""Quantile over flights whose excitation counts."""
+
+
+class ChangeSpectrum(Spectrum):
+    """Products of everything linear, by band and axis; band 0 is the mean over blocks of time."""
+
+    def __init__(
+        self, data: Dataset, base: Array, columns: Sequence[Column], trim: Trim, known: Sequence[Column] = ()
+    ) -> None:
+        super().__init__(data, base, columns, trim, known)
+        sensor = np.concatenate((self.sensor[:1], self.sensor))
+        self.band = self.band + 1
+        self.band[self.starts] = 0
+        per_band = np.bincount(self.band)
+        filled = np.flatnonzero(per_band)
+        self.band = np.searchsorted(filled, self.band)
+        self.sensor = sensor[filled]
+        self.count = np.repeat(per_band[filled][:, None], len(self.axes), axis=1).astype(float)
+        self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)], data)
+        self.products = self._products()
+
+    def _means_alone(self, answering: Sequence[int], data: Dataset) -> None:
+        """On these axes, of `axes`: means over flights of all but the residual, and nothing but means."""
+        if not answering:
+            return
+        flight = flights_of_blocks(data, self)
+        within = np.ones(len(self.block), dtype=bool)
+        within[self.starts] = False
+        for axis in answering:
+            self.coefficients[within, axis] = 0.0
+            self.count[1:, axis] = 0.0
+            for f in np.unique(flight):
+                rows = self.starts[flight == f]
+                self.coefficients[rows, axis, 1:] = self.coefficients[rows, axis, 1:].mean(axis=0)
+
+    def loud(self, left: Array) -> Array:
+        """As there; axes that a band leaves out do not count."""
+        count = np.maximum(self.count, 1.0)
+        mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count
+        size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
+        size /= np.bincount(self.block)
+        return np.asarray(np.sqrt(np.minimum(1.0, UNUSUAL * np.median(size) / np.maximum(size, 1e-30))))
+
+
+def answered(data: Dataset) -> tuple[int, ...]:
+    """Axes on which the means of flights alone count: all where nothing was excited, else none.
+
+    That is so where commands answer the motion on all measured torques, and the commanded force hardly varies.
+    """
+    torques = {axis for axis in range(3, 6) if data.measured_axes[axis]}
+    if not torques or not torques <= set(data.answering):
+        return ()
+    return tuple(range(6)) if excitation(data) < EXCITED else ()
+
+
+def excitation(data: Dataset) -> float:
+    """How much the commanded force varies within a flight: its standard deviation over its size, of the calmer flights.
+
+    Of two flights the calmer one counts: the other one alone has nothing to be compared with.
+    """
+    found = []
+    for f in np.unique(data.flight):
+        force = data.commanded[data.flight == f, :3]
+        found.append(float(np.sqrt(force.var(axis=0).sum()) / np.linalg.norm(force, axis=1).mean()))
+    return float(np.quantile(found, CALMER, method="lower"))
+
+
+def flights_of_blocks(data: Dataset, spectrum: Spectrum) -> Array:
+    """The flight of each of the spectrum's blocks of time (blocks,)."""
+    return np.asarray(data.flight[spectrum.starts])

@@ -1,0 +1,61 @@
+"""`wrenchgap changed`: what is different between flights that went well and one that did not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, Run
+
+MANY = ("--healthy",)
+
+Suspects = Annotated[
+    list[Path], typer.Argument(metavar="SUSPECT...", help="Logs of flights with something wrong.", show_default=False)
+]
+Healthy = Annotated[
+    list[Path],
+    typer.Option(
+        "--healthy",
+        metavar="LOG...",
+        help="Logs of the same vehicle when all was well; several say what is usual.",
+        show_default=False,
+    ),
+]
+
+
+def changed(
+    suspects: Suspects,
+    model: o.ModelOption,
+    healthy: Healthy,
+    effects_only: Annotated[
+        str | None, typer.Option("--effects-only", metavar="A,B", help="Try changes of these effects only.")
+    ] = None,
+    figure: o.Figure = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Find what changed on suspect flights against healthy flights of the same vehicle, and what to inspect.
+
+    What MODEL is wrong by in all of the flights drops out. A change must exceed what healthy flights differ by among
+    themselves. Changes that are indistinguishable on these flights are one class. MODEL may be poor; it stays as it is.
+
+    Example: `wrenchgap changed bad.mcap --healthy monday.mcap tuesday.mcap -m tilt_hexarotor`
+    """
+    from wrenchgap.learn.parallel import cores, get_ready
+    from wrenchgap.replay import between_flights
+
+    run.claim({"--figure": figure}, *suspects, *healthy, model)
+    base, names = run.model(model), o.parse_effects(effects_only)
+    with run.progress("comparing") as report:
+        get_ready(cores(), "wrenchgap.learn.changed.changed")  # workers start while logs are read
+        good, bad = run.open(reading, healthy, base, suspects, ("healthy", "suspect"))
+        found = between_flights.changed(bad, good, base, names=names, progress=report)
+    run.result(found)
+    run.notes(base.notes)
+    run.draw(found, figure)
+    run.write("changed", found.to_json())
+    run.wrote(figure=figure)

@@ -1,0 +1,234 @@
+"""How an answer to "what changed" reads: verdict, sizes, classes, flights, and what to inspect."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.plant.effects import family
+from wrenchgap.replay.present import settle, timing, what_to_inspect
+from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json, not_tried, reason
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+
+WORTH_A_WORD = 1.0
+"""Standard deviations from which on the nearest change is named although nothing changed."""
+MOST = 8
+"""Changes by themselves that are shown."""
+SIZES_LEGEND = (
+    "scatter: what healthy flights differ by in this parameter   +-: of the change, from within the flights   "
+    "significance: change over both together"
+)
+ALONE_LEGEND = "log odds: of this change alone against none, its prior included; above about 2 it is worth a name"
+
+
+def parts(found: Changed) -> list[Part]:
+    """Verdict, sizes, classes, each change by itself, flights, what cannot be compared, what to inspect."""
+    out: list[Part] = []
+    out += [Line(summary(found), "bold"), Line()]
+    for odd in found.odd:
+        out += note_lines(
+            [f"{odd.flight} was given as healthy and is not: {odd.effect} ({odds(odd.odds)})."], "warning"
+        )
+    out += note_lines([baseline(found), *feedback(found)])
+    if found.parameters and found.verdict is not Verdict.NOTHING:
+        out += [sizes(found), Line(SIZES_LEGEND + "\n", "dim")]
+    shown = [c for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
+    out += [Line(settle.in_words(c).replace(": nothing", ": nothing changed")) for c in shown]
+    out += [*settle.lines(found.settle), Line()]
+    out += [alone(found), Line(ALONE_LEGEND + "\n", "dim"), flights(found)]
+    if any(r.values for r in found.rows):
+        out.append(values(found))
+    out += note_lines(f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared)
+    lacking = not_tried(found.untried).items()
+    out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
+    out += note_lines(notes(found))
+    return [*out, Line(), *(Line(text, "bold") for text in what_to_inspect.sentences(found))]
+
+
+def odds(log: float) -> str:
+    """Log odds as a probability."""
+    return f"confidence {share(min(0.98, 1.0 / (1.0 + np.exp(-log))))}"
+
+
+def baseline(found: Changed) -> str:
+    """What the healthy flights say, in one sentence."""
+    healthy = len(found.healthy)
+    if not found.scatter_known:
+        return (
+            "one healthy flight does not show what healthy flights differ by: typical values instead (1 % thrust of "
+            "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust); give more healthy flights."
+        )
+    known = [f"{head.split()[0]} {number(s, 2)}" for head, s in zip(UNIT_HEADS, found.scatter, strict=True) if s == s]
+    return f"{healthy} healthy flights differ by (standard deviation, N and Nm): {', '.join(known)}."
+
+
+def feedback(found: Changed) -> list[str]:
+    """Where only means of flights were compared, and why."""
+    if not found.by_means:
+        return []
+    return [
+        "the flights are feedback-dominated hovers: commands answer the motion, so that the flights' means are "
+        "compared and nothing else; flights with excitation on all axes say more."
+    ]
+
+
+def notes(found: Changed) -> list[str]:
+    """Those of the flights, alike ones once."""
+    by_text: dict[str, list[str]] = {}
+    for flight in found.flights:
+        for text in sentences(flight.notes):
+            own, name = text, f"{flight.flight.name}: "
+            if text.startswith(name):
+                own = text[len(name) :]
+            by_text.setdefault(own, []).append(flight.flight.name)
+    return [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}"
+        for text, names in by_text.items()
+    ]
+
+
+def summary(found: Changed) -> str:
+    """The verdict in plain words."""
+    if found.verdict is Verdict.NOTHING:
+        best = found.alone[0] if found.alone else None
+        nearest = ""
+        if best is not None and best.largest.significance > WORTH_A_WORD:
+            words = in_words(found, best.largest)
+            nearest = f" Nearest, and not established: {words}, {best.largest.significance:.1f} standard deviations."
+        return f"Nothing changed that is beyond what healthy flights differ by.{nearest}"
+    if found.verdict is Verdict.UNKNOWN:
+        loud = f" on {', '.join(found.louder)}" if found.louder else ""
+        return f"Something changed{loud}, and no effect of the catalogue says what."
+    said = []
+    for name in found.names:
+        first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
+        words = name if first is None else in_words(found, first)
+        said.append(f"{words}, confidence {share(found.confidence(name))}")
+    group = found.classes[0].sets if found.classes[0].sets[0].names else ()
+    others = [" + ".join(s.names) for s in group[1:] if s.weight >= settle.LIGHT]
+    alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
+    firm = "" if found.firm else " No single effect is firm."
+    return f"Changed: {' and '.join(said)}.{alike}{firm}"
+
+
+def in_words(found: Changed, size: Size) -> str:
+    """A change with its place: "rotor_thrust of M3 by -0.19"."""
+    place = next((p for p in found.places if p.effect == size.effect and p.parameter == size.name), None)
+    own = size.where if size.where and size.name.split("_")[0] in ("rotor", "arm") else ""
+    sure = f" ({share(place.probability)})" if place is not None and place.probability < what_to_inspect.SURE else ""
+    of = f" of {own}{sure}" if own else f" ({size.name})"
+    sign = "+" if size.change > 0 else ""
+    if size.unit == "1":
+        return f"{size.effect}{of} by {100 * size.change:+.1f} %"
+    return f"{size.effect}{of} by {sign}{quantity(size.change, size.unit)}"
+
+
+def sizes(found: Changed) -> Table:
+    """Parameters of the likeliest set."""
+    numbers = ("healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
+    out = table("changes", "effect", "parameter", "where", *numbers, left=3)
+    for p in found.parameters:
+        values = (number(v) for v in (p.healthy, p.scatter, p.suspect, p.change))
+        texts = (escape(p.effect), escape(p.name), escape(p.where))
+        out.add_row(*texts, *values, number(p.std, 2), unit(p.unit), f"{p.significance:.1f}")
+    return out
+
+
+def alone(found: Changed) -> Table:
+    """Each change by itself, likeliest first."""
+    rows = [
+        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", f"{a.odds:.1f}")
+        for a, s in ((a, a.largest) for a in found.alone[:MOST])
+    ]
+    heads = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
+    return plain("each change by itself", heads, rows, left=3)
+
+
+def flights(found: Changed) -> Table:
+    """Signed means of the residual by flight, and what healthy flights differ by."""
+    out = table("mean residual of the given model by flight, signed", "flight", "", *UNIT_HEADS, left=2)
+    for k, r in enumerate(found.rows):
+        last = k == len(found.rows) - 1 or found.rows[k + 1].role != r.role
+        out.add_row(
+            escape(r.flight), r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last
+        )
+    out.add_row("scatter", "", *row(found.scatter))
+    return out
+
+
+def values(found: Changed) -> Table:
+    """Values of what changed, on each flight alone."""
+    keys = [(p.effect, p.name) for p in found.parameters]
+    heads = [f"{p.effect} {p.where or p.name} [{unit(p.unit) or '1'}]" for p in found.parameters]
+    out = table("what changed, on each flight by itself", "flight", "", *heads, left=2)
+    for r in found.rows:
+        if r.values:
+            out.add_row(escape(r.flight), r.role, *(number(r.values[k]) for k in keys))
+    return out
+
+
+def to_json(found: Changed) -> dict[str, Any]:
+    """The body of the `changed` schema."""
+    return {
+        "verdict": str(found.verdict),
+        "firm": list(found.firm),
+        "classes": [class_json(c, found.model.vehicle) for c in found.classes],
+        "parameters": [_parameter(p) for p in found.parameters],
+        "odd": [o.flight for o in found.odd],
+        "not_compared": [{"quantity": n.quantity, "reason": n.reason} for n in found.not_compared],
+        "summary": summary(found),
+        "inspect": what_to_inspect.sentences(found),
+        "effects": [{"effect": n, "confidence": found.confidence(n), "family": family(n)} for n in found.names],
+        "places": [vars(p) for p in found.places],
+        "nothing": found.nothing,
+        "alone": [
+            {"effect": a.effect, "log_odds": a.odds, "parameters": [_parameter(p) for p in a.sizes]}
+            for a in found.alone
+        ],
+        "odd_because": [vars(o) for o in found.odd],
+        "settle": settle.to_json(found.settle),
+        "healthy": list(found.healthy),
+        "suspect": list(found.suspect),
+        "scatter": found.scatter,
+        "scatter_from": "flights" if found.scatter_known else "typical values",
+        "by_flight": [_flight(found, k) for k in range(len(found.rows))],
+        "axes": list(AXES),
+        "answering": [AXES[a] for a in found.answering],
+        "by_means": found.by_means,
+        "louder": list(found.louder),
+        "not_tried": [{"effect": u.effect, "lack": str(u.lack), "reason": reason(u)} for u in found.untried],
+        "unmeasured": unmeasured(found.scatter),
+        "timing": [timing.to_json(one) for one in found.timing],
+        "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
+        "notes": sentences(note for f in found.flights for note in f.notes),
+    }
+
+
+def _parameter(p: Size) -> dict[str, Any]:
+    keys = ("effect", "name", "healthy", "scatter", "suspect", "std", "unit", "significance", "where")
+    return {key: getattr(p, key) for key in keys}
+
+
+def _flight(found: Changed, k: int) -> dict[str, Any]:
+    r = found.rows[k]
+    listed = [{"effect": e, "name": n, "value": v} for (e, n), v in r.values.items()]
+    return {"flight": r.flight, "role": r.role, "mean": r.mean, "rms": r.rms, "values": listed}
+
+
+def to_frame(found: Changed) -> pd.DataFrame:
+    """One row for each parameter of each change by itself, the likeliest change first."""
+    rows = [
+        {**_parameter(p), "change": p.change, "log_odds": a.odds, "named": a.effect in found.names}
+        for a in found.alone
+        for p in a.sizes
+    ]
+    return pd.DataFrame(rows)

@@ -1,0 +1,101 @@
+"""Picture of what changed: mean residuals by flight in units of what healthy flights differ by, and the changes.
+
+Left, every flight's signed mean on each axis, from the mean of the healthy ones: what lies within the band is what
+healthy flights differ by. In the middle each change by itself: how many standard deviations it is. Right, the vehicle
+from above, with what to inspect marked.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.replay.present.figures import style, vehicle
+from wrenchgap.replay.present.numbers import AXIS_HEADS, quantity, share
+from wrenchgap.replay.present.what_to_inspect import LIKELY, SURE
+
+MOST = 12
+"""Changes drawn."""
+COLOURS = {"healthy": "0.55", "odd": "tab:orange", "suspect": "tab:red"}
+BAND = 2.0
+"""Half the width of the band, in standard deviations between healthy flights."""
+
+
+def picture(found: Changed) -> style.Picture:
+    """Three panels side by side."""
+    title = f"{found.model.name}: {', '.join(map(style.shortened, found.suspect))} against {len(found.healthy)} healthy"
+    return style.Picture((1, 3), (15.0, 4.4), lambda panels: _draw(found, np.ravel(panels)), title=title)
+
+
+def _draw(found: Changed, panels: Any) -> None:
+    _means(found, panels[0])
+    _changes(found, panels[1])
+    marks, moved_B = marked(found)
+    vehicle.draw(panels[2], found.model.vehicle, marks, moved_B=moved_B)
+
+
+def marked(found: Changed) -> tuple[dict[str, str], Array | None]:
+    """Parts of the vehicle to mark, with a few words on each, and where the centre of mass moved (3,) [m], if it did.
+
+    Of nothing that changed nothing is marked.
+    """
+    marks: dict[str, str] = {}
+    moved_B: Array | None = None
+    if found.verdict is Verdict.NOTHING:
+        return marks, moved_B
+    by_name = {(p.effect, p.name): p for p in found.parameters}
+    for place in found.places:
+        if place.probability >= LIKELY:
+            size = by_name.get((place.effect, place.parameter))
+            change = "" if size is None else f"{place.effect} {_written(size)}"
+            sure = "" if place.probability >= SURE else f"{share(place.probability)}"
+            marks[place.parameter] = ", ".join(filter(None, (change, sure)))
+    for name in found.names:
+        if name.startswith("imu_") or name == "accelerometer_bias":
+            marks["imu"] = name
+        if name in ("com_offset", "payload"):
+            moved_B = np.array([by_name[name, a].change if (name, a) in by_name else 0.0 for a in "xyz"])
+            marks["com"] = "moved"
+    return marks, moved_B
+
+
+def _written(size: Size) -> str:
+    return f"{100 * size.change:+.0f} %" if size.unit == "1" else quantity(size.change, size.unit, 2)
+
+
+def _means(found: Changed, panel: Any) -> None:
+    known = np.flatnonzero(np.isfinite(found.scatter))
+    usual = np.mean([r.mean for r in found.rows if r.role == "healthy"], axis=0)
+    panel.axhspan(-BAND, BAND, color=style.NOISE, alpha=0.15, lw=0, label=f"{BAND:g} scatter of healthy flights")
+    for k, role in enumerate(COLOURS):
+        for r in [r for r in found.rows if r.role == role]:
+            at = np.arange(len(known)) + 0.16 * (k - 1)
+            heights = ((r.mean - usual) / found.scatter)[known]
+            panel.plot(at, heights, "o", color=COLOURS[role], ms=6, alpha=0.8, label=role)
+    panel.set_xticks(range(len(known)), [AXIS_HEADS[k] for k in known])
+    style.labelled(panel, "mean residual from that of healthy flights", "scatter")
+    style.grid(panel)
+    style.legend(panel)
+
+
+def _changes(found: Changed, panel: Any) -> None:
+    shown = found.alone[:MOST][::-1]
+    if not shown:
+        style.nothing(panel, "no effect of the catalogue could be tried")
+        return
+    colours = ["tab:red" if a.effect in found.names else "0.75" for a in shown]
+    panel.barh(range(len(shown)), [a.largest.significance for a in shown], 0.7, color=colours)
+    panel.set_yticks(range(len(shown)), [_label(a.largest) for a in shown], fontsize=style.SMALL)
+    style.labelled(panel, "each change by itself", "standard deviations", "x")
+    style.grid(panel)
+    panel.grid(visible=False, axis="y")
+
+
+def _label(size: Size) -> str:
+    """Effect, and the rotor or arm that it is of."""
+    own = size.where if size.name.split("_")[0] in ("rotor", "arm") else size.name
+    return f"{size.effect}: {own}"

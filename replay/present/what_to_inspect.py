@@ -1,0 +1,76 @@
+"""What to look at on the vehicle after a change was found: a sentence for each effect, in the user's names."""
+
+from __future__ import annotations
+
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.places import Place, towards
+from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.replay.present.numbers import quantity, share
+
+SURE = 0.9
+"""Probability of one place from which on no other is named."""
+LIKELY = 0.05
+"""Probability from which on a place is worth a look."""
+
+PARTS = {
+    "rotor_thrust": "its propeller for cuts, cracks and dirt, its motor for drag, its mount for play",
+    "tilt_offset": "the servo horn and its screw, and the servo's zero",
+}
+"""What to look at on one rotor or arm."""
+ACTIONS = {
+    "accelerometer_bias": "calibrate the accelerometer, and look at what is mounted beside it",
+    "imu_misalignment": "look at the IMU's mounting: has it turned?",
+    "imu_lever_arm": "look at the IMU's mounting: has it moved?",
+    "motor_lag": "look at motors, bearings and speed controllers: rotors follow their commands differently",
+    "asymmetric_motor_lag": "look at motors, bearings and speed controllers: rotors follow their commands differently",
+    "servo_lag": "look at the tilt servos, their supply voltage and their load",
+    "backlash": "hold the hull and rock every arm by hand: gears and horns of the tilt servos have play",
+    "arm_twist": "twist every arm by hand: one or several have become softer",
+    "command_delay": "look at the link and the load of the flight computer: commands arrive later or earlier",
+    "thrust_scale": "look at the battery and at all propellers: all thrust together has changed",
+    "battery_sag": "measure the battery's internal resistance, and its voltage under load",
+    "thrust_fade": "measure the battery's internal resistance, and its voltage under load",
+    "thrust_curve": "look at the settings of the speed controllers",
+    "mass": "weigh the vehicle",
+    "inertia": "look at what was moved or mounted far from the middle",
+    "tether": "look for cables and ropes that pull",
+    "wind": "compare the wind on the days of the flights",
+    "body_drag": "look at covers and payload that catch the air",
+    "body_drag_areas": "look at covers and payload that catch the air",
+    "drag_torque": "check that all propellers are of one type, and mounted the right way round",
+    "drag_torque_of_speed": "check that all propellers are of one type, and mounted the right way round",
+}
+"""What to do, where an effect is of no single rotor or arm."""
+NOTHING = "Nothing to inspect: what differs is within what healthy flights differ by."
+NO_NAME = (
+    "Something is different that the catalogue has no name for: look at everything that was touched between the "
+    "flights, and fly the suspect vehicle with excitation on all axes."
+)
+
+
+def sentences(found: Changed) -> list[str]:
+    """What to inspect, the most significant first."""
+    if found.verdict is Verdict.NOTHING:
+        return [NOTHING]
+    out = []
+    if found.verdict is Verdict.UNKNOWN:
+        out.append(NO_NAME)
+    for name in dict.fromkeys(p.effect for p in sorted(found.parameters, key=lambda p: -p.significance)):
+        listed = [p for p in found.parameters if p.effect == name]
+        said = _of(found, name, listed, [p for p in found.places if p.effect == name])
+        out += [f"Inspect {said}."] if said else []
+    return out
+
+
+def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> str:
+    if places:
+        likely = places[:1] if places[0].probability >= SURE else [p for p in places if p.probability >= LIKELY]
+        which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
+        return f"{which}: {PARTS.get(name, 'what is mounted there')}"
+    if name in ("com_offset", "payload"):
+        by = {p.name: p.change for p in listed}
+        side = towards(found.model.vehicle, by.get("x", 0.0), by.get("y", 0.0))
+        mass = f", {quantity(by['mass'], 'kg')}" if "mass" in by else ""
+        return f"the battery and what is mounted{mass}: the centre of mass has moved towards {side}"
+    words = ACTIONS.get(name, "")
+    return f"what {name} is about: {words}" if words else ""

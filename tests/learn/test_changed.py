@@ -1,0 +1,192 @@
+"""What changed between flights: changes of known size under absolute errors of the model that all flights share.
+
+Flights of the independent engine (MuJoCo). The model that judges them is wrong in all of them: 5 % too much thrust, a
+centre of mass 7 mm off, no servo lag. None of that is news; what is hidden in the suspect flight alone is.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.learn.changed.changed import Verdict, changed
+from wrenchgap.learn.changed.places import towards, where_of
+from wrenchgap.learn.changed.priors import change_prior
+from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
+from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.identify.trim import WORTH, typical
+
+TRIED = (
+    "rotor_thrust",
+    "com_offset",
+    "thrust_scale",
+    "servo_lag",
+    "coaxial_loss",
+    "body_drag_areas",
+    "constant_wrench",
+)
+SECONDS = 14.0
+HEALTHY = (1, 2, 3)
+
+
+@pytest.fixture(scope="module")
+def wrong(hexarotor):
+    """A model that is wrong in all flights alike."""
+    vehicle = hexarotor.vehicle
+    rotors = replace(vehicle.rotors, c_f=1.05 * vehicle.rotors.c_f)
+    body = replace(vehicle.body, com_B=vehicle.body.com_B + np.array([0.006, -0.004, 0.0]))
+    return replace(hexarotor, vehicle=replace(vehicle, rotors=rotors, body=body))
+
+
+@pytest.fixture(scope="module")
+def flown(once):
+    """flown(effect, size, trajectory, seed) is a flight of the engine."""
+    from benchmarks.hidden_effects import engine
+
+    def fly(effect="none", size=None, trajectory="train", seed=9):
+        name = f"changed {effect} {size} {trajectory} {seed} {SECONDS}"
+        return once(name, lambda: engine.fly(effect, size, trajectory, SECONDS, seed=seed))
+
+    return fly
+
+
+@pytest.fixture(scope="module")
+def against(flown, wrong):
+    """against(suspect flights, healthy ones) is the answer with the wrong model."""
+
+    def judge(suspects, healthy=None, names=TRIED, **options):
+        good = [flown(seed=s)[0] for s in HEALTHY] if healthy is None else healthy
+        opened = open_flights([*good, *suspects], wrong, **options)
+        return changed(opened[len(good) :], opened[: len(good)], wrong, names=names, jobs=1)
+
+    return judge
+
+
+def change(found, effect, name):
+    return next(p for p in found.parameters if (p.effect, p.name) == (effect, name))
+
+
+@pytest.fixture(scope="module")
+def weak(flown, against):
+    """One rotor with 6 % less thrust on the suspect flight, and the truth."""
+    flight, truth = flown("weak_rotor", {"rotor": 4, "loss": 0.06})
+    return against([flight]), truth.parameters["weak_rotor"]
+
+
+def test_a_weak_rotor_is_found_under_a_wrong_model(weak):
+    """The loss of the one rotor, not the thrust and the centre of mass that are wrong in all flights."""
+    found, truth = weak
+    assert found.verdict is Verdict.CHANGED
+    assert found.names == found.firm == ("rotor_thrust",)
+    one = change(found, "rotor_thrust", f"rotor_{truth['rotor']}")
+    assert one.change == pytest.approx(-truth["loss"], abs=0.15 * truth["loss"])
+    assert one.significance > 4
+    assert found.nothing < 0.01
+    assert found.places[0].parameter == f"rotor_{truth['rotor']}"
+    assert found.places[0].probability > 0.9
+
+
+def test_values_by_flight_show_who_differs(weak):
+    """On every flight by itself the healthy ones agree, the suspect one has less by the loss."""
+    found, truth = weak
+    key = ("rotor_thrust", f"rotor_{truth['rotor']}")
+    values = {role: [r.values[key] for r in found.rows if r.role == role] for role in ("healthy", "suspect")}
+    assert np.ptp(values["healthy"]) < 0.3 * truth["loss"]
+    assert np.mean(values["healthy"]) - values["suspect"][0] == pytest.approx(truth["loss"], rel=0.3)
+
+
+def test_nothing_changed_is_said(flown, against):
+    found = against([flown(seed=7)[0]])
+    assert found.verdict is Verdict.NOTHING
+    assert found.names == found.firm == found.odd == ()
+    assert found.nothing > 0.9
+
+
+def test_one_healthy_flight_is_enough_for_a_large_change_and_the_answer_says_so(flown, against):
+    found = against([flown("com_offset", {"x": 0.009, "y": 0.0, "z": 0.0})[0]], [flown(seed=1)[0]])
+    assert not found.scatter_known
+    assert found.firm == ("com_offset",)
+    assert change(found, "com_offset", "x").change == pytest.approx(0.009, rel=0.1)
+
+
+def test_an_odd_healthy_flight_is_found_named_and_left_out(flown, against):
+    """One of the healthy flights has the weak rotor; the suspect is well."""
+    odd = flown("weak_rotor", {"rotor": 4, "loss": 0.06})[0]
+    found = against([flown(seed=7)[0]], [flown(seed=1)[0], odd, flown(seed=2)[0], flown(seed=3)[0]])
+    assert [o.effect for o in found.odd] == ["rotor_thrust"]
+    assert [r.flight for r in found.rows if r.role == "odd"] == [found.odd[0].flight]
+    assert found.odd[0].flight not in found.healthy
+    assert found.verdict is Verdict.NOTHING
+
+
+def test_other_trajectories_are_compared_and_what_does_not_overlap_is_said(flown, against):
+    """Healthy in hover, which shows means only, suspect tumbling: nothing wrong is firm, and tilt is not compared."""
+    healthy = [flown(trajectory="hover", seed=s)[0] for s in (1, 2)]
+    found = against([flown("weak_rotor", {"rotor": 4, "loss": 0.15})[0]], healthy)
+    assert "tilt" in {n.quantity for n in found.not_compared}
+    assert all("healthy" in n.reason for n in found.not_compared)
+    assert set(found.firm) <= {"rotor_thrust"}
+
+
+def test_a_change_is_found_on_another_trajectory(flown, against):
+    """Healthy flights excite all axes, the suspect one flies steps."""
+    found = against([flown("weak_rotor", {"rotor": 4, "loss": 0.1}, trajectory="steps")[0]])
+    assert found.firm == ("rotor_thrust",)
+    assert found.places[0].parameter in ("rotor_4", "rotor_5")
+
+
+def test_the_same_flight_on_both_sides_is_an_error(flown, wrong):
+    one = open_flights([flown(seed=1)[0]], wrong)
+    with pytest.raises(LogError, match="same flight"):
+        changed(one, one, wrong, jobs=1)
+
+
+def test_a_side_without_flights_is_an_error(flown, wrong):
+    one = open_flights([flown(seed=1)[0]], wrong)
+    with pytest.raises(UsageError, match="no healthy flight"):
+        changed(one, [], wrong, jobs=1)
+
+
+def test_a_flight_of_another_vehicle_is_an_error(flown, wrong):
+    """The other one is flown with twice the thrust."""
+    good, bad = open_flights([flown(seed=1)[0], flown(seed=2)[0]], wrong)
+    heavy = replace(bad, records=tuple(replace(r, commanded=2.0 * r.commanded) for r in bad.records))
+    with pytest.raises(LogError, match="one vehicle"):
+        changed([heavy], [good], wrong, jobs=1)
+
+
+# ------------------------------------------------------------ closed forms
+
+
+def test_scatter_is_pooled_with_the_typical_one(hexarotor):
+    """Flights that agree leave the typical scatter's share; many that differ leave their own standard deviation."""
+    usual = typical(hexarotor)
+    np.testing.assert_allclose(scatter_between(np.zeros((3, 6)), hexarotor), np.sqrt(WORTH / (2 + WORTH)) * usual)
+    np.testing.assert_allclose(scatter_between(np.zeros((1, 6)), hexarotor), usual)
+    means = 50.0 * usual * np.random.default_rng(0).normal(size=(400, 1))
+    np.testing.assert_allclose(scatter_between(means, hexarotor), means.std(axis=0, ddof=1), rtol=0.01)
+
+
+def test_means_by_flight_are_signed(plain):
+    left = np.full((len(plain.measured), 6), -2.0)
+    np.testing.assert_allclose(means_by_flight(plain, left), [[-2.0] * 6])
+
+
+@pytest.mark.parametrize(("x", "y", "side"), [(1, 0, "front"), (-1, 0, "back"), (0, 1, "left"), (1, 1, "front left")])
+def test_directions_have_names(hexarotor, x, y, side):
+    assert f"({side})" in towards(hexarotor.vehicle, x, y)
+
+
+def test_places_are_the_users(hexarotor):
+    vehicle = replace(hexarotor.vehicle, rotor_names=("M1", "M2"), arm_names=("nose",))
+    assert where_of(vehicle, "rotor_thrust", "rotor_1") == "M2"
+    assert where_of(vehicle, "rotor_thrust", "rotor_5") == "rotor_5"
+    assert where_of(vehicle, "tilt_offset", "arm_0") == "nose"
+    assert where_of(vehicle, "accelerometer_bias", "x") == "accelerometer"
+
+
+def test_a_propeller_only_loses_and_laws_hardly_change():
+    assert change_prior("rotor_thrust").loses
+    assert change_prior("drag_torque").share < 0.5
+    assert change_prior("an effect of a user's own") == change_prior("ground_effect")

@@ -1,0 +1,149 @@
+"""`wrenchgap changed`: the command, its words, table, figure and the JSON that docs/json.md promises."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.places import Place
+from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.replay.present import changed as presented
+from wrenchgap.replay.present import what_to_inspect
+from wrenchgap.replay.present.documents import VERSIONS
+from wrenchgap.replay.present.figures import changed as drawn
+
+MODEL = wg.load_model("tilt_hexarotor")
+TRIED = ("com_offset", "mass", "rotor_thrust")
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "json.md"
+SECTION = DOCS.read_text(encoding="utf-8").split("\n## changed\n")[1].split("\n## ")[0]
+
+
+def compared(suspect, healthy):
+    good, bad = wg.open_flights([healthy, suspect], MODEL)
+    return wg.changed(bad, good, MODEL, names=TRIED, jobs=1)
+
+
+@pytest.fixture(scope="module")
+def moved(logs):
+    """The centre of mass moved by (-4, 7, -5) mm."""
+    return compared(logs.train, logs.ideal)
+
+
+@pytest.fixture(scope="module")
+def same(logs):
+    """Both flights have it."""
+    return compared(logs.test, logs.train)
+
+
+def test_a_centre_of_mass_that_moved_is_named_with_its_size(moved):
+    assert moved.verdict is Verdict.CHANGED
+    assert moved.firm == ("com_offset",)
+    change = {p.name: p.change for p in moved.parameters}
+    np.testing.assert_allclose([change[a] for a in "xyz"], [-0.004, 0.007, -0.005], atol=5e-4)
+    assert "com_offset" in presented.summary(moved)
+
+
+def test_what_both_flights_have_is_no_change(same):
+    assert same.verdict is Verdict.NOTHING
+    assert presented.summary(same).startswith("Nothing changed")
+    assert what_to_inspect.sentences(same) == [what_to_inspect.NOTHING]
+
+
+def test_it_prints_ends_with_what_to_inspect_and_tabulates(moved):
+    text = str(moved)
+    assert "one healthy flight" in text
+    assert text.splitlines()[-1].startswith("Inspect the battery and what is mounted: the centre of mass has moved")
+    frame = moved.to_frame()
+    assert set(frame.effect) <= set(TRIED)
+    assert frame[frame.named].effect.unique().tolist() == ["com_offset"]
+
+
+def test_the_side_that_is_inspected_is_where_it_moved(moved):
+    """x -4 mm, y +7 mm: back left."""
+    assert "(back left)" in what_to_inspect.sentences(moved)[0]
+
+
+def test_json_has_the_keys_that_are_documented_and_no_others(moved):
+    assert VERSIONS["changed"] == 1
+    heads = [line.split("|")[1] for line in SECTION.splitlines() if line.startswith("| `")]
+    keys = {key for head in heads for key in re.findall(r"`(\w+)`", head)}
+    body = moved.to_json()
+    assert set(body) - {"notes"} == keys
+    words = {"effect", "name", "healthy", "scatter", "suspect", "std", "unit", "significance", "where"}
+    assert all(set(p) == words for p in body["parameters"])
+    assert body["odd"] == []
+    for row in body["by_flight"]:
+        assert set(row) == {"flight", "role", "mean", "rms", "values"}
+
+
+def test_the_picture_marks_what_moved(moved, same):
+    marks, arrow = drawn.marked(moved)
+    assert marks == {"com": "moved"}
+    np.testing.assert_allclose(arrow, [-0.004, 0.007, -0.005], atol=5e-4)
+    assert drawn.marked(same) == ({}, None)
+    axes = moved.plot()
+    assert np.size(axes) == 3
+    plt.close("all")
+
+
+def rotor(found, *odds):
+    """The answer as if single rotors of a vehicle with names had changed, with these probabilities."""
+    names = tuple(f"M{k + 1}" for k in range(12))
+    model = replace(found.model, vehicle=replace(found.model.vehicle, rotor_names=names))
+    size = Size("rotor_thrust", "rotor_2", 0.0, 0.01, -0.12, 0.005, "1", "M3")
+    places = tuple(Place("rotor_thrust", f"rotor_{k + 2}", names[k + 2], p) for k, p in enumerate(odds))
+    return replace(found, model=model, names=("rotor_thrust",), parameters=(size,), places=places)
+
+
+def test_a_rotor_is_called_by_its_name(moved):
+    found = rotor(moved, 0.97, 0.02)
+    assert what_to_inspect.sentences(found)[0].startswith("Inspect M3: its propeller")
+    assert "rotor_thrust of M3 by -12.0 %" in presented.summary(found)
+    assert list(drawn.marked(found)[0]) == ["rotor_2"]
+
+
+def test_where_it_is_open_which_rotor_all_likely_ones_are_named(moved):
+    assert what_to_inspect.sentences(rotor(moved, 0.6, 0.38, 0.02))[0].startswith("Inspect M3 (60 %) or M4 (38 %): ")
+
+
+def test_significance_is_over_scatter_and_deviation_together():
+    size = Size("mass", "added", 0.1, 0.03, 0.2, 0.04, "kg", "")
+    assert size.change == pytest.approx(0.1)
+    assert size.significance == pytest.approx(0.1 / 0.05)
+
+
+def test_the_command_writes_what_the_function_finds(logs, result_of, tmp_path):
+    result = result_of(
+        *("changed", logs.train, "--healthy", logs.ideal, "-m", "tilt_hexarotor"),
+        *("--effects-only", "com_offset,mass", "--figure", "c.png"),
+    )
+    assert result["schema"] == "wrenchgap.changed/1"
+    assert [i["role"] for i in result["inputs"]] == ["healthy", "suspect", "model"]
+    assert result["verdict"] == "changed"
+    assert result["firm"] == ["com_offset"]
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("LOG --healthy LOG", "same flight"),
+        ("LOG --healthy gone.mcap", "gone.mcap"),
+        ("LOG", "--healthy"),
+        ("LOG --healthy OTHER --effects-only witchcraft", "witchcraft"),
+    ],
+)
+def test_bad_input_is_one_line(logs, refused, words, says):
+    names = {"LOG": logs.train, "OTHER": logs.ideal}
+    arguments = [names.get(w, w) for w in words.split()]
+    assert says in refused("changed", *arguments, "-m", "tilt_hexarotor")
+
+
+def test_the_result_is_public():
+    assert wg.changed.__doc__
+    assert issubclass(Changed, object)
