@@ -17,7 +17,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.trim import Trim
 from wrenchgap.learn.posterior.columns import Column
-from wrenchgap.learn.posterior.spectrum import UNUSUAL, Spectrum
+from wrenchgap.learn.posterior.spectrum import FAR_LOUDER, Spectrum
 
 EXCITED = 0.1
 """Standard deviation of the commanded force over its size from which on a flight is no hover."""
@@ -63,7 +63,7 @@ class ChangeSpectrum(Spectrum):
         mean = np.stack([np.bincount(self.band, weights=x) for x in (left**2).T], axis=1) / count
         size = np.add.reduceat(np.mean(left**2 / np.maximum(mean, self.sensor)[self.band], axis=1), self.starts)
         size /= np.bincount(self.block)
-        return np.asarray(np.sqrt(np.minimum(1.0, UNUSUAL * np.median(size) / np.maximum(size, 1e-30))))
+        return np.asarray(np.sqrt(np.minimum(1.0, FAR_LOUDER * np.median(size) / np.maximum(size, 1e-30))))
 
 
 def answered(data: Dataset) -> tuple[int, ...]:
