@@ -41,7 +41,7 @@ from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.identify.trim import typical
 from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.posterior.classes import Class
-from wrenchgap.learn.posterior.posterior import FIRM
+from wrenchgap.learn.posterior.posterior import FIRM, SUREST
 from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
@@ -109,8 +109,9 @@ class Changed(Result):
         return tuple(r.flight for r in self.rows if r.role == "healthy")
 
     def confidence(self, name: str) -> float:
-        """Weight of the sets that name the effect, or another form of it."""
-        return sum(s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names})
+        """Weight of the sets that name the effect, or another form of it; never above `SUREST`."""
+        named = [s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names}]
+        return min(SUREST, sum(named))
 
 
 def changed(

@@ -12,6 +12,7 @@ from rich.table import Table
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import settle, timing, what_to_inspect
 from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json, not_tried, reason
@@ -56,7 +57,7 @@ def parts(found: Changed) -> list[Part]:
 
 def odds(log: float) -> str:
     """Log odds as a probability."""
-    return f"confidence {share(min(0.98, 1.0 / (1.0 + np.exp(-log))))}"
+    return f"confidence {share(min(SUREST, 1.0 / (1.0 + np.exp(-log))))}"
 
 
 def baseline(found: Changed) -> str:
