@@ -12,10 +12,10 @@ class CoaxialLossOfWake(CoaxialLoss):
     """The lower rotor loses thrust to the inflow that the upper one makes: T_l = c_f Omega_l^2 - eta sqrt(T_u c_f
     Omega_l^2).
 
-    A blade's lift falls by an amount proportional to its speed and to the velocity of the air that comes from above
-    (Leishman, "Principles of Helicopter Aerodynamics", 2nd ed., 3.3), and that velocity goes with the root of the upper
-    rotor's thrust T_u (momentum theory, 2.15). At equal speeds the share eta, as in `coaxial_loss`; unlike there, one
-    that depends on both rotors alike. The lower rotor's thrust stays positive.
+    A blade's lift falls by an amount proportional to its speed and to the velocity of the air that comes from above,
+    and that velocity goes with the root of the upper rotor's thrust T_u. At equal speeds the share eta, as in
+    `coaxial_loss`; unlike there, one that depends on both rotors alike. The lower rotor's thrust stays positive.
+    Source: Leishman, "Principles of Helicopter Aerodynamics", 2nd ed., 3.3 (blade element) and 2.15 (momentum theory).
     """  # noqa: D205
 
     name = "coaxial_loss_of_wake"

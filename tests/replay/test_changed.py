@@ -16,6 +16,7 @@ from wrenchgap.replay.present import changed as presented
 from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.figures import changed as drawn
+from wrenchgap.replay.present.report.changed import page
 
 MODEL = wg.load_model("tilt_hexarotor")
 TRIED = ("com_offset", "mass", "rotor_thrust")
@@ -147,3 +148,20 @@ def test_bad_input_is_one_line(logs, refused, words, says):
 def test_the_result_is_public():
     assert wg.changed.__doc__
     assert issubclass(Changed, object)
+
+
+def test_the_page_says_what_changed_where_to_look_and_how_to_repeat_it(moved):
+    text = page(moved, "wrenchgap changed <x>")
+    assert presented.summary(moved).split(",")[0] in text
+    assert what_to_inspect.sentences(moved)[0] in text
+    assert "wrenchgap changed &lt;x&gt;" in text
+    assert "<svg" in text or "image/svg" in text
+    assert all(f.flight.content_hash in text for f in moved.flights)
+    for heading in ("Changes.", "Each change by itself.", "Mean residual of the given model by flight, signed."):
+        assert heading in text
+
+
+def test_a_page_of_nothing_has_no_table_of_changes(same):
+    text = page(same)
+    assert "Nothing changed" in text
+    assert "Changes." not in text

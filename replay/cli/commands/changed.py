@@ -27,6 +27,7 @@ Healthy = Annotated[
 
 
 def changed(
+    ctx: typer.Context,
     suspects: Suspects,
     model: o.ModelOption,
     healthy: Healthy,
@@ -34,6 +35,9 @@ def changed(
         str | None, typer.Option("--effects-only", metavar="A,B", help="Try changes of these effects only.")
     ] = None,
     figure: o.Figure = None,
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE", help="All of it as a web page (.html).")
+    ] = None,
     *,
     reading: Reading,
     run: Run,
@@ -47,8 +51,11 @@ def changed(
     """
     from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.replay import between_flights
+    from wrenchgap.replay.present.report import changed as pages
+    from wrenchgap.replay.present.report import flights as page_file
 
-    run.claim({"--figure": figure}, *suspects, *healthy, model)
+    run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
+    page_file.check(page)
     base, names = run.model(model), o.parse_effects(effects_only)
     with run.progress("comparing") as report:
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # workers start while logs are read
@@ -57,5 +64,7 @@ def changed(
     run.result(found)
     run.notes(base.notes)
     run.draw(found, figure)
+    if page is not None:
+        page_file.save(pages.page(found, o.command_line(ctx)), page)
     run.write("changed", found.to_json())
-    run.wrote(figure=figure)
+    run.wrote(figure=figure, page=page)

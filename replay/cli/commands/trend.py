@@ -43,11 +43,12 @@ def trend(
     """
     from wrenchgap.replay import between_flights
     from wrenchgap.replay.present import trend as words
+    from wrenchgap.replay.present.report import flights as page_file
     from wrenchgap.replay.present.report import trend as pages
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
     words.check_table(table)
-    pages.check(page)
+    page_file.check(page)
     names = o.parse_effects(fit)
     base = run.model(model)
     with run.progress("following") as report:
@@ -58,6 +59,6 @@ def trend(
     if table is not None:
         words.save_table(found, table)
     if page is not None:
-        pages.save(found, page, o.command_line(ctx))
+        page_file.save(pages.page(found, o.command_line(ctx)), page)
     run.write("trend", found.to_json())
     run.wrote(figure=figure, table=table, page=page)

@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-from pathlib import Path
-
 import numpy as np
 
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.course import Verdict
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import trend as words
-from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import trend as charts
 from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.numbers import label, number, quantity, unit
 from wrenchgap.replay.present.report.elements import Image, Table
-from wrenchgap.replay.present.report.page import environment
-
-
-def check(path: Path | None) -> None:
-    """Raise UsageError where the name is not that of a web page."""
-    if path is not None and path.suffix.lower() not in (".html", ".htm"):
-        raise UsageError(f"--page {path}: the page is a web page; expected a name that ends in .html")
-
-
-def save(found: Trend, path: Path, command: str = "") -> None:
-    """Write the page, all of it or nothing."""
-    text = page(found, command)
-    with atomic(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+from wrenchgap.replay.present.report.flights import rendered
 
 
 def page(found: Trend, command: str = "") -> str:
@@ -41,23 +23,19 @@ def page(found: Trend, command: str = "") -> str:
         f"Every flight fitted by itself. Band: {charts.SIGMAS:g} times the scatter of the flights about their level; "
         "dashed: a step."
     )
-    return (
-        environment()
-        .get_template("trend.html.jinja")
-        .render(
-            title=f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights",
-            date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-            vehicle=found.model.vehicle.name,
-            verdict="unknown" if found.changed else "nothing",
-            summary=words.summary(found),
-            caveat=words.CAVEAT if found.changed else "",
-            chart=Image.of(figure, "Parameters over the flights.", caption, "svg"),
-            view=view(found),
-            tables=[_parameters(found), *([_steps(found)] if found.changed else []), _values(found)],
-            notes=words.notes(found),
-            command=command,
-            files=_files(found),
-        )
+    return rendered(
+        "trend",
+        found.flights,
+        title=f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights",
+        vehicle=found.model.vehicle.name,
+        verdict="unknown" if found.changed else "nothing",
+        summary=words.summary(found),
+        caveat=words.CAVEAT if found.changed else "",
+        chart=Image.of(figure, "Parameters over the flights.", caption, "svg"),
+        view=view(found),
+        tables=[_parameters(found), *([_steps(found)] if found.changed else []), _values(found)],
+        notes=words.notes(found),
+        command=command,
     )
 
 
@@ -125,8 +103,3 @@ def _values(found: Trend) -> Table:
         for k, name in enumerate(found.names)
     ]
     return Table(heads, rows, left=2, caption="Values by flight, with the standard error of that flight by itself.")
-
-
-def _files(found: Trend) -> Table:
-    rows = [[str(k + 1), f.flight.path.name, f.flight.content_hash] for k, f in enumerate(found.flights)]
-    return Table(("", "log", "SHA-256"), rows, left=3, code=(2,), caption="Logs.")
