@@ -24,7 +24,7 @@ The thresholds. A t is judged by one of these, whatever is compared:
     INDISTINCT   2.5   below it two explanations are indistinguishable: between the others, so that what was named on
                        the strength of a t of 3 is not at once indistinguishable from nothing
     UNSTEADY     1.0   for what is strong in some blocks and absent in others by its nature (a load that swings); the
-                       share of the energy that it explains decides there
+                       share of the energy that it explains decides there, or evidence that is `OVERWHELMING`
 
 Where chance is counted by random orders or by a distribution instead, `LEVEL` is the probability of a false alarm.
 """
@@ -46,6 +46,8 @@ SIGNIFICANT, LARGE, INDISTINCT, UNSTEADY = 3.0, 2.0, 2.5, 1.0
 LEVEL = 0.01
 LARGE_EVIDENCE = 0.5
 """Evidence (sum of log rms ratios over axes) of a large gain: 40 % off the rms of one axis, or as much over several."""
+OVERWHELMING = 2.0
+"""Evidence of a gain that is no chance even where a few blocks have most of it: a seventh of the rms of one axis."""
 LEAST_EVIDENCE = 0.2
 """Smallest evidence worth a name: e.g. 7 % of the rms of three axes."""
 DISCREPANCY = 0.25

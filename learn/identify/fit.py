@@ -30,7 +30,7 @@ Biometrika 1986.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,29 +54,30 @@ def fit(
     *,
     base: Fit | None = None,
     start: Fit | None = None,
+    near: Mapping[str, Array] | None = None,
     iterations: int = 8,
     tick: Callable[[], None] | None = None,
 ) -> Fit:
     """Fit the named effects together on `data`; other effects of `model` stay as they are.
 
-    A first pass uses the weights of `data`, a second weights each axis by what the first left there. `start` is a
-    fit to begin from. `base` is a fit of the leading names: its values are the start and its derivatives are kept, so
-    that trying one more effect costs no more than that effect (a chord iteration; converges to the same optimum a
-    little more slowly). `tick` is called after each derivative. Raises FitError where an effect cannot be fitted on
-    this data.
+    A first pass uses the weights of `data`, a second weights each axis by what the first left there. `start` is a fit
+    to begin from, `near` are values by effect to begin from where there is none. `base` is a fit of the leading names:
+    its values are the start and its derivatives are kept, so that trying one more effect costs no more than that effect
+    (a chord iteration; converges to the same optimum a little more slowly). `tick` is called after each derivative.
+    Raises FitError where an effect cannot be fitted on this data.
     """
     for name in names:
         reason = inapplicable(name, model, data.records)
         if reason is not None:
             raise FitError(str(reason))
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
-        return _fit(Problem(data, model, tuple(names), base, tick), start or base, iterations)
+        return _fit(Problem(data, model, tuple(names), base, tick), start or base, near, iterations)
 
 
-def _fit(problem: Problem, begin: Fit | None, iterations: int) -> Fit:
+def _fit(problem: Problem, begin: Fit | None, near: Mapping[str, Array] | None, iterations: int) -> Fit:
     """The passes of `fit`."""
     data = problem.data
-    point = problem.start(begin)
+    point = problem.start(begin, near)
     known = data.measured_axes
     size = np.sqrt(np.mean((data.unanswered(point.residual) * data.weights)[:, known] ** 2))
     weights = data.weights / max(float(size), 1e-30)

@@ -5,7 +5,7 @@ What is minimised, and the sources, are in `learn.identify.fit`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,9 +107,11 @@ class Problem:
         self.known = 0 if base is None else len(base.theta)
         self.bias_jacobian = self.trim.columns(data)
 
-    def start(self, earlier: Fit | None) -> Point:
-        """Start values: the earlier fit's, else the model's, else the parameters' own."""
-        known = {e.name: e.theta for e in self.model.effects}
+    def start(self, earlier: Fit | None, near: Mapping[str, Array] | None = None) -> Point:
+        """Start values: the earlier fit's, else those that the set is said to be `near`, else the model's, else the
+        parameters' own.
+        """  # noqa: D205
+        known = {e.name: e.theta for e in self.model.effects} | dict(near or {})
         if earlier is not None:
             known |= {e.name: e.theta for e in earlier.effects}
         own = {n: np.array([p.start for p in find(n).parameters(self.model.vehicle)]) for n in self.names}

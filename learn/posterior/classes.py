@@ -12,6 +12,7 @@ from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.sets import Contender
 from wrenchgap.learn.posterior.settle import Check, settle
 from wrenchgap.plant.effects import find
+from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 
 LIGHT = 0.005
@@ -38,6 +39,18 @@ class NamedSet:
     def trust(self) -> dict[str, float]:
         """By name."""
         return {n: p.trust for p in self.contender.parts if p.named for n in p.names}
+
+    def theta(self, model: Model) -> dict[str, Array]:
+        """Parameters of the named effects, where the set fits best, by effect."""
+        own = {e.name: e.theta for e in model.effects}
+        out: dict[str, Array] = {}
+        for part in self.contender.parts:
+            at = 0
+            for name in part.names:
+                size = len(find(name).parameters(model.vehicle))
+                out[name] = part.theta[at : at + size] + own.get(name, np.zeros(size))
+                at += size
+        return {name: out[name] for name in self.names}
 
     def values(self, vehicle: Vehicle) -> dict[str, dict[str, float]]:
         """Fitted parameters by effect and name; of an effect that the model has already, their changes."""

@@ -92,6 +92,17 @@ def compatible(keys: tuple[str, ...], columns: dict[str, Column]) -> bool:
     return len(set(shared)) == len(shared) and not parts & set(names)
 
 
+def beside(key: str, others: tuple[str, ...], columns: dict[str, Column]) -> tuple[str, ...]:
+    """Those of others that may stand in one set with a candidate."""
+    return tuple(k for k in others if compatible((key, k), columns))
+
+
+def confused(key: str, columns: dict[str, Column]) -> list[str]:
+    """Candidates of effects that are known to look like those of a candidate, by themselves."""
+    alike = {n for own in columns[key].names for n in find(own).confused_with}
+    return [k for k in columns if k in alike]
+
+
 def complexity(names: tuple[str, ...]) -> int:
     """How many effects of one kind each these are: what stands for several together counts as those."""
     return sum(max(1, len(find(n).parts) - 1) for n in names)

@@ -13,7 +13,8 @@ What a verdict needs (`_verdict`):
 
     unknown   force or torque stay above `LOUD` times the noise and above the share `UNEXPLAINED` of what they were, the
               worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of that
-              depends on what was logged; or an oscillation is found in what is left
+              depends on what was logged; or an oscillation is found in what is left, or all of it pushes where one
+              rotor does
     nothing   no effect was named
     group     another effect would do as well in the place of the largest member
     effect    else
@@ -34,6 +35,7 @@ from wrenchgap.learn.data.blocks import by_block
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.one_rotor import OneRotor, one_rotor
 from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation, oscillation
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
@@ -87,7 +89,8 @@ class Explanation(Result):
 
     `effects` are the members' names, that with the largest share of the error first; `ranking` has every candidate by
     itself. `posterior` weighs the sets, `open` are axes (6,) on which structure is left. `oscillation` is one found in
-    the residual; `depends` says on what that depends, where axes are open; `concentrated` is the share of
+    the residual, `one_rotor` the rotor in whose direction it pushes; `depends` says on what it depends, where axes
+    are open; `concentrated` is the share of
     the residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
     and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
     some were given.
@@ -105,6 +108,7 @@ class Explanation(Result):
     untried: tuple[Untried, ...]
     open: NDArray[np.bool_]
     oscillation: Oscillation | None
+    one_rotor: OneRotor | None
     depends: Relevance | None
     concentrated: float
     left: float
@@ -198,8 +202,9 @@ def search_dataset(
     every, whole = (on, best) if on.data is data else _whole(data, model, [m.name for m in named], best)
     swinging = oscillation(on.data, best.left) if _over_noise(on.data, best.left) > QUIET else None
     loud = _open(on, best.left)
+    pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
     depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
-    verdict = _verdict(on, named, loud, swinging, depends)
+    verdict = _verdict(on, named, loud, swinging or pushing, depends)
     failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
     return Explanation(
         verdict,
@@ -214,6 +219,7 @@ def search_dataset(
         (*chosen.untried, *failed),
         loud,
         swinging,
+        pushing,
         depends,
         _concentrated(on.data, best.left),
         _over_noise(on.data, best.left),
@@ -259,14 +265,14 @@ def _verdict(
     on: Ground,
     named: Sequence[Member],
     loud: NDArray[np.bool_],
-    swinging: Oscillation | None,
+    found: Oscillation | OneRotor | None,
     depends: Relevance | None,
 ) -> Verdict:
-    """Unknown where something swings, or structure is left; where commands answer the motion, and with it turbulence,
-    only structure that can be predicted is one.
+    """Unknown where something was found in what is left, or structure is left; where commands answer the motion, and
+    with it turbulence, only structure that can be predicted is one.
     """  # noqa: D205
     turbulent = bool(on.data.answering) and (depends is None or depends.driven < PREDICTABLE)
-    if swinging is not None or (loud.any() and not turbulent):
+    if found is not None or (loud.any() and not turbulent):
         return Verdict.UNKNOWN
     if not named:
         return Verdict.NOTHING

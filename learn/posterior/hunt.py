@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.posterior.columns import compatible
+from wrenchgap.learn.posterior.columns import beside, compatible, confused
 from wrenchgap.learn.posterior.score import Keys, Scorer, bounded, occam, relevant
 
 WIDTH = 7
@@ -21,6 +21,15 @@ WIDTH = 7
 PROMISING = 5
 """Effects that are tried in the place of another, or beside the others."""
 ROUNDS = 30
+TRUSTED = 0.2
+"""Share of a fit that counts where the bend of effects may have taken the rest."""
+
+
+def straight(log_probability: float, prior: float) -> float:
+    """The log probability of a set where straight lines are not to be trusted: what bends costs a plain set some of its
+    fit, and more effects than there are make up for it. Fits count `TRUSTED` therefore.
+    """  # noqa: D205
+    return prior + TRUSTED * (log_probability - prior)
 
 
 class Hunt:
@@ -35,6 +44,7 @@ class Hunt:
         across = whole[always]
         self.whole = whole - across.T @ np.linalg.solve(inner, across)
         self.scores: dict[Keys, float] = {(): 0.0}
+        self.priors: dict[Keys, float] = {(): 0.0}
 
     def score(self, keys: Sequence[str]) -> float:
         """Log probability of a set, that of the empty one being zero; minus infinity for what cannot be one."""
@@ -57,7 +67,8 @@ class Hunt:
         theta = bounded(A, b, low, high, scale)
         fitted = -0.5 * (c - 2.0 * theta @ b + theta @ A @ theta - self.whole[0, 0])
         inexact = 0.5 * self._inexact(keys, theta) ** 2
-        return float(fitted - inexact + occam(A, theta, scale) + self.scorer.prior_of(keys))
+        self.priors[keys] = occam(A, theta, scale) + self.scorer.prior_of(keys)
+        return float(fitted - inexact + self.priors[keys])
 
     def _inexact(self, keys: Keys, theta: Array) -> float:
         """What the laws of the members may be off by, summed whatever the signs, in units of the noise."""
@@ -91,12 +102,20 @@ class Hunt:
         """Sets that can be, best first."""
         return sorted((k for k, v in self.scores.items() if np.isfinite(v)), key=lambda k: -self.scores[k])
 
+    def plain(self) -> list[Keys]:
+        """Sets that would be best if fits counted less (`straight`)."""
+        return sorted(self.best(), key=lambda k: -straight(self.scores[k], self.priors[k]))
+
     def _change(self, keys: Keys) -> None:
-        """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most."""
-        for rest in (keys, *(tuple(k for k in keys if k != gone) for gone in keys)):
+        """Score sets that differ by one effect: one less, and instead or beside the rest those that promise most and
+        those that are known to be confused with what went. What cannot stand beside the new one goes with it.
+        """  # noqa: D205
+        for gone in (None, *keys):
+            rest = tuple(k for k in keys if k != gone)
             self.score(rest)
-            for n in self._promising(rest):
-                self.score((*rest, n))
+            alike = [] if gone is None else confused(gone, self.space.columns)
+            for n in dict.fromkeys([*self._promising(rest), *(a for a in alike if a not in keys)]):
+                self.score((*beside(n, rest, self.space.columns), n))
 
     def _promising(self, keys: Keys) -> list[str]:
         """What would take most off what a set leaves, to second order and without bounds."""

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.blocks import INDISTINCT, LARGE_EVIDENCE, LEAST_EVIDENCE, contrast, evidence, significant
+from wrenchgap.learn.data.blocks import (
+    INDISTINCT,
+    LARGE_EVIDENCE,
+    LEAST_EVIDENCE,
+    OVERWHELMING,
+    UNSTEADY,
+    contrast,
+    evidence,
+    significant,
+)
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.fit import MATERIAL, Fit, fit, held_out
 from wrenchgap.learn.parallel import each
@@ -68,6 +77,8 @@ class Member:
     @property
     def needed(self) -> bool:
         """Whether held-out time is predicted worse without it, beyond chance and by enough to matter."""
+        if self.evidence > OVERWHELMING:
+            return self.significance > UNSTEADY
         return self.evidence > LEAST_EVIDENCE and significant(self.significance, large=self.evidence > LARGE_EVIDENCE)
 
     @property
@@ -85,9 +96,11 @@ class Fitted:
     left: Array
 
 
-def fitted(on: Ground, names: Sequence[str], start: Fit | None = None) -> Fitted:
-    """Fit the named effects, all parameters anew."""
-    found = fit(on.data, on.model, names, start=start)
+def fitted(
+    on: Ground, names: Sequence[str], start: Fit | None = None, near: Mapping[str, Array] | None = None
+) -> Fitted:
+    """Fit the named effects, all parameters anew, from a fit or values to start at (`learn.identify.fit.fit`)."""
+    found = fit(on.data, on.model, names, start=start, near=near)
     return Fitted(found, held_out(on.data, on.model, names, found))
 
 
@@ -97,7 +110,7 @@ def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[M
     members by what they take off, and the posterior without what went.
     """  # noqa: D205
     names = list(found.best.names)
-    best = fitted(on, names)
+    best = fitted(on, names, near=found.best.theta(on.model))
     while True:
         listed = members(on, found, names, best, jobs)
         stuck = {b.split(".")[0] for b in best.fit.at_bound}

@@ -14,11 +14,12 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged, one_each, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
+from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.sets import Contender, contender, ordered, searched, weights
+from wrenchgap.learn.posterior.sets import Contender, contender, ordered, search, searched, weights
 from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.learn.posterior.table import Ground
-from wrenchgap.learn.posterior.together import Noise, linearised_together, spectrum_of
+from wrenchgap.learn.posterior.together import Noise, linearised_together, spectrum_of, together
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -28,7 +29,13 @@ CONTENDERS = 6
 """Sets that are linearised anew in one round, at most; in the first also those with lags in each other's place."""
 BEHIND = 15.0
 """Log odds behind the best set up to which another may still turn out better when both are linearised anew."""
+FAR_BEHIND = 200.0
+"""The same for the plainest sets, and those with another effect in moving air: a bend may hide them."""
+PLAINEST = 3
+"""Of the plainest sets, so many."""
 ROUNDS = 3
+BENT = 5.0
+"""Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
 FIRM = 0.9
 """Share of the weight from which on a name is firm."""
 SUREST = 0.98
@@ -96,10 +103,15 @@ def posterior(
     for number in range(ROUNDS):
         tell((1 + number) / (2 + ROUNDS), "fitting the likeliest sets")
         anew |= zip(todo, linearised(on, linear, todo, jobs), strict=True)
+        centre = likeliest(anew)
+        bent = centre is not None and abs(centre.scored.log_probability - linear(centre.keys).log_probability) > BENT
+        linear = around(on, linear, centre) if centre is not None and bent else linear
         kept = candidates(linear, anew)
         share = weights(kept)
         best = sorted(range(len(kept)), key=lambda k: -share[k])
-        todo = [kept[k].keys for k in best[:3] if kept[k].keys and kept[k].keys not in anew]
+        todo = [kept[k].keys for k in best[:3] if kept[k].keys]
+        todo += first_contenders(linear) if bent else []
+        todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
     sets = merged(kept, share)
@@ -107,29 +119,81 @@ def posterior(
     return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle))
 
 
-def first_contenders(linear: Scorer) -> list[Keys]:
-    """Sets to linearise anew: the best, and the best with lags and delays in each other's place."""
-    best = ordered(linear)
-    close = [s for s in best if s.log_probability > best[0].log_probability - BEHIND]
-    found: list[Keys] = []
-    seen: set[frozenset[str]] = set()
-    for s in close:
-        large = frozenset(k for k in s.keys if _size(linear, s.theta, k) > 0.1)
-        if s.keys and large not in seen and len(found) < CONTENDERS:
-            seen.add(large)
-            found.append(s.keys)
+def likeliest(anew: dict[Keys, Contender | None]) -> Contender | None:
+    """Of the sets that were linearised anew."""
+    known = [c for c in anew.values() if c is not None]
+    return max(known, key=lambda c: c.scored.log_probability, default=None)
+
+
+def around(on: Ground, linear: Scorer, centre: Contender) -> Scorer:
+    """The search again, with the members of a set linearised where they fit best together, at the same noise: beside a
+    large lag what is small looks otherwise than beside none.
+    """  # noqa: D205
     columns = linear.spectrum.columns
-    bent = [k for k in columns if _bent(k)]
-    for gone in set(bent) & set(best[0].keys):
-        rest = tuple(k for k in best[0].keys if k != gone)
-        swapped = [tuple(sorted((*rest, other))) for other in bent if other not in best[0].keys]
-        found += [keys for keys in swapped if compatible(keys, columns)]
-    return list(dict.fromkeys(found))
+    theta = [centre.scored.theta[k] for k in centre.keys]
+    moved = {c.key: c for c in together(on, [columns[k] for k in centre.keys], theta)}
+    spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
+    spectrum.calm(linear.spectrum.factors)
+    scorer = Scorer(spectrum, linear.reference)
+    search(scorer)
+    scorer(centre.keys)
+    return scorer
 
 
-def _bent(key: str) -> bool:
-    """Whether a candidate is one of time, far from a straight line."""
-    return all(find(n).place == "commands" for n in key.split(" + "))
+def first_contenders(linear: Scorer) -> list[Keys]:
+    """Sets to linearise anew: the best, the best without each of its members, the plainest, and of the best and these
+    those with lags and delays, or with what moves in the air, in each other's place.
+    """  # noqa: D205
+    ranked = ordered(linear)
+    best = ranked[0].log_probability
+    close = [s for s in ranked if s.log_probability > best - BEHIND]
+    columns = linear.spectrum.columns
+    found: dict[frozenset[str], Keys] = {}
+    for s in close:
+        large = frozenset(family(n) for k in s.keys if _size(linear, s.theta, k) > 0.1 for n in columns[k].names)
+        if s.keys and len(found) < CONTENDERS:
+            found.setdefault(large, s.keys)
+    alternatives = [next((s.keys for s in close if key not in s.keys), ()) for key in ranked[0].keys]
+    by_prior = sorted(ranked, key=lambda s: -straight(s.log_probability, s.prior))
+    plain = [s.keys for s in by_prior if s.log_probability > best - FAR_BEHIND][:PLAINEST]
+    late = exchanged(ranked[0].keys, _of_time(columns), columns)
+    aired = [k for s in (ranked[0].keys, *plain) for k in exchanged(s, _in_moving_air(columns), columns)]
+    near = [keys for keys in aired if linear(keys).log_probability > best - FAR_BEHIND]
+    whole = as_one(ranked[0].keys, columns)
+    return [keys for keys in dict.fromkeys([*found.values(), *alternatives, *plain, *late, *near, *whole]) if keys]
+
+
+def as_one(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
+    """The sets with one effect in the place of its parts and of what looks like it (a payload for a mass and a centre
+    of mass): products of parameters, which straight lines do not show.
+    """  # noqa: D205
+    out = []
+    for key, c in columns.items():
+        parts = {p for n in c.names for p in find(n).parts}
+        if key not in keys and parts & set(keys):
+            gone = parts | {a for n in c.names for a in find(n).confused_with}
+            rest = tuple(k for k in keys if not gone & set(columns[k].names))
+            out.append(tuple(sorted((*rest, key))))
+    return out
+
+
+def exchanged(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:
+    """The sets with another of these candidates in the place of one."""
+    out = []
+    for gone in set(alike) & set(keys):
+        rest = tuple(k for k in keys if k != gone)
+        out += [tuple(sorted((*rest, other))) for other in alike if other not in keys]
+    return [k for k in out if compatible(k, columns)]
+
+
+def _of_time(columns: Iterable[str]) -> list[str]:
+    """Lags and delays: far from straight lines, so that they are tried in each other's place."""
+    return [k for k in columns if all(find(n).place == "commands" for n in k.split(" + "))]
+
+
+def _in_moving_air(columns: Iterable[str]) -> list[str]:
+    """What sees an air that moves: a velocity times a coefficient is no straight line either."""
+    return [k for k in columns if "wind" in k.split(" + ")]
 
 
 def _size(linear: Scorer, theta: dict[str, Array], key: str) -> float:

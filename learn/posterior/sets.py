@@ -20,6 +20,8 @@ from wrenchgap.learn.posterior.spectrum import Spectrum
 
 TOP = 30
 """Best sets of a hunt that are scored with the spectrum unknown."""
+PLAIN = 4
+"""Plainest sets that are."""
 DRAWS = 1000
 SEED = 0
 MANY = 12
@@ -179,7 +181,8 @@ def search(scorer: Scorer, rounds: int = 4) -> None:
     scorer(())
     variance, last = scorer.variance, None
     for _ in range(rounds):
-        for keys in Hunt(scorer, variance).run()[:TOP]:
+        hunt = Hunt(scorer, variance)
+        for keys in (*hunt.run()[:TOP], *hunt.plain()[:PLAIN]):
             scorer(keys)
         best = ordered(scorer)[0]
         if best.keys == last:

@@ -22,8 +22,8 @@ from wrenchgap.learn.posterior.sets import Contender, contender
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.table import Ground
 
-STEPS = 2
-MOVED = 0.2
+STEPS = 5
+MOVED = 0.1
 """Change of a parameter in one step, in typical sizes, that calls for another."""
 
 

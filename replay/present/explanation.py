@@ -13,7 +13,6 @@ from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.applicable import Lack, Untried
-from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.identify.validation import Validation
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
@@ -21,7 +20,7 @@ from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present import comparison, settle, timing, where
+from wrenchgap.replay.present import comparison, left, settle, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
@@ -46,8 +45,6 @@ from wrenchgap.replay.present.tables import (
     table,
 )
 
-CONCENTRATED = 0.7
-"""Share of the residual in the worst tenth of the time that is worth saying."""
 PROMINENT = 0.3
 """Parameters of this share of the largest, in typical sizes, are named in the verdict."""
 MOST = 10
@@ -108,7 +105,7 @@ def summary(found: Explanation) -> str:
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {named}; more is missing than the catalogue can explain." if named else ""
         none = "Something is missing, but no effect of the catalogue explains it."
-        return " ".join(filter(None, (partly or none, _clue(found), residual)))
+        return " ".join(filter(None, (partly or none, left.clue(found), residual)))
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f" Indistinguishable on these logs: {groups}." if groups else ""
     return " ".join(filter(None, (f"Explained by {named}.{alike}", _turbulent(found), residual)))
@@ -121,37 +118,6 @@ def _turbulent(found: Explanation) -> str:
         return ""
     words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
     return f"Open: on {', '.join(axes)} {words}"
-
-
-def _clue(found: Explanation) -> str:
-    clues = []
-    if found.oscillation is not None:
-        words = oscillation_in_words(found.oscillation)
-        clues.append(f"{words[:1].upper()}{words[1:]}.")
-    if found.depends is not None and found.depends.chosen:
-        inputs = " and ".join(g.label for g in found.depends.chosen[:3])
-        clues.append(
-            f"The residual depends on {inputs} ({100 * found.depends.explained:.0f} % of it can be predicted from them "
-            "on held-out time)."
-        )
-    if found.concentrated > CONCENTRATED:
-        clues.append(
-            f"{100 * found.concentrated:.0f} % of the residual sits in a tenth of the time: see `wrenchgap where`."
-        )
-    return " ".join(clues)
-
-
-def oscillation_in_words(found: Oscillation) -> str:
-    """One clause."""
-    where = {
-        "E": "fixed in the inertial frame, as a load on a rope is",
-        "B": "body-fixed",
-        None: "whether it is fixed in the inertial frame, like a load on a rope, or body-fixed is not clear",
-    }[found.frame]
-    return (
-        f"a lightly damped mode at {found.frequency_hz:.2g} Hz (damping {found.damping:.2g}, {100 * found.share:.0f} % "
-        f"of the residual): {where}"
-    )
 
 
 def _with_values(found: Explanation, name: str) -> str:
@@ -267,7 +233,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "effects": list(found.effects),
         "groups": [list(group) for group in found.groups],
         "members": [_member_json(found, m) for m in found.members],
-        "left": _left_json(found),
+        "left": left.to_json(found),
         "ranking": ranked,
         "axes": list(AXES),
         "summary": summary(found),
@@ -313,16 +279,6 @@ def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
         **entries(member, "share", "significance", "evidence"),
         "group": [member.name, *(r.name for r in member.alike)],
         "rivals": rivals,
-    }
-
-
-def _left_json(found: Explanation) -> dict[str, Any]:
-    mode, depends = found.oscillation, found.depends
-    return {
-        "over_noise": found.left,
-        "in_worst_tenth": found.concentrated,
-        "swing": None if mode is None else {**mode.__dict__, "words": oscillation_in_words(mode)},
-        "depends_on": None if depends is None else where.relevance_json(depends),
     }
 
 

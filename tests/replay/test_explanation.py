@@ -21,7 +21,8 @@ from wrenchgap.learn.posterior import table
 from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.explanation import members, not_tried, oscillation_in_words, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import members, not_tried, summary, to_json, what_next
+from wrenchgap.replay.present.left import oscillation_in_words
 from wrenchgap.replay.present.numbers import share
 
 NAME = "tilt_hexarotor"
