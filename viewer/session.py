@@ -14,6 +14,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.viewer.analysis import Compensations, Effects, Failures
 from wrenchgap.viewer.background import Report
+from wrenchgap.viewer.differences import Comparisons
 from wrenchgap.viewer.scene import Scene
 
 ReadChannels = Callable[[str], Mapping[str, tuple[Array, Array]]]
@@ -29,6 +30,7 @@ class Capabilities:
     failures: Failures | None = None
     effects: Effects | None = None
     compensations: Compensations | None = None
+    comparisons: Comparisons | None = None
     channels: ReadChannels | None = None
     report: WriteReport | None = None
 

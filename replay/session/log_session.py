@@ -21,6 +21,7 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.session.comparisons import SessionComparisons
 from wrenchgap.replay.session.compensation import SessionCompensation
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.failure import SessionFailures
@@ -75,8 +76,14 @@ class LogSession:
         self.failures = SessionFailures(self.working)
         self.effects = SessionEffects(self.working, folder or Path.cwd())
         self.compensations = SessionCompensation(self.working, gp_name)
+        self.comparisons = SessionComparisons(self.working) if len(self.flights) > 1 else None
         self.capabilities = Capabilities(
-            self.failures, self.effects, self.compensations, channels=self.channels, report=self.report
+            self.failures,
+            self.effects,
+            self.compensations,
+            self.comparisons,
+            channels=self.channels,
+            report=self.report,
         )
         self._recorded: dict[str, Scene] = {}
 

@@ -14,10 +14,11 @@ from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.candidates import Candidates
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.classes import NamedSet, merged
-from wrenchgap.learn.posterior.columns import Column, compatible, complexity
+from wrenchgap.learn.posterior.columns import Column, beside, compatible, complexity, confused
 from wrenchgap.learn.posterior.explain import search_dataset
+from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
-from wrenchgap.learn.posterior.posterior import FIRM, SUREST, Posterior
+from wrenchgap.learn.posterior.posterior import FIRM, SUREST, Posterior, as_one, exchanged
 from wrenchgap.learn.posterior.score import Scorer, bounded, occam
 from wrenchgap.learn.posterior.sets import Part, at_limit, weights
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -144,6 +145,24 @@ def test_occams_factor_is_the_integral_over_the_prior():
 def test_what_may_stand_in_one_set(names, possible):
     columns = {k: SimpleNamespace(names=tuple(k.split(" + "))) for k in names}
     assert compatible(names, columns) is possible
+
+
+def test_what_takes_anothers_place_takes_along_what_cannot_stand_beside_it():
+    columns = {n: column(n, np.zeros((1, 6, 1))) for n in (*CARRIED, "motor_lag", "command_delay")}
+    assert beside("payload", ("mass", "motor_lag", "com_offset"), columns) == ("motor_lag",)
+    assert as_one(("com_offset", "mass", "motor_lag", "thrust_scale"), columns) == [("motor_lag", "payload")]
+    assert as_one(("motor_lag",), columns) == []
+    assert exchanged(("mass", "motor_lag"), ("motor_lag", "command_delay"), columns) == [("command_delay", "mass")]
+    assert exchanged(("mass", "com_offset"), ("payload", "mass"), columns) == []  # a payload is no part of its parts
+    assert set(confused("payload", columns)) <= {"mass", "com_offset", "tether", "thrust_scale"}
+
+
+def test_a_plain_set_is_preferred_where_a_fit_counts_less():
+    """Ten log odds of fit more for fifty of prior: better as it stands, worse where bends may have made the fit."""
+    plain, rich = (100.0, -10.0), (110.0, -60.0)
+    assert rich[0] > plain[0]
+    assert straight(*plain) > straight(*rich)
+    assert straight(7.0, 7.0) == 7.0
 
 
 def test_a_payload_costs_as_much_as_a_mass_and_a_shift():

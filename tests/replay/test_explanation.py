@@ -15,6 +15,7 @@ from rich.console import Console
 
 import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.learn.diagnose.one_rotor import OneRotor
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.posterior import table
@@ -239,6 +240,15 @@ def test_json_of_what_is_unknown_holds_the_swing_and_the_inputs(named):
     assert set(left["swing"]) <= WORDS
     assert [g["name"] for g in left["depends_on"]["groups"] if g["chosen"]] == ["heading"]
     assert to_json(named)["left"]["swing"] is None
+
+
+def test_what_one_rotor_leaves_is_said_by_the_users_name(named):
+    vehicle = replace(named.model.vehicle, rotor_names=("M1", "M2", "M3", *([""] * 9)))
+    model = replace(named.model, vehicle=vehicle)
+    found = replace(named, verdict=Verdict.UNKNOWN, model=model, one_rotor=OneRotor((2,), 0.97))
+    assert "97 % of the residual pushes where rotor M3 pushes" in summary(found)
+    assert written(found)["left"]["one_rotor"] == {"rotors": ["M3"], "share": 0.97}
+    assert written(named)["left"]["one_rotor"] is None
 
 
 def written(found):

@@ -1,0 +1,89 @@
+"""The panel about what changed: which flights are compared, what it shows, and the link that adds it."""
+
+import numpy as np
+import pytest
+
+from tests.viewer.test_analysis_panels import follow_to, listening, move, panel_of, press
+from wrenchgap.viewer.differences import Change, Differences, FlightMean
+from wrenchgap.viewer.panels.changed import ChangedPanel
+
+
+def answer(suspect, healthy, verdict="changed"):
+    mean = np.array([0.0, 0.0, -1.2, 0.03, -0.02, np.nan])
+    rows = (FlightMean(healthy[0], "healthy", 0 * mean, 0 * mean), FlightMean(suspect, "suspect", mean, 10 * mean))
+    change = Change("rotor_thrust", "M<3>", "factor -0.17 ± 0.02", 8.2)
+    changed = verdict == "changed"
+    return Differences(
+        suspect,
+        healthy,
+        "quad",
+        verdict,
+        ("Rotor M3 has lost thrust.",),
+        (change,) if changed else (),
+        rows,
+        ("Inspect the propeller of M3.",),
+        ("rotor_thrust",) if changed else (),
+    )
+
+
+@pytest.fixture
+def panel(page, monkeypatch):
+    listening(page)
+    page.open("train")
+    made = panel_of(page, ChangedPanel)
+    made.found.clear()
+    for tick in made.healthy.values():
+        move(tick, True)
+    made.added = []
+    monkeypatch.setattr(made.comparisons, "add", made.added.append)
+    return made
+
+
+def asked(panel, monkeypatch, eventually, verdict="changed"):
+    calls = []
+
+    def of(suspect, healthy, report):
+        calls.append((suspect, healthy))
+        return answer(suspect, healthy, verdict)
+
+    monkeypatch.setattr(panel.comparisons, "of", of)
+    press(panel.work.button)
+    eventually(lambda: not panel.work.running)
+    return calls
+
+
+def test_the_flight_shown_is_compared_with_those_that_are_ticked(panel, page, monkeypatch, eventually):
+    assert asked(panel, monkeypatch, eventually) == [("train", ("test",))]
+    assert not panel.healthy["train"].visible
+    assert panel.healthy["test"].visible
+    page.open("test")
+    assert panel.healthy["train"].visible
+    assert panel.answer.content == ""  # that was about the other flight
+    page.open("train")
+    assert "Rotor M3 has lost thrust" in panel.answer.content
+
+
+def test_it_shows_what_changed_where_and_how_far_flights_lie_apart(panel, monkeypatch, eventually):
+    asked(panel, monkeypatch, eventually)
+    text = panel.answer.content
+    assert "M&lt;3&gt;" in text  # names are the user's
+    assert "Inspect the propeller of M3." in text
+    assert "-12.0 times what healthy flights differ by" in text
+    assert text.count("rgb(15,45,110)") == 1  # darkest blue: far below the healthy flights
+
+
+def test_the_link_puts_it_into_the_model(panel, monkeypatch, eventually):
+    asked(panel, monkeypatch, eventually)
+    follow_to(panel, panel.answer.content, "put rotor_thrust into the model")
+    assert [a.effects for a in panel.added] == [("rotor_thrust",)]
+
+
+def test_where_nothing_changed_there_is_nothing_to_add(panel, monkeypatch, eventually):
+    asked(panel, monkeypatch, eventually, "nothing")
+    assert "into the model" not in panel.answer.content
+
+
+def test_without_a_healthy_flight_it_says_so(panel, page):
+    move(panel.healthy["test"], False)
+    press(panel.work.button)
+    assert "tick at least one" in str(page.told[-1])
