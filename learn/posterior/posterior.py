@@ -15,7 +15,7 @@ from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged, one_each, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.hunt import straight
-from wrenchgap.learn.posterior.score import Keys, Scorer
+from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.sets import Contender, contender, ordered, search, searched, weights
 from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.learn.posterior.table import Ground
@@ -99,18 +99,23 @@ def posterior(
     tell(0.0, "weighing sets of effects")
     linear = searched(spectrum_of(on, columns))
     anew: dict[Keys, Contender | None] = {}
-    todo = first_contenders(linear)
+    todo = first_contenders(linear, ordered(linear))
+    seen: set[Keys] = set()
+    nearby: list[tuple[Scored, Scorer]] = []
     for number in range(ROUNDS):
         tell((1 + number) / (2 + ROUNDS), "fitting the likeliest sets")
         anew |= zip(todo, linearised(on, linear, todo, jobs), strict=True)
-        centre = likeliest(anew)
-        bent = centre is not None and abs(centre.scored.log_probability - linear(centre.keys).log_probability) > BENT
-        linear = around(on, linear, centre) if centre is not None and bent else linear
-        kept = candidates(linear, anew)
+        todo, centre = [], likeliest(anew)
+        if centre is not None and centre.keys not in seen and bent(linear, centre):
+            seen.add(centre.keys)
+            scorer = around(on, linear, centre)
+            found = [s for s in ordered(scorer) if near(s.keys, centre.keys)]
+            todo = first_contenders(scorer, found)
+            nearby = [(s, scorer) for s in found]
+        kept = candidates([*nearby, *((s, linear) for s in ordered(linear))], anew)
         share = weights(kept)
         best = sorted(range(len(kept)), key=lambda k: -share[k])
-        todo = [kept[k].keys for k in best[:3] if kept[k].keys]
-        todo += first_contenders(linear) if bent else []
+        todo += [kept[k].keys for k in best[:3] if kept[k].keys]
         todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
@@ -123,6 +128,19 @@ def likeliest(anew: dict[Keys, Contender | None]) -> Contender | None:
     """Of the sets that were linearised anew."""
     known = [c for c in anew.values() if c is not None]
     return max(known, key=lambda c: c.scored.log_probability, default=None)
+
+
+def bent(linear: Scorer, contender: Contender) -> bool:
+    """Whether a set that was linearised anew is likelier, or less likely, than straight lines had it."""
+    return abs(contender.scored.log_probability - linear(contender.keys).log_probability) > BENT
+
+
+def near(keys: Keys, centre: Keys) -> bool:
+    """Whether columns that were linearised in a set hold in another: it lacks one member at most, no lag or delay, and
+    has two of them.
+    """  # noqa: D205
+    missing = set(centre) - set(keys)
+    return len(missing) <= 1 and len(centre) - len(missing) >= 2 and not _of_time(missing)
 
 
 def around(on: Ground, linear: Scorer, centre: Contender) -> Scorer:
@@ -140,11 +158,13 @@ def around(on: Ground, linear: Scorer, centre: Contender) -> Scorer:
     return scorer
 
 
-def first_contenders(linear: Scorer) -> list[Keys]:
-    """Sets to linearise anew: the best, the best without each of its members, the plainest, and of the best and these
-    those with lags and delays, or with what moves in the air, in each other's place.
+def first_contenders(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
+    """Sets to linearise anew, of those scored, the likeliest first: the best, the best without each of its members, the
+    plainest, and of the best and these those with lags and delays, or with what moves in the air, in each other's
+    place; one effect for its parts.
     """  # noqa: D205
-    ranked = ordered(linear)
+    if not ranked:
+        return []
     best = ranked[0].log_probability
     close = [s for s in ranked if s.log_probability > best - BEHIND]
     columns = linear.spectrum.columns
@@ -213,10 +233,14 @@ def linearised(on: Ground, linear: Scorer, sets: Sequence[Keys], jobs: int) -> l
     return list(each(work, list(by_name), jobs, (on.data, on.model)))
 
 
-def candidates(linear: Scorer, anew: dict[Keys, Contender | None]) -> list[Contender]:
-    """The sets to weigh: those linearised anew, and of the others the likeliest as they are."""
+def candidates(scored: Sequence[tuple[Scored, Scorer]], anew: dict[Keys, Contender | None]) -> list[Contender]:
+    """The sets to weigh: those linearised anew, and of those scored the likeliest as they are, each once."""
     again = [c for c in anew.values() if c is not None]
     best = max((c.scored.log_probability for c in again), default=-1e300)
-    others = [s for s in ordered(linear)[:KEPT] if anew.get(s.keys) is None]
-    likely = [s for s in others if s.log_probability > best - BEHIND or not again]
-    return [*again, *(contender(linear, s.keys) for s in likely)]
+    first: dict[Keys, tuple[Scored, Scorer]] = {}
+    for s, by in scored:
+        if anew.get(s.keys) is None:
+            first.setdefault(s.keys, (s, by))
+    others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[:KEPT]
+    likely = [(s, by) for s, by in others if s.log_probability > best - BEHIND or not again]
+    return [*again, *(contender(by, s.keys) for s, by in likely)]
