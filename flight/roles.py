@@ -196,6 +196,8 @@ def _offered(table: Table, part: str) -> str | None:
     if place is None or not table.columns:
         return None
     first = table.columns.get(place)
+    if part == "rotor_speed" and "normalized" in table.columns and (first is None or not first.shape[-1]):
+        place, first = "normalized", table.columns["normalized"]  # an Actuators message without speeds
     if quantity in ("tilt", "rotor_speed") and (first is None or first.ndim != 2 or not first.shape[1]):
         return None
     below = f"{place}." if place else ""

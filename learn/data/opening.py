@@ -69,6 +69,7 @@ def opened(
     With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
     """
+    found = flight.in_si(found)
     played, notes = _commanded(found, incomplete)
     # Without commands there is no clock, nor without the IMU where there is one.
     needed = ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))
