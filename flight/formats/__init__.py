@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,37 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.decode import Columns, Decoder, UndecodableError, definitions_of, flat_fields
+from wrenchgap.flight.formats import px4
+from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.mcap import McapReader
-from wrenchgap.flight.formats.reader import Channel, Reader
+from wrenchgap.flight.formats.reader import Channel, Reader, TableReader
 from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
 from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
+from wrenchgap.flight.formats.table import Columns, Selection, Table
 from wrenchgap.flight.formats.ulog import UlogReader
 
 READERS: tuple[type[Reader], ...] = (McapReader, Rosbag1Reader, Rosbag2FolderReader, Rosbag2SqliteReader, UlogReader)
 """Every format, in the order in which they are asked whether a file is theirs."""
 
-SUPPORTED = "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3)"
+SUPPORTED = "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3), PX4 (.ulg)"
 DECODABLE = ("cdr", "ros1")
-
-
-@dataclass(frozen=True)
-class Table:
-    """One topic's messages: N log times [ns] and, where the topic was wanted, its fields as columns.
-
-    `header_ns` are the header's stamps [ns], or None where the type has none or nobody filled it in. `problem` says
-    why a wanted topic could not be decoded. Rows are in the order of the log time.
-    """
-
-    topic: str
-    type: str
-    log_time_ns: NDArray[np.int64]
-    header_ns: NDArray[np.int64] | None = None
-    columns: Columns = field(default_factory=dict)
-    problem: str | None = None
-
-    def __len__(self) -> int:
-        return len(self.log_time_ns)
 
 
 @dataclass(frozen=True)
@@ -54,10 +36,6 @@ class Log:
     content_hash: str
     tables: dict[str, Table]
     notes: tuple[str, ...] = ()
-
-
-Selection = Callable[[str, str, list[str]], bool]
-"""Says from topic, type and dotted field names whether a topic's messages are worth decoding."""
 
 
 def reader_of(path: Path) -> Reader:
@@ -88,15 +66,24 @@ def read_log(path: Path, selection: Selection) -> Log:
     """
     reader = reader_of(path)
     files = reader.data_files()
-    collector = _Collector(selection)
-    for batch in reader.batches(collector.wanted):
-        collector.add(batch.channel, batch.log_time_ns, batch.payloads)
-    tables = {topic: collector.table(topic) for topic in sorted(collector.times)}
+    tables, notes = _tables(reader, selection)
     if not tables:
         detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
         raise LogError(f"{path}: the {reader.name} holds no message{detail}")
+    made, said = px4.derived(tables, getattr(reader, "parameters", {}))
+    tables = dict(sorted((tables | made).items()))
     size = sum(file.stat().st_size for file in files)
-    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + collector.notes))
+    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes + said))
+
+
+def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], list[str]]:
+    """What a reader gives, decoded, and what the decoding has to say."""
+    if isinstance(reader, TableReader):
+        return reader.tables(selection), []
+    collector = _Collector(lambda topic, kind, fields: selection(topic, kind, fields) or px4.wanted(topic, kind))
+    for batch in reader.batches(collector.wanted):
+        collector.add(batch.channel, batch.log_time_ns, batch.payloads)
+    return {topic: collector.table(topic) for topic in sorted(collector.times)}, collector.notes
 
 
 @dataclass

@@ -21,8 +21,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from wrenchgap.flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.table import Columns
 
-Columns = dict[str, NDArray[Any]]
 Layout = dict[str, tuple[int, np.dtype[Any], int]]
 """Offset [bytes], primitive and their number, of every numeric field of one message."""
 Definitions = Mapping[str, tuple[Any, Any]]

@@ -14,6 +14,8 @@ from typing import ClassVar, NamedTuple
 
 import zstandard
 
+from wrenchgap.flight.formats.table import Selection, Table
+
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 BATCH = 8192
 """Messages that a reader gathers before it hands them on, at most."""
@@ -70,6 +72,18 @@ class Reader(ABC):
     def data_files(self) -> list[Path]:
         """The files whose bytes are the log's content, in the order in which they are hashed."""
         return [self.path]
+
+
+class TableReader(Reader):
+    """A format whose library or layout gives whole columns, so that there is nothing to decode."""
+
+    @abstractmethod
+    def tables(self, selection: Selection) -> dict[str, Table]:
+        """Every topic, with columns at least where `selection` wants; raises `LogError` where nothing can be read."""
+
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """No bytes of messages."""
+        return iter(())
 
 
 def normalised_type(name: str) -> str:
