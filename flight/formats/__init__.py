@@ -16,7 +16,9 @@ from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import Channel, Reader, TableReader
 from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
 from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
-from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.table import Columns
+from wrenchgap.flight.formats.table import Selection as Selection
+from wrenchgap.flight.formats.table import Table as Table
 from wrenchgap.flight.formats.ulog import UlogReader
 
 READERS: tuple[type[Reader], ...] = (McapReader, Rosbag1Reader, Rosbag2FolderReader, Rosbag2SqliteReader, UlogReader)

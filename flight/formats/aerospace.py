@@ -24,7 +24,7 @@ def flu(vectors_frd: NDArray[Any]) -> Array:
 
 def enu(vectors_ned: NDArray[Any]) -> Array:
     """Vectors (N, 3) or (3,) in north-east-down as east-north-up."""
-    return np.asarray(vectors_ned, dtype=float)[..., [1, 0, 2]] * [1.0, 1.0, -1.0]
+    return np.asarray(np.asarray(vectors_ned, dtype=float)[..., [1, 0, 2]] * [1.0, 1.0, -1.0])
 
 
 def quat_flu_to_enu(quat_frd_to_ned: NDArray[Any]) -> Array:

@@ -6,20 +6,15 @@ what asks is averaged over the interval between the stamps, so that nothing abov
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.table import Table
 
 Stamps = NDArray[np.int64]
 
 GAP = 4.0  # usual periods of the source, longer than for a series of its own: autopilots thin their topics unevenly
 FASTER = 1.5  # times the rate of what asks, from which on the source is averaged
-
-Typed = dict[str, NDArray[Any]]
 
 
 def increasing_rows(stamps: Stamps, values: Array) -> tuple[Stamps, Array]:
@@ -38,7 +33,7 @@ def at(wanted: Stamps, stamps: Stamps, values: Array) -> Array:
     if len(stamps) < 2:
         return np.full((len(wanted), values.shape[1]), np.nan)
     origin = int(stamps[0])
-    time, asked = (stamps - origin) * 1e-9, (wanted - origin) * 1e-9
+    time, asked = _seconds(stamps, origin), _seconds(wanted, origin)
     usual = _usual(time)
     period = _usual(np.sort(asked)) if len(asked) > 1 else 0.0
     interpolate = _averaged if period > FASTER * usual else _linear
@@ -66,7 +61,7 @@ def cubic(wanted: Stamps, stamps: Stamps, values: Array, rates: Array) -> Array:
     if len(stamps) < 2:
         return np.full((len(wanted), count), np.nan)
     x, v = both[:, :count], both[:, count:]
-    time, asked = (stamps - stamps[0]) * 1e-9, (wanted - stamps[0]) * 1e-9
+    time, asked = _seconds(stamps, int(stamps[0])), _seconds(wanted, int(stamps[0]))
     right = np.clip(np.searchsorted(time, asked), 1, len(time) - 1)
     left = right - 1
     h = (time[right] - time[left])[:, None]
@@ -80,23 +75,8 @@ def cubic(wanted: Stamps, stamps: Stamps, values: Array, rates: Array) -> Array:
     return out
 
 
-def cropped(table: Table) -> Table:
-    """Without the rows before the first and after the last that are whole; what is missing inside stays, as NaN."""
-    whole = np.ones(len(table), dtype=bool)
-    for values in table.columns.values():
-        whole &= np.isfinite(values).reshape(len(table), -1).all(axis=1)
-    rows = np.flatnonzero(whole)
-    if not len(rows):
-        return table
-    kept = slice(int(rows[0]), int(rows[-1]) + 1)
-    header = None if table.header_ns is None else table.header_ns[kept]
-    columns = {name: values[kept] for name, values in table.columns.items()}
-    return Table(table.topic, table.type, table.log_time_ns[kept], header, columns, table.problem)
-
-
-def vector(prefix: str, values: Array, axes: str = "xyz") -> Typed:
-    """Columns `prefix.x`, `prefix.y`, ... of an array (N, 3), or of quaternions (N, 4) with `axes` "wxyz"."""
-    return {f"{prefix}.{axis}": values[:, i] for i, axis in enumerate(axes)}
+def _seconds(stamps: Stamps, origin: int) -> Array:
+    return np.asarray((stamps - origin) * 1e-9, dtype=float)
 
 
 def _usual(time: Array) -> float:

@@ -11,15 +11,11 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.aerospace import flu
-from wrenchgap.flight.formats.merging import at, cropped, vector
+from wrenchgap.flight.formats.made import Made, cropped
+from wrenchgap.flight.formats.merging import at
 from wrenchgap.flight.formats.px4.messages import Messages, numbers, sampled, sent
 from wrenchgap.flight.formats.table import Table
 
-WRENCH, ACTUATORS, BATTERY = (
-    "geometry_msgs/msg/WrenchStamped",
-    "actuator_msgs/msg/Actuators",
-    "sensor_msgs/msg/BatteryState",
-)
 FIRST_MOTOR = 101
 """Of PX4's output functions, that of motor 1."""
 ROTORS_BY_TYPE = {2: 4, 13: 6, 14: 8, 15: 3}
@@ -37,8 +33,7 @@ def wrenches(said: Messages) -> Iterator[tuple[str, Table]]:
         force, moment = numbers(thrust, "xyz"), numbers(torque, "xyz")
         if force is not None and moment is not None:
             moment = at(sent(thrust), sent(torque), moment)
-            columns = vector("wrench.force", flu(force)) | vector("wrench.torque", flu(moment))
-            made = Table(topic, WRENCH, thrust.log_time_ns, sent(thrust), columns)
+            made = Made(topic, thrust.log_time_ns, sent(thrust)).wrench(flu(force), flu(moment))
             yield f"{thrust.topic} + {torque.topic}", cropped(made)
             return
     old = said.get("actuator_controls_0")
@@ -46,8 +41,7 @@ def wrenches(said: Messages) -> Iterator[tuple[str, Table]]:
     if old is not None and control is not None and control.shape[1] >= 4:
         zero = np.zeros(len(old))
         force = np.stack((zero, zero, control[:, 3]), axis=1)  # old firmware gives the thrust as positive, upwards
-        columns = vector("wrench.force", force) | vector("wrench.torque", flu(control[:, :3]))
-        yield old.topic, Table(topic, WRENCH, old.log_time_ns, sent(old), columns)
+        yield old.topic, Made(topic, old.log_time_ns, sent(old)).wrench(force, flu(control[:, :3]))
 
 
 def actuators(said: Messages) -> Iterator[tuple[str, Table]]:
@@ -56,18 +50,17 @@ def actuators(said: Messages) -> Iterator[tuple[str, Table]]:
     control = None if motors is None else numbers(motors, "control")
     if motors is not None and control is not None and (used := np.isfinite(control).any(axis=0)).any():
         stopped = np.nan_to_num(control[:, used])  # NaN is PX4's word for a motor that is disarmed
-        topic = said.topic("motor_command_normalised")
-        yield motors.topic, Table(topic, ACTUATORS, motors.log_time_ns, sent(motors), {"normalized": stopped})
+        made = Made(said.topic("motor_command_normalised"), motors.log_time_ns, sent(motors))
+        yield motors.topic, made.actuators(stopped, unit="normalised")
     for instance, outputs in said.several("actuator_outputs"):
         pulses = _pulses(outputs, said.parameters)
         if pulses is not None:
             topic = said.topic("outputs_pwm" + (f"/{instance}" if instance else ""))
-            yield outputs.topic, Table(topic, ACTUATORS, outputs.log_time_ns, sent(outputs), {"velocity": pulses})
+            yield outputs.topic, Made(topic, outputs.log_time_ns, sent(outputs)).actuators(pulses)
     reported = said.get("esc_status")
     speeds = None if reported is None else _speeds(reported)
     if reported is not None and speeds is not None:
-        topic = said.topic("esc_measured")
-        yield reported.topic, Table(topic, ACTUATORS, reported.log_time_ns, sent(reported), {"velocity": speeds})
+        yield reported.topic, Made(said.topic("esc_measured"), reported.log_time_ns, sent(reported)).actuators(speeds)
 
 
 def batteries(said: Messages) -> Iterator[tuple[str, Table]]:
@@ -76,7 +69,7 @@ def batteries(said: Messages) -> Iterator[tuple[str, Table]]:
         voltage = numbers(table, "voltage_v")
         if voltage is not None and np.any(voltage > 0.0):
             topic = said.topic("battery" + (f"/{instance}" if instance else ""))
-            yield table.topic, Table(topic, BATTERY, table.log_time_ns, sampled(table), {"voltage": voltage[:, 0]})
+            yield table.topic, Made(topic, table.log_time_ns, sampled(table)).battery(voltage[:, 0])
 
 
 def never_armed(said: Messages) -> str | None:

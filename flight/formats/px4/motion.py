@@ -6,14 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wrenchgap.flight import so3
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.aerospace import enu, flu, quat_flu_to_enu, quat_of_euler
-from wrenchgap.flight.formats.merging import Stamps, at, cropped, cubic, vector
+from wrenchgap.flight.formats.made import Made, cropped
+from wrenchgap.flight.formats.merging import Stamps, at, cubic
 from wrenchgap.flight.formats.px4.messages import Messages, numbers, sampled, sent, true
-from wrenchgap.flight.formats.table import Columns, Table
-
-IMU, ODOMETRY, ACCELERATION = "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry", "geometry_msgs/msg/AccelStamped"
-NO_RATE = ("twist.twist.angular.x", "twist.twist.angular.y", "twist.twist.angular.z")
+from wrenchgap.flight.formats.table import Table
 
 
 def imus(said: Messages) -> Iterator[tuple[str, Table]]:
@@ -53,16 +52,14 @@ def references(said: Messages) -> Iterator[tuple[str, Table]]:
         return
     stamps = sent(attitude)
     found = at(stamps, sent(position), place)
-    columns = vector("pose.pose.position", enu(found[:, :3])) | _orientation(quat)
-    columns |= vector("twist.twist.linear", enu(found[:, 3:])) | _rates(said, stamps)
-    made = Table(said.topic("reference"), ODOMETRY, attitude.log_time_ns, stamps, columns)
     if np.isfinite(found).all(axis=1).any():
+        to_be = Made(said.topic("reference"), attitude.log_time_ns, stamps)
+        made = to_be.odometry(enu(found[:, :3]), quat_flu_to_enu(quat), enu(found[:, 3:]), _rates(said, stamps))
         yield f"{attitude.topic} + {position.topic}", cropped(made)
 
 
 def _imu(topic: str, table: Table, stamps: Stamps, omega: Array, force: Array) -> Table:
-    columns = vector("angular_velocity", flu(omega)) | vector("linear_acceleration", flu(force))
-    return cropped(Table(topic, IMU, table.log_time_ns, stamps, columns))
+    return cropped(Made(topic, table.log_time_ns, stamps).imu(flu(omega), flu(force)))
 
 
 def _combined(said: Messages, table: Table) -> Table | None:
@@ -103,24 +100,19 @@ def _paired(said: Messages, rate: Table, force: Table, name: str) -> Table | Non
 def _integrated(said: Messages, table: Table, instance: int) -> Table | None:
     """Increments of angle and velocity over an interval that ends at the stamp."""
     turned, gained = numbers(table, "delta_angle"), numbers(table, "delta_velocity")
-    intervals = [table.columns.get(f"delta_{name}_dt") for name in ("angle", "velocity")]
-    if turned is None or gained is None or intervals[0] is None or intervals[1] is None:
+    first, second = numbers(table, "delta_angle_dt"), numbers(table, "delta_velocity_dt")  # us
+    if turned is None or gained is None or first is None or second is None:
         return None
     with np.errstate(divide="ignore", invalid="ignore"):
-        omega, force = (
-            v / (1e-6 * dt.astype(float))[:, None] for v, dt in zip((turned, gained), intervals, strict=True)
-        )
+        omega, force = 1e6 * turned / first, 1e6 * gained / second
     stamps = sampled(table) - _half(table, "delta_angle_dt")
     return _imu(said.topic(f"imu/vehicle_imu/{instance}"), table, stamps, omega, force)
 
 
 def _odometry(said: Messages, attitude: Table, position: Table, name: str) -> Table | None:
     """Attitude at its own stamps, with position (cubic, with its velocity) and velocity in between."""
-    quat, place, velocity = (
-        numbers(attitude, "q"),
-        numbers(position, "x", "y", "z"),
-        numbers(position, "vx", "vy", "vz"),
-    )
+    quat, place = numbers(attitude, "q"), numbers(position, "x", "y", "z")
+    velocity = numbers(position, "vx", "vy", "vz")
     if quat is None or place is None or velocity is None:
         return None
     valid = true(position, "xy_valid", "z_valid")
@@ -130,19 +122,13 @@ def _odometry(said: Messages, attitude: Table, position: Table, name: str) -> Ta
         )
         return None
     place, velocity = _without_resets(said, position, place, velocity)
-    valid &= true(position, "v_xy_valid", "v_z_valid")
+    valid = valid & true(position, "v_xy_valid", "v_z_valid")
     place = np.where(valid[:, None], place, np.nan)
     stamps, known = sampled(attitude), sampled(position)
-    columns = vector("pose.pose.position", enu(cubic(stamps, known, place, velocity))) | _orientation(quat)
-    columns |= vector("twist.twist.linear", enu(at(stamps, known, np.where(valid[:, None], velocity, np.nan))))
-    return _with_no_rates(Table(said.topic(name), ODOMETRY, attitude.log_time_ns, stamps, columns))
-
-
-def _with_no_rates(table: Table) -> Table:
-    """Body rates are the IMU's business."""
-    made = cropped(table)
-    unknown = dict.fromkeys(NO_RATE, np.full(len(made), np.nan))
-    return Table(made.topic, made.type, made.log_time_ns, made.header_ns, made.columns | unknown)
+    position_E = enu(cubic(stamps, known, place, velocity))
+    velocity_E = enu(at(stamps, known, np.where(valid[:, None], velocity, np.nan)))
+    made = Made(said.topic(name), attitude.log_time_ns, stamps)
+    return cropped(made.odometry(position_E, quat_flu_to_enu(quat), velocity_E))  # body rates are the IMU's business
 
 
 def _without_resets(said: Messages, table: Table, place: Array, velocity: Array) -> tuple[Array, Array]:
@@ -175,17 +161,11 @@ def _whole(said: Messages, table: Table) -> Table | None:
     quat, stamps = numbers(table, "q"), sampled(table)
     if place is None or velocity is None or quat is None:
         return None
-    columns = vector("pose.pose.position", enu(place)) | _orientation(quat)
+    quat_EB = quat_flu_to_enu(quat)
     in_body = np.asarray(table.columns.get("velocity_frame", np.zeros(1)), dtype=float)[0] == 3.0
-    columns |= vector("twist.twist.linear", flu(velocity) if in_body else enu(velocity))
-    if rates is not None and np.isfinite(rates).all(axis=1).any():
-        columns |= vector("twist.twist.angular", flu(rates))
-        return cropped(Table(said.topic("odometry/vehicle_odometry"), ODOMETRY, table.log_time_ns, stamps, columns))
-    return _with_no_rates(Table(said.topic("odometry/vehicle_odometry"), ODOMETRY, table.log_time_ns, stamps, columns))
-
-
-def _orientation(quat: Array) -> Columns:
-    return vector("pose.pose.orientation", quat_flu_to_enu(quat), "wxyz")
+    velocity_E = so3.rotate(quat_EB, flu(velocity)) if in_body else enu(velocity)
+    made = Made(said.topic("odometry/vehicle_odometry"), table.log_time_ns, stamps)
+    return cropped(made.odometry(enu(place), quat_EB, velocity_E, None if rates is None else flu(rates)))
 
 
 def _asked_attitude(table: Table) -> Array | None:
@@ -206,9 +186,9 @@ def _asked_position(table: Table) -> Array | None:
     return numbers(table, "x", "y", "z", "vx", "vy", "vz")
 
 
-def _rates(said: Messages, stamps: Stamps) -> Columns:
+def _rates(said: Messages, stamps: Stamps) -> Array | None:
     table = said.get("vehicle_rates_setpoint")
     rates = None if table is None else numbers(table, "roll", "pitch", "yaw")
     if table is None or rates is None:
-        return dict.fromkeys(NO_RATE, np.full(len(stamps), np.nan))
-    return vector("twist.twist.angular", flu(at(stamps, sent(table), rates)))
+        return None
+    return flu(at(stamps, sent(table), rates))

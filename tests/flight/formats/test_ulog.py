@@ -87,7 +87,9 @@ def test_pitching_up_heading_north_and_climbing(found, autopilots):
     np.testing.assert_allclose(found.odometry.position_E[:, 1], seen.ned[:, 0], atol=2e-4)
     np.testing.assert_allclose(found.odometry.position_E[:, 2], -seen.ned[:, 2], atol=2e-4)
     assert found.odometry.position_E[-1, 2] > 2.0
+    np.testing.assert_allclose(found.odometry.velocity_E[:, 1], seen.v_ned[:, 0], atol=0.01)
     np.testing.assert_allclose(found.odometry.velocity_E[:, 2], -seen.v_ned[:, 2], atol=0.01)
+    assert not any("is in frame" in note for note in found.notes)
 
 
 def test_the_imu_is_that_of_the_motion_and_of_the_middle_of_its_interval(found):
