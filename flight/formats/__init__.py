@@ -19,12 +19,21 @@ from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteR
 from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.formats.table import Selection as Selection
 from wrenchgap.flight.formats.table import Table as Table
+from wrenchgap.flight.formats.tabular import CsvReader, ParquetReader
 from wrenchgap.flight.formats.ulog import UlogReader
 
-READERS: tuple[type[Reader], ...] = (McapReader, Rosbag1Reader, Rosbag2FolderReader, Rosbag2SqliteReader, UlogReader)
+READERS: tuple[type[Reader], ...] = (
+    McapReader,
+    Rosbag1Reader,
+    Rosbag2FolderReader,
+    Rosbag2SqliteReader,
+    UlogReader,
+    ParquetReader,
+    CsvReader,
+)
 """Every format, in the order in which they are asked whether a file is theirs."""
 
-SUPPORTED = "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3), PX4 (.ulg)"
+SUPPORTED = "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3), PX4 (.ulg), CSV or Parquet tables"
 DECODABLE = ("cdr", "ros1")
 
 
