@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats import px4
+from wrenchgap.flight.formats import ardupilot, px4
+from wrenchgap.flight.formats.dataflash import DataflashReader
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import Channel, Reader, TableReader
@@ -28,12 +29,15 @@ READERS: tuple[type[Reader], ...] = (
     Rosbag2FolderReader,
     Rosbag2SqliteReader,
     UlogReader,
+    DataflashReader,
     ParquetReader,
     CsvReader,
 )
 """Every format, in the order in which they are asked whether a file is theirs."""
 
-SUPPORTED = "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3), PX4 (.ulg), CSV or Parquet tables"
+SUPPORTED = (
+    "MCAP (.mcap), ROS 1 bag (.bag), ROS 2 bag (folder or .db3), PX4 (.ulg), ArduPilot (.bin), CSV or Parquet tables"
+)
 DECODABLE = ("cdr", "ros1")
 
 
@@ -81,10 +85,12 @@ def read_log(path: Path, selection: Selection) -> Log:
     if not tables:
         detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
         raise LogError(f"{path}: the {reader.name} holds no message{detail}")
-    made, said = px4.derived(tables, getattr(reader, "parameters", {}))
-    tables = dict(sorted((tables | made).items()))
+    for derived in (px4.derived, ardupilot.derived):
+        made, said = derived(tables, getattr(reader, "parameters", {}))
+        tables, notes = tables | made, notes + said
+    tables = dict(sorted(tables.items()))
     size = sum(file.stat().st_size for file in files)
-    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes + said))
+    return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes))
 
 
 def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], list[str]]:

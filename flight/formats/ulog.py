@@ -6,8 +6,6 @@ plays a role is made of them by `flight.formats.px4`.
 
 from __future__ import annotations
 
-import contextlib
-import io
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.extras import required
+from wrenchgap.flight.formats.extras import required, silenced
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
@@ -65,7 +63,7 @@ def _parameters(log: Any) -> dict[str, float | int]:
 def _opened(path: Path) -> Any:
     pyulog = required("pyulog", "px4", "PX4 .ulg logs", path)
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it thinks of damaged files
+        with silenced():
             return pyulog.ULog(str(path))
     except Exception as error:  # a damaged log makes pyulog raise many kinds
         raise LogError(f"{path}: not a readable PX4 log ({one_line(error) or type(error).__name__})") from error

@@ -66,6 +66,57 @@ def _each(layout):
             number = ""
 
 
+LETTERS = "b:b B:B h:h H:H i:i I:I q:q Q:Q f:f d:d c:h C:H e:i E:I L:i M:b n:4s N:16s Z:64s"
+STRUCT = dict(pair.split(":") for pair in LETTERS.split())
+SCALE = {"c": 100, "C": 100, "e": 100, "E": 100, "L": 1e7}
+
+
+class Dataflash:
+    """An ArduPilot log: FMT messages lay out types, FMTU names their units, then messages in the order of time."""
+
+    def __init__(self, parameters=(), units=True):
+        self.head, self.messages, self.types, self.units = [], [], {}, units
+        self._format(0x80, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+        if units:
+            self.define("FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds")
+        for name, value in dict(parameters).items():
+            self.add("PARM", "QNf", "TimeUS,Name,Value", [0], [name.encode()], [value])
+
+    def define(self, name, layout, columns, instance=None):
+        if name in self.types:
+            return
+        self.types[name] = 0x81 + len(self.types)
+        self._format(self.types[name], name, layout, columns)
+        if instance is not None and self.units:
+            ids = "".join("#" if column == instance else "-" for column in columns.split(","))
+            self.head.append(self._packed("FMTU", "QBNN", (0, self.types[name], ids.encode(), b"-" * len(ids))))
+
+    def add(self, name, layout, columns, *values, instance=None):
+        """Messages of one type, one a row; `values` in the order of the columns, the time first [us]."""
+        self.define(name, layout, columns, instance)
+        for row in zip(*values, strict=True):
+            self.messages.append((int(row[0]), self._packed(name, layout, row)))
+        return self
+
+    def save(self, path):
+        ordered = [message for _, message in sorted(self.messages, key=lambda entry: entry[0])]
+        path.write_bytes(b"".join(self.head + ordered))
+        return path
+
+    def _format(self, number, name, layout, columns):
+        size = 3 + sum(struct.calcsize(f"<{STRUCT[letter]}") for letter in layout)
+        fields = (number, size, name.encode(), layout.encode(), columns.encode())
+        self.head.append(b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", *fields))
+
+    def _packed(self, name, layout, row):
+        values = []
+        for letter, value in zip(layout, row, strict=True):
+            whole = letter not in "fdnNZ"
+            values.append(round(value * SCALE.get(letter, 1)) if whole else value)
+        body = struct.pack("<" + "".join(STRUCT[letter] for letter in layout), *values)
+        return b"\xa3\x95" + bytes([self.types[name]]) + body
+
+
 class Climb:
     """A vehicle that heads north, pitches up and down and climbs, as an autopilot sees it: FRD and NED.
 
