@@ -83,7 +83,7 @@ def write(
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as stream:
-            _write(stream, topics, flight.start_ns, dict(metadata or {}))
+            _write(stream, topics, _start(flight.start_ns, topics), dict(metadata or {}))
         os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
     finally:
         partial.unlink(missing_ok=True)
@@ -106,6 +106,13 @@ def _check_target(path: Path, force: bool) -> None:
         raise UsageError(f"{path}: is a folder; expected the name of a file")
     if path.exists() and not force:
         raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
+
+
+def _start(start_ns: int, topics: list[_Topic]) -> int:
+    """When the flight starts [ns], moved by whole seconds where a stamp would be before the first that MCAP has."""
+    second = 1_000_000_000
+    first = start_ns + min((round(float(topic.time[0]) * second) for topic in topics if len(topic.time)), default=0)
+    return start_ns if first >= 0 else start_ns + second * -(first // second)
 
 
 def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str, str]) -> None:

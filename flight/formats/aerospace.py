@@ -30,7 +30,7 @@ def enu(vectors_ned: NDArray[Any]) -> Array:
 def quat_flu_to_enu(quat_frd_to_ned: NDArray[Any]) -> Array:
     """Quaternions (N, 4), scalar first, of FRD to NED as those of FLU to ENU."""
     w, x, y, z = np.moveaxis(np.asarray(quat_frd_to_ned, dtype=float), -1, 0)
-    return np.stack((w + z, x + y, x - y, w - z), axis=-1) / np.sqrt(2.0)
+    return np.asarray(np.stack((w + z, x + y, x - y, w - z), axis=-1) / np.sqrt(2.0))
 
 
 def quat_of_euler(roll: NDArray[Any], pitch: NDArray[Any], yaw: NDArray[Any]) -> Array:

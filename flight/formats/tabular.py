@@ -104,7 +104,8 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
             f"{path}: no column of times; columns: {', '.join(known)}. Name one time, t or timestamp, with its unit, "
             "as in t_ms or time [us]"
         )
-    columns, spoilt = {}, 0
+    columns: Columns = {}
+    spoilt = 0
     for header in known:
         if header != time:
             expanded, count = _numeric(header, frame[header])

@@ -70,7 +70,9 @@ def complete_topics(incomplete: str) -> list[str]:
 
 Logs = Annotated[
     list[Path],
-    typer.Argument(metavar="LOG...", help="Logs: .mcap, .bag, or ROS 2 bag folders.", show_default=False),
+    typer.Argument(
+        metavar="LOG...", help="Logs: .mcap, .bag, ROS 2 bag folders, .ulg, .bin, .csv, .parquet.", show_default=False
+    ),
 ]
 ModelOption = Annotated[
     str,
@@ -134,7 +136,10 @@ JsonFile = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Log = Annotated[
-    Path, typer.Argument(metavar="LOG", help="Log: .mcap, .bag, or a ROS 2 bag folder.", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="LOG", help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.", show_default=False
+    ),
 ]
 LogOut = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).", show_default=False)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.merging import Stamps
@@ -114,7 +115,7 @@ def numbers(table: Table, *names: str) -> Array | None:
     return np.hstack([np.asarray(table.columns[name], dtype=float).reshape(len(table), -1) for name in names])
 
 
-def true(table: Table, *names: str) -> Array:
+def true(table: Table, *names: str) -> NDArray[np.bool_]:
     """Where (N,) none of the flags that the messages have is down."""
     known = [np.asarray(table.columns[name], dtype=float) > 0 for name in names if name in table.columns]
-    return np.all(known, axis=0) if known else np.ones(len(table), dtype=bool)
+    return np.asarray(np.all(known, axis=0)) if known else np.ones(len(table), dtype=bool)
