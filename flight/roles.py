@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
-from wrenchgap.flight.topic_names import TYPES, namespace, score
+from wrenchgap.flight.topic_names import TYPES, by_fields, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
@@ -95,7 +95,8 @@ def quantities(kind: str, fields: list[str]) -> dict[str, str]:
     if kind in TYPES:
         return TYPES[kind]
     speeds = [name for name in SPEED_FIELDS if name in fields]
-    return {"rotor_speed": speeds[0]} if speeds else {}
+    own = {} if "/msg/" in kind else by_fields(fields)
+    return own | ({"rotor_speed": speeds[0]} if speeds else {})
 
 
 def merged_topics(

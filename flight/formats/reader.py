@@ -26,7 +26,8 @@ class Channel:
     """A stream of messages of one type; two of the same content are still two, as they may be two writers'.
 
     `encoding` is that of the messages: "cdr" (ROS 2), "ros1", or another, which is listed but not decoded.
-    `definition` is the text that came with the file, or None; `definition_format` is "msg" or "idl".
+    `definition` is the text that came with the file, or None; `definition_format` is "msg" or "idl". Of protobuf the
+    text is the description in base 64.
     """
 
     topic: str

@@ -222,13 +222,13 @@ def test_wrong_extension_does_not_matter_and_the_hash_is_that_of_the_bytes(plain
     assert found.content_hash == hashlib.sha256(plain.read_bytes()).hexdigest()
 
 
-def test_a_log_without_messages_or_of_json_alone(logs, loaded, tmp_path):
+def test_a_log_without_messages_or_of_cbor_alone(logs, loaded, tmp_path):
     with pytest.raises(LogError, match="no message"):
         loaded(logs.Recording())
-    path = logs.json_log(tmp_path / "json.mcap")
+    path = logs.cbor_log(tmp_path / "cbor.mcap")
     with pytest.raises(LogError, match=r"no topic plays a role[\s\S]*/thing"):
         flight.load(path)
-    with pytest.raises(LogError, match="json"):
+    with pytest.raises(LogError, match="cbor"):
         flight.load(path, topics={"imu": "/thing"})
 
 
