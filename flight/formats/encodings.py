@@ -80,18 +80,23 @@ class JsonMessages(Encoded):
 
     def row(self, payload: bytes) -> Mapping[str, Value]:
         """Numbers and arrays of numbers, however deep."""
-        return dict(_numbers(json.loads(payload), ""))
+        found: dict[str, Value] = {}
+        _gather(json.loads(payload), "", found, DEEPEST)
+        return found
 
 
-def _numbers(value: Any, path: str, depth: int = DEEPEST) -> Iterator[tuple[str, Value]]:
-    if isinstance(value, bool | int | float):
-        yield path, float(value) if abs(value) < 1e300 else float("nan")
-    elif isinstance(value, list):
-        if 0 < len(value) <= LONGEST and all(isinstance(item, int | float) for item in value):
-            yield path, [float(item) for item in value]
-    elif isinstance(value, dict) and depth:
-        for name, inner in value.items():
-            yield from _numbers(inner, f"{path}.{name}" if path else str(name), depth - 1)
+def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
+    kind = type(value)
+    if kind is dict:
+        if depth:
+            for name, inner in value.items():
+                _gather(inner, f"{path}.{name}" if path else name, found, depth - 1)
+    elif kind is float:
+        found[path] = value
+    elif kind is int or kind is bool:
+        found[path] = float(value) if abs(value) < 1e300 else float("nan")
+    elif kind is list and 0 < len(value) <= LONGEST and all(isinstance(item, int | float) for item in value):
+        found[path] = [float(item) for item in value]
 
 
 def _schema_fields(schema: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
