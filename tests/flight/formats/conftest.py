@@ -41,6 +41,16 @@ class Ulog:
             self.data.append(("D", self._message("D", struct.pack("<H", number) + struct.pack(layout, *values))))
         return self
 
+    def nested(self, name, fields, inner, layout, rows):
+        """A topic with messages within: `inner` are their fields by type, `rows` all numbers as in `layout`."""
+        for kind, text in {**inner, name: fields}.items():
+            self.head.append(self._message("F", f"{kind}:{text};".encode()))
+        number = sum(kind == "A" for kind, _ in self.data)
+        self.data.append(("A", self._message("A", struct.pack("<BH", 0, number) + name.encode())))
+        for row in rows:
+            self.data.append(("D", self._message("D", struct.pack("<H", number) + struct.pack(f"<{layout}", *row))))
+        return self
+
     def dropout(self, milliseconds):
         self.data.append(("O", self._message("O", struct.pack("<H", milliseconds))))
         return self

@@ -1,13 +1,20 @@
 """A PX4 log gives the flight that was flown, whatever PX4's frames, units and habits."""
 
+import re
+import shlex
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import angular_velocity
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.ulog import parameters
+from wrenchgap.replay.cli.main import app
 
 SECONDS = 6.0
 STAMP = "uint64_t timestamp"
@@ -155,11 +162,53 @@ def test_outputs_are_ordered_by_the_motors_that_they_serve_and_speeds_are_in_rad
     time = at_rate(50)
     pulses = np.tile([1200.0, 1100.0, 1500.0, 0.0], (len(time), 1))
     log.topic("actuator_outputs", f"{STAMP};float[4] output", {"timestamp": micro(time), "output": pulses})
-    esc = {"timestamp": micro(time), "esc[0].esc_rpm": np.full(len(time), 6000)}
-    log.topic("esc_status", f"{STAMP};int32_t rpm", {"timestamp": micro(time), "rpm": esc["esc[0].esc_rpm"]})
-    found = flight.load(log.save(tmp_path / "log.ulg"))
+    report = {"esc_report": f"{STAMP};int32_t esc_rpm;uint8_t actuator_function;uint8_t[3] _padding0"}
+    rows = [(t, t, 6000, 102, 0, 0, 0, t, 6600, 101, 0, 0, 0, t, 0, 0, 0, 0, 0) for t in micro(time).tolist()]
+    log.nested("esc_status", f"{STAMP};esc_report[3] esc", report, "Q" + 3 * "QiB3B", rows)
+    path = log.save(tmp_path / "log.ulg")
+    found = flight.load(path)
     assert found.actuators.unit == "pwm"
     np.testing.assert_array_equal(found.actuators.rotor_speed[0], [1100.0, 1200.0])
+    measured = flight.load(path, {"rotor_speed": "/px4/esc_measured"}).actuators
+    assert measured.unit == "rad/s"
+    np.testing.assert_allclose(measured.rotor_speed[0], [220 * np.pi, 200 * np.pi])
+
+
+def test_a_gyroscope_and_an_accelerometer_of_their_own_rates_meet_at_the_slower_one(autopilots, tmp_path):
+    log = autopilots.Ulog()
+    for name, rate in (("vehicle_angular_velocity", 400), ("vehicle_acceleration", 100)):
+        time = at_rate(rate)
+        seen = autopilots.Climb(time)
+        values = seen.gyro if "angular" in name else seen.accelerometer
+        stamps = {"timestamp": micro(time + 0.003), "timestamp_sample": micro(time)}  # sent later than sampled
+        log.topic(name, f"{STAMP};uint64_t timestamp_sample;float[3] xyz", stamps | {"xyz": values})
+    found = flight.load(log.save(tmp_path / "log.ulg"))
+    seen = autopilots.Climb(found.imu.time + found.start_ns * 1e-9 - 5.0)
+    assert 1.0 / found.imu.period == pytest.approx(100.0)
+    inner = slice(2, -2)
+    np.testing.assert_allclose(found.imu.omega_B[inner, 1], -seen.gyro[inner, 1], atol=2e-4)
+    np.testing.assert_allclose(found.imu.specific_force_B[inner, 2], -seen.accelerometer[inner, 2], atol=1e-5)
+
+
+def test_increments_of_angle_and_velocity(autopilots, tmp_path):
+    log, time, interval = autopilots.Ulog(), at_rate(200), 0.005
+    before, after = autopilots.Climb(time - interval), autopilots.Climb(time)
+    turned = np.zeros((len(time), 3))
+    turned[:, 1] = after.pitch - before.pitch
+    gained = interval * autopilots.Climb(time - interval / 2).accelerometer
+    columns = {
+        "timestamp": micro(time),
+        "timestamp_sample": micro(time),
+        "delta_angle": turned,
+        "delta_velocity": gained,
+    }
+    columns |= {name: np.full(len(time), 5000) for name in ("delta_angle_dt", "delta_velocity_dt")}
+    fields = f"{STAMP};uint64_t timestamp_sample;float[3] delta_angle;float[3] delta_velocity"
+    log.topic("vehicle_imu", f"{fields};uint32_t delta_angle_dt;uint32_t delta_velocity_dt", columns)
+    found = flight.load(log.save(tmp_path / "log.ulg"))
+    middle = autopilots.Climb(found.imu.time + found.start_ns * 1e-9 - 5.0)
+    np.testing.assert_allclose(found.imu.omega_B[:, 1], -middle.gyro[:, 1], atol=1e-4)
+    np.testing.assert_allclose(found.imu.specific_force_B[:, 2], -middle.accelerometer[:, 2], atol=1e-4)
 
 
 def test_old_firmware_and_a_vehicle_that_was_never_armed(autopilots, tmp_path):
@@ -195,8 +244,20 @@ def test_flipped_bytes_never_end_in_a_traceback(log, tmp_path):
 
 
 def test_without_pyulog_one_line_names_the_extra(log, tmp_path, monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "pyulog", None)
     with pytest.raises(LogError, match=r"pip install 'wrenchgap\[px4\]'"):
         flight.load(log.save(tmp_path / "log.ulg"))
+
+
+def test_the_commands_of_the_page_do_what_it_says(log, tmp_path, monkeypatch):
+    """Those of docs/px4.md that read: `inspect` and `convert`."""
+    monkeypatch.chdir(tmp_path)
+    log.save(tmp_path / "flight.ulg")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "px4.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\s+wrenchgap ((?:inspect|convert) .*)$", page, re.MULTILINE)
+    assert len(lines) >= 2
+    for line in lines:
+        done = CliRunner().invoke(app, shlex.split(line, comments=True), prog_name="wrenchgap")
+        assert done.exit_code == 0, done.output
+    found = flight.load(tmp_path / "flight.mcap")
+    np.testing.assert_allclose(found.imu.omega_B, flight.load(tmp_path / "flight.ulg").imu.omega_B)
