@@ -17,7 +17,7 @@ from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Snapshot, Value, Version
 from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import Tolerances, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 
@@ -58,6 +58,11 @@ class Model:
     def nominal(self) -> Model:
         """The same vehicle without any effect."""
         return replace(self, effects=())
+
+    @property
+    def untold(self) -> Model:
+        """The same without tolerances: for what asks by how much a vehicle changed since its numbers were measured."""
+        return replace(self, vehicle=replace(self.vehicle, tolerances=Tolerances()))
 
     def effect(self, name: str) -> ModelEffect | None:
         """The effect of this name, None if the model does not have it."""
