@@ -14,6 +14,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model_file.command import CommandTable
 from wrenchgap.plant.model_file.past import FileTable, ParameterTable, VersionTable
 from wrenchgap.plant.model_file.told import Told, inertia_of, of_inertia, of_number, of_vector, told
 from wrenchgap.plant.reader import (
@@ -276,6 +277,7 @@ class ModelTable(Table):
     controller: dict[str, Any] = Field({})
     sensors: dict[str, Any] = Field({})
     topics: dict[str, Text] = Field({})
+    command: CommandTable | None = None
     unmeasured: Axes = ()
     between_flights: BetweenFlightsTable | None = None
     effects: tuple[EffectTable, ...] = ()
@@ -297,6 +299,7 @@ def loads(text: str) -> Model:
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
+        command=None if table.command is None else table.command.made(),
         unmeasured=table.unmeasured,
         between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
         text=text,

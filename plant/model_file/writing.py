@@ -14,6 +14,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.history import Version
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file.command import table_of
 from wrenchgap.plant.model_file.reading import SCHEMA
 from wrenchgap.plant.vehicle import Rotors, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
@@ -156,6 +157,8 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     for key, part in (("controller", model.controller), ("sensors", model.sensors)):
         values = {item.name: getattr(part, item.name) for item in fields(part)}
         document[key] = {k: list(x) if isinstance(x, tuple | np.ndarray) else x for k, x in values.items()}
+    if model.command is not None:
+        document["command"] = tomlkit.item(table_of(model.command))
     if model.topics:
         document["topics"] = dict(model.topics)
     return document
