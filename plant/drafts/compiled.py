@@ -1,8 +1,9 @@
 """A vehicle from MJCF or URDF, compiled by MuJoCo (mujoco.readthedocs.io), which knows defaults, includes and units.
 
-Of a URDF meshes are left out before it is compiled, since they carry no mass there, and the root is let float: MuJoCo
-would weld it to the world and forget its mass. Rotors of MJCF are actuators on sites: `gear` (0, 0, g, 0, 0, q) is a
-thrust g u along the site's z axis and a torque q u about it, so kappa = |q / g|; the rotor turns against the torque.
+Of a URDF meshes are left out before it is compiled, since they carry no mass there, and the root gets a link above it:
+what MuJoCo makes of a root link differs between its versions. Rotors of MJCF are actuators on sites: `gear` (0, 0, g,
+0, 0, q) is a thrust g u along the site's z axis and a torque q u about it, so kappa = |q / g|; the rotor turns against
+the torque.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from wrenchgap.plant.drafts.motor_plugins import motors_of
 from wrenchgap.plant.drafts.tree import Joint, Link, Motor, draft_of
 
 MEMBERS = ("visual", "collision")
+WORLD = "wrenchgap_world"
+"""Name of the link that stands in for the world in a URDF."""
 COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12", "discardvisual": "true"}
 """Bodies keep their names; those without mass (frames) become too light to matter."""
 NOTHING = 1e-7
@@ -31,7 +34,7 @@ def from_mjcf(path: Path) -> Draft:
     mujoco = _mujoco(path)
     model = _compiled(path, lambda: mujoco.MjModel.from_xml_path(str(path)))
     links = _links(mujoco, model, path)
-    numbers = {body: k for k, body in enumerate(_subtree(model, _root(model, path)))}
+    numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
     motors = _actuators(mujoco, model, numbers, links)
     return draft_of(path.stem, path.name, links, motors, "MJCF")
 
@@ -39,7 +42,7 @@ def from_mjcf(path: Path) -> Draft:
 def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
     """A draft of a URDF. Raises ModelError, in one line, for what MuJoCo cannot compile."""
     mujoco = _mujoco(path)
-    text = ElementTree.tostring(_floating(document, path), encoding="unicode")
+    text = ElementTree.tostring(_held(document, path), encoding="unicode")
     model = _compiled(path, lambda: mujoco.MjModel.from_xml_string(text))
     links = _links(mujoco, model, path)
     named = {**{one.name: k for k, one in enumerate(links)}, **{one.joint_name: k for k, one in enumerate(links)}}
@@ -63,8 +66,8 @@ def _compiled(path: Path, make: Any) -> Any:
         raise ModelError(f"{path.name}: MuJoCo cannot compile it: {said}") from None
 
 
-def _floating(document: ElementTree.Element, path: Path) -> ElementTree.Element:
-    """The URDF without meshes, its root link on a floating joint."""
+def _held(document: ElementTree.Element, path: Path) -> ElementTree.Element:
+    """The URDF without meshes, its root link below one that stands in for the world."""
     for link in document.iter("link"):
         for member in [child for child in link if child.tag in MEMBERS]:
             link.remove(member)
@@ -75,19 +78,21 @@ def _floating(document: ElementTree.Element, path: Path) -> ElementTree.Element:
     for old in document.findall("mujoco"):
         document.remove(old)
     ElementTree.SubElement(ElementTree.SubElement(document, "mujoco"), "compiler", COMPILER)
-    ElementTree.SubElement(document, "link", {"name": "wrenchgap_world"})
-    joint = ElementTree.SubElement(document, "joint", {"name": "wrenchgap_floating", "type": "floating"})
-    ElementTree.SubElement(joint, "parent", {"link": "wrenchgap_world"})
+    ElementTree.SubElement(document, "link", {"name": WORLD})
+    joint = ElementTree.SubElement(document, "joint", {"name": "wrenchgap_held", "type": "fixed"})
+    ElementTree.SubElement(joint, "parent", {"link": WORLD})
     ElementTree.SubElement(joint, "child", {"link": roots[0]})
     return document
 
 
-def _root(model: Any, path: Path) -> int:
+def _root(mujoco: Any, model: Any, path: Path) -> int:
     """The body that flies: the heaviest of those that hang on the world."""
     candidates = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
     if not candidates:
         raise ModelError(f"{path.name}: has no body that could fly")
-    return max(candidates, key=lambda b: float(model.body_subtreemass[b]))
+    root = max(candidates, key=lambda b: float(model.body_subtreemass[b]))
+    below = [b for b in range(1, model.nbody) if model.body_parentid[b] == root]
+    return below[0] if mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, root) == WORLD and below else root
 
 
 def _subtree(model: Any, root: int) -> list[int]:
@@ -103,7 +108,7 @@ def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    root = _root(model, path)
+    root = _root(mujoco, model, path)
     bodies = _subtree(model, root)
     origin, turned = data.xpos[root].copy(), data.xmat[root].reshape(3, 3).copy()
     out = []

@@ -1,8 +1,9 @@
-"""The level of a thrust curve from a flight of a vehicle whose weight is known.
+"""The curve of thrust over the command, from a flight of a vehicle whose weight is known.
 
-In the air the accelerometer along the thrust reads f_z = T / m with T = T_max sum_r n_r,z s(u_r), where s is the
-curve's shape, s(1) = 1, so that at every moment T_max = m f_z / sum_r n_r,z s(u_r). The median over the flight is
-taken, and what the middle half of it scatters by is said. Source: Newton's second law along the thrust.
+In the air the accelerometer along the thrust reads m f_z = T_max sum_r n_r,z [f u_r^2 + (1 - f) u_r]. Both columns are
+known, so T_max and f follow from least squares; f is believed where leaving out single stretches of the
+flight scatters it by less than `SURE` (jackknife), else the assumed f stays and T_max alone is taken, as the median of
+what every moment says. Source: Newton's second law along the thrust; Efron, "The jackknife", 1982.
 """
 
 from __future__ import annotations
@@ -15,67 +16,95 @@ from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.plant.drafts.draft import Draft, Said
 from wrenchgap.plant.vehicle import GRAVITY
 
-FLYING = 0.7
-"""Specific force along the thrust, in g, from which on rotors carry the vehicle, where commands do so too."""
-THROTTLE = 0.1
-"""Mean throttle below which they do not: the ground carries."""
-SECONDS = 1.0
+FLYING = 0.6
+"""Lift, in shares of what is large in this flight (the 90th percentile), from which on the rotors carry."""
+LEAST_THROTTLE = 0.05
+"""Mean throttle below which they do not."""
+SECONDS = 0.5
 """Time over which force and commands are averaged [s]: the vehicle answers late."""
 LEAST = 3.0
 """Time in the air [s] below which nothing is said."""
+SURE = 0.15
+"""Standard deviation of the curve's factor up to which a flight shows it."""
+STRETCHES = 8
+"""Into which the flight is cut for that."""
 
 
 def levelled(draft: Draft, flown: Flight) -> Draft:
-    """The draft with the level of its thrust curve from this flight; as it was where the flight does not say it."""
+    """The draft with the level of its thrust curve from this flight, and its shape where that was assumed.
+
+    As it was where the flight does not say it: too short, or commands of another unit or number.
+    """
     command, sent, imu = draft.command, flown.actuators, flown.imu
     if command is None or sent is None or imu is None or draft.mass is None or not draft.rotors:
         return draft
     if sent.unit != command.keys["unit"].value or sent.rotor_speed.shape[1] != len(draft.rotors):
         return draft
-    shares = _shares(draft, sent.rotor_speed)
-    up = np.array([r.direction_B.value for r in draft.rotors])[:, 2]
-    lift, force = _together(sent.time, shares @ up, imu.time, imu.specific_force_B[:, 2])
-    flying = (force > FLYING * GRAVITY) & (lift > THROTTLE * float(np.abs(up).sum()) * _share(draft, THROTTLE))
-    seconds = float(flying.sum()) * float(np.median(np.diff(sent.time)))
+    columns = _columns(draft, sent.rotor_speed)
+    lift, force = _in_the_air(sent.time, columns, imu.time, imu.specific_force_B[:, 2])
+    seconds = len(force) * float(np.median(np.diff(sent.time)))
     if seconds < LEAST:
         return draft
-    ratio = float(draft.mass.value) * force[flying] / lift[flying]
-    low, middle, high = np.percentile(ratio, (25.0, 50.0, 75.0))
+    carried = float(draft.mass.value) * force
+    where = f"{seconds:.0f} s of {flown.path.name}"
+    factor, keys = command.keys["factor"], dict(command.keys)
+    if factor.assumed and (found := _factor(lift, carried)) is not None:
+        value, std = found
+        factor = Said(
+            round(value, 3), f"fitted: the accelerometer's force over the commands, {where}, +-{max(std, 0.01):.2g}"
+        )
+        keys["factor"] = factor
+    shape = lift @ (1.0 - float(factor.value), float(factor.value))
+    low, middle, high = np.percentile(carried / shape, (25.0, 50.0, 75.0))
     words = (
-        f"fitted: the accelerometer's force over the commands, median of {seconds:.0f} s of {flown.path.name} "
+        f"fitted: the accelerometer's force over the commands, median of {where} "
         f"(middle half +-{50.0 * (high - low) / middle:.1f} %)"
     )
-    return replace(draft, command=replace(command, thrust_max=Said(float(middle), words)))
+    return replace(draft, command=replace(command, keys=keys, thrust_max=Said(float(middle), words)))
 
 
-def _shares(draft: Draft, raw: Array) -> Array:
-    """Shares of full thrust (N, R) of commands as logged, by the shape of the draft's curve."""
+def _columns(draft: Draft, raw: Array) -> Array:
+    """Sums (N, 2) over rotors of n_z u and n_z u^2, of commands (N, R) as logged."""
     assert draft.command is not None
     keys = draft.command.keys
     low, high = keys["range"].value if "range" in keys else (0.0, 1.0)
-    return _shape(draft, np.clip((np.nan_to_num(raw) - low) / (high - low), 0.0, 1.0))
+    u = np.clip((np.nan_to_num(raw) - low) / (high - low), 0.0, 1.0)
+    up = np.array([r.direction_B.value for r in draft.rotors])[:, 2]
+    return np.stack((u @ up, u**2 @ up), axis=1)
 
 
-def _shape(draft: Draft, u: Array) -> Array:
-    assert draft.command is not None
-    factor = float(draft.command.keys["factor"].value)
-    return np.asarray(factor * u**2 + (1.0 - factor) * u)
-
-
-def _share(draft: Draft, u: float) -> float:
-    return float(_shape(draft, np.array(u)))
-
-
-def _together(at: Array, lift: Array, time: Array, force: Array) -> tuple[Array, Array]:
-    """Both averaged over `SECONDS`, at the stamps `at` of the commands that the IMU covers."""
+def _in_the_air(at: Array, columns: Array, time: Array, force: Array) -> tuple[Array, Array]:
+    """Columns (M, 2) and specific force (M,), averaged, where the rotors carry the vehicle."""
     known = np.isfinite(force)
-    if known.sum() < 2:
-        return np.empty(0), np.empty(0)
+    if known.sum() < 2 or len(at) < 2:
+        return np.empty((0, 2)), np.empty(0)
     covered = (at >= time[known][0]) & (at <= time[known][-1])
-    return _averaged(at, lift)[covered], np.interp(at[covered], time[known], _averaged(time[known], force[known]))
+    lift = np.stack([_averaged(at, column) for column in columns.T], axis=1)
+    felt = np.interp(at, time[known], _averaged(time[known], force[known]))
+    spinning = lift[:, 0] > LEAST_THROTTLE * max(float(np.abs(columns[:, 0]).max()), 1e-9)
+    if not spinning.any():
+        return np.empty((0, 2)), np.empty(0)
+    large = float(np.percentile(lift[spinning, 1], 90.0))
+    flying = covered & (lift[:, 1] > FLYING * large) & (felt > 0.5 * GRAVITY)
+    return lift[flying], felt[flying]
 
 
 def _averaged(time: Array, values: Array) -> Array:
     width = max(1, round(SECONDS / max(float(np.median(np.diff(time))), 1e-6)))
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
     return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+
+
+def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
+    """The curve's factor and its standard deviation; None where the flight does not show it."""
+
+    def share(rows: Array) -> float:
+        line, square = np.linalg.lstsq(lift[rows], carried[rows], rcond=None)[0]
+        return float(square / (line + square)) if line + square > 0.0 else float("nan")
+
+    stretch = np.arange(len(carried)) * STRETCHES // len(carried)
+    without = np.array([share(stretch != k) for k in range(STRETCHES)])
+    std = float(np.sqrt((STRETCHES - 1) * np.var(without)))
+    found = share(stretch >= 0)
+    sure = std < SURE and -3.0 * SURE < found < 1.0 + 3.0 * SURE
+    return (float(np.clip(found, 0.0, 1.0)), std) if sure else None

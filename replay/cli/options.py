@@ -84,6 +84,15 @@ ModelOption = Annotated[
         show_default=False,
     ),
 ]
+ModelArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="Model file (.toml), or the name of a shipped model.",
+        autocompletion=complete_models,
+        show_default=False,
+    ),
+]
 Topics = Annotated[
     list[str] | None,
     typer.Option(
@@ -205,7 +214,17 @@ def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
 def command_line(ctx: typer.Context, *without: str) -> str:
     """The command that is running, as a user would type it; without options that do not change its result."""
     silent = {"json", "force", "quiet", *without}
-    return shlex.join(["wrenchgap", ctx.info_name or "", *_words(ctx, lambda name: name not in silent)])
+    return shlex.join(["wrenchgap", *_names(ctx), *_words(ctx, lambda name: name not in silent)])
+
+
+def _names(ctx: typer.Context) -> list[str]:
+    """The names by which the running command is called, below `wrenchgap`."""
+    names: list[str] = []
+    at: Any = ctx
+    while at is not None and (at.parent is not None or not names):
+        names.insert(0, at.info_name or "")
+        at = at.parent
+    return names
 
 
 COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "own")

@@ -26,6 +26,7 @@ MODULES = {
     "LogReport": "inspection",
     "Replay": "replay",
     "Report": "report",
+    "Sheet": "model",
     "Trend": "trend",
     "Where": "where",
 }
