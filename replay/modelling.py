@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
 from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.opening import Flights, listed
+from wrenchgap.learn.identify import calibrate as calibrating
+from wrenchgap.learn.identify.add import Addition, model_of
+from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.plant import model_file
 from wrenchgap.plant.drafts.asking import Ask, asked, with_spins
 from wrenchgap.plant.drafts.draft import assumed, finished
@@ -58,3 +63,17 @@ def draft_model(
 def save_draft(drawn: Sheet, path: str | Path, *, force: bool = False) -> Sheet:
     """Write the model file of a draft; raises UsageError where it exists without `force`."""
     return replace(drawn, model=model_file.save(drawn.model, Path(path), force=force))
+
+
+def calibrate(
+    flights: Flights,
+    model: Model | Addition,
+    *,
+    validate: Flights = (),
+    progress: Callable[[float, str], None] | None = None,
+) -> Calibration:
+    """A model trimmed on healthy flights: what helps on held-out time is changed, and nothing else.
+
+    `validate` flights are tested on and never fitted. `.model` is the calibrated one.
+    """
+    return calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)

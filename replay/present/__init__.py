@@ -17,6 +17,7 @@ from typing import Any
 
 MODULES = {
     "Addition": "addition",
+    "Calibration": "calibration",
     "Changed": "changed",
     "Comparison": "comparison",
     "Counterfactual": "counterfactual",

@@ -41,6 +41,7 @@ VERSIONS = {
     "trend": 1,
     "convert": 1,
     "model": 1,
+    "calibrate": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 
