@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
-from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
@@ -17,19 +16,11 @@ from wrenchgap.learn.identify.calibrate import Calibration
 from wrenchgap.plant import model_file
 from wrenchgap.plant.drafts.asking import Ask, asked, with_spins
 from wrenchgap.plant.drafts.draft import assumed, finished
+from wrenchgap.plant.drafts.sheet import Sheet
 from wrenchgap.plant.drafts.sources import Given as Given
 from wrenchgap.plant.drafts.sources import drafted
 from wrenchgap.plant.drafts.text import text_of
 from wrenchgap.plant.model import Model
-
-
-@dataclass(frozen=True, repr=False)
-class Sheet(Result):
-    """A model and what to know of it: `assumed` is what nobody said, in words, `notes` what the source said besides."""
-
-    model: Model
-    assumed: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 def sheet(model: Model) -> Sheet:

@@ -84,15 +84,6 @@ ModelOption = Annotated[
         show_default=False,
     ),
 ]
-ModelArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL",
-        help="Model file (.toml), or the name of a shipped model.",
-        autocompletion=complete_models,
-        show_default=False,
-    ),
-]
 Topics = Annotated[
     list[str] | None,
     typer.Option(

@@ -10,9 +10,9 @@ from rich.markup import escape
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.command_curve import CommandCurve
+from wrenchgap.plant.drafts.sheet import Sheet
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
-from wrenchgap.replay.modelling import Sheet
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures.vehicle import hubs
 from wrenchgap.replay.present.numbers import number, quantity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wrenchgap.replay.modelling import Sheet
+from wrenchgap.plant.drafts.sheet import Sheet
 from wrenchgap.replay.present.figures import style, vehicle
 
 
