@@ -1,4 +1,4 @@
-"""A vehicle from ArduPilot's parameters: frame, motors, IMU; out of a parameter file or a dataflash log.
+"""A vehicle from ArduPilot's parameters: frame, motors, IMU; out of a parameter file or a log.
 
 The parameters name a frame (FRAME_CLASS, FRAME_TYPE: `plant.drafts.frames`) and no lengths, so the arm has to be said.
 Motor outputs are pulse widths: u = 0 at MOT_PWM_MIN + MOT_SPIN_MIN (MAX - MIN), u = 1 at MOT_SPIN_MAX likewise; thrust
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from wrenchgap.flight.errors import LogError, ModelError
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Said
 from wrenchgap.plant.drafts.frames import ardupilot_frame, rotors_of
 from wrenchgap.plant.drafts.px4 import flipped
@@ -43,24 +43,6 @@ def read_parameters(path: Path) -> dict[str, float]:
             found[words[0].upper()] = float(words[1])
         except (IndexError, ValueError):
             raise ModelError(f"{path}, line {number}: got {line.strip()!r}, expected NAME,VALUE") from None
-    return found
-
-
-def logged_parameters(path: Path) -> dict[str, float]:
-    """Of a dataflash log (.bin), through pymavlink. Raises LogError where it is none or the reader is missing."""
-    try:
-        from pymavlink import DFReader
-    except ImportError:
-        raise LogError(f"{path}: reading ArduPilot logs needs `pip install wrenchgap[ardupilot]`") from None
-    found: dict[str, float] = {}
-    try:
-        log = DFReader.DFReader_binary(str(path))
-        while (message := log.recv_match(type="PARM")) is not None:
-            found[str(message.Name)] = float(message.Value)
-    except Exception as error:  # pymavlink raises what struct, mmap and numpy raise on damaged files
-        raise LogError(f"{path}: cannot be read as an ArduPilot log: {error}") from None
-    if not found:
-        raise LogError(f"{path}: holds no parameters (PARM messages); is it an ArduPilot log?")
     return found
 
 

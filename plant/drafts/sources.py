@@ -128,8 +128,10 @@ def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[Roto
 
 
 def _ardupilot(source: Path, given: Given) -> Draft:
+    from wrenchgap.flight.formats import dataflash
+
     log = source.suffix.lower() == ".bin"
-    known = ardupilot.logged_parameters(source) if log else ardupilot.read_parameters(source)
+    known = dataflash.parameters(source) if log else ardupilot.read_parameters(source)
     flown, notes = _flown(source) if log else (None, ())
     rotors = () if given.frame else ardupilot.rotors_from(known, given.arm, source.name)
     draft = Draft(

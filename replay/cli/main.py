@@ -27,10 +27,8 @@ from wrenchgap.replay.cli.requests import grouped
 
 NAME = "wrenchgap"
 ORDER = (
-    *("inspect", "compare", "where", "explain", "changed", "trend", "add", "remove", "history", "learn", "report"),
-    *("replay", "counterfactual", "design", "simulate", "convert", "view", "demo"),
     *("model", "inspect", "calibrate", "compare", "where", "explain", "changed", "trend", "add", "remove", "history"),
-    *("learn", "report", "replay", "counterfactual", "design", "simulate", "view", "demo"),
+    *("learn", "report", "replay", "counterfactual", "design", "simulate", "convert", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""
 

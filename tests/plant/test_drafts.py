@@ -1,5 +1,6 @@
 """Models from what others say of a vehicle, against moments, weights and torques that are known."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -137,14 +138,14 @@ def test_neighbours_turn_against_each_other(frame):
     """All of these frames alternate around the vehicle."""
     around = sorted(FRAMES[frame])
     turns = [turn for _, turn in around]
-    assert all(a == -b for a, b in zip(turns, turns[1:], strict=False))
+    assert all(a == -b for a, b in itertools.pairwise(turns))
 
 
 def test_the_estimated_inertia_is_that_of_masses_at_the_rotors():
     """Half of 2 kg on a ring of 0.3 m: a quarter kilogram at each of four corners."""
     angles = np.radians([45, 135, 225, 315])
     hubs = 0.3 * np.stack((np.cos(angles), np.sin(angles), 0 * angles), axis=1)
-    moments = inertia_of_mass(2.0, hubs + (0.1, 0.0, 0.2))
+    moments = inertia_of_mass(2.0, hubs + np.array([0.1, 0.0, 0.2]))
     assert moments == pytest.approx([0.5 * 0.09, 0.5 * 0.09, 0.09])
 
 

@@ -153,9 +153,36 @@ def test_from_a_log_to_a_report(run, result_of, ulogs, model, tmp_path):
 
 
 def test_the_report_of_a_px4_log_is_a_page(run, ulogs, model, tmp_path):
-    done = run("report", ulogs[1], "-m", "vehicle.toml", "-o", "report.html")
+    done = run("report", ulogs[1], "-m", "vehicle.toml", "-o", "report.html", "--between", "2:9")
     assert done.exit_code == 0, done.output
     assert "com_offset" in (tmp_path / "report.html").read_text()
+
+
+def test_an_ardupilot_log_becomes_a_model_with_its_level(run, tmp_path):
+    """Motors in the order of the frame; the level is that of 1.5 kg over the pulses, whatever MOT_THST_HOVER says."""
+    known = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0}
+    known |= {"MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0, "MOT_THST_EXPO": FACTOR, "MOT_THST_HOVER": 0.2}
+    known |= {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
+    flown = wg.simulate(true_vehicle(), "multi_axis", seed=4, duration=12.0, excitation=0.5)
+    log, imu, sent = autopilots().Dataflash(known), flown.imu, flown.actuators
+    columns = (*flipped(imu.omega_B).T, *flipped(imu.specific_force_B).T)
+    stamps = np.round(1e6 * (30.0 + imu.time))
+    names = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+    log.add("IMU", "QBffffff", names, stamps, np.zeros(len(stamps)), *columns, instance="I")
+    share = 9.0e-6 * sent.rotor_speed**2 / FULL
+    u = (FACTOR - 1 + np.sqrt((1 - FACTOR) ** 2 + 4 * FACTOR * share)) / (2 * FACTOR)
+    pulses = np.round(1000.0 + 1000.0 * u)
+    log.add("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4", np.round(1e6 * (30.0 + sent.time)), *pulses.T)
+    path = log.save(tmp_path / "quad.bin")
+    done = run("model", "new", "--from", path, "--mass", MASS, "--arm", 0.26, "-o", "quad.toml")
+    assert done.exit_code == 0, done.output
+    model = model_file.load(tmp_path / "quad.toml")
+    _, rotors = model.vehicle.geometry()
+    assert rotors.spin.tolist() == [1, 1, -1, -1]
+    full = rotors.c_f * model.command.speeds(np.full((1, 4), 2000.0), None, model.vehicle) ** 2
+    assert full[0] == pytest.approx(np.full(4, FULL), rel=0.02)
+    opened = wg.open_flights(path, model)[0]
+    assert np.median(opened.records[0].commanded[:, 2]) == pytest.approx(MASS * GRAVITY, rel=0.03)
 
 
 def test_the_page_of_px4_has_the_commands_that_are_tested():
