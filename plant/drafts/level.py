@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.plant.drafts.draft import Draft, Said
@@ -98,7 +99,7 @@ def _averaged(time: Array, values: Array) -> Array:
 def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
     """The curve's factor and its standard deviation; None where the flight does not show it."""
 
-    def share(rows: Array) -> float:
+    def share(rows: NDArray[np.bool_]) -> float:
         line, square = np.linalg.lstsq(lift[rows], carried[rows], rcond=None)[0]
         return float(square / (line + square)) if line + square > 0.0 else float("nan")
 

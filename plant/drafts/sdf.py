@@ -147,7 +147,8 @@ def _link(
         parent = ordered.index((joint.findtext("parent") or "").strip())
         called = str(joint.get("name"))
         joined = _joined(joint, _after(inverse, poses[called])[1], f"{where}: joint {called}")
-    return Link(name, parent, *place, mass, centre, inertia, *joined, called)
+    kind, axis, limits = joined
+    return Link(name, parent, *place, mass, centre, inertia, kind, axis, limits, called)
 
 
 def _inertial(element: Element, place: Pose, what: str) -> tuple[float, Array, Array]:

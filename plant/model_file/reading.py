@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -16,7 +16,7 @@ from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.model_file.command import CommandTable
 from wrenchgap.plant.model_file.past import FileTable, ParameterTable, VersionTable
-from wrenchgap.plant.model_file.told import Told, inertia_of, of_inertia, of_number, of_vector, told
+from wrenchgap.plant.model_file.told import Told, inertia_of, of_inertia, of_number, of_vector, told, told_of
 from wrenchgap.plant.reader import (
     Axes,
     Direction,
@@ -139,8 +139,8 @@ class VehicleTable(Table):
     name: Text
     mass: Mass
     inertia: Inertia
-    com: Place = Told((0.0, 0.0, 0.0))
-    imu_position: Place = Told((0.0, 0.0, 0.0))
+    com: Place = (0.0, 0.0, 0.0)
+    imu_position: Place = (0.0, 0.0, 0.0)
     arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
     rotor: RotorDefaults | None = None  # type: ignore[valid-type]
     arms: tuple[ArmTable, ...] = ()
@@ -177,7 +177,7 @@ class VehicleTable(Table):
 
     def made(self) -> Vehicle:
         """The vehicle of these values."""
-        mass, inertia, com, imu = (cast(Told, getattr(self, name)) for name in MASS_PROPERTIES)
+        mass, inertia, com, imu = (told_of(getattr(self, name)) for name in MASS_PROPERTIES)
         known = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
         body = Body(mass.value, inertia_of(inertia)[0], np.array(com.value))
         place = np.array(imu.value)
@@ -204,7 +204,7 @@ class VehicleTable(Table):
     @property
     def doubt(self) -> str:
         """What a user should know of these values, "" for nothing."""
-        return inertia_of(cast(Told, self.inertia))[1]
+        return inertia_of(told_of(self.inertia))[1]
 
 
 def _names(items: Sequence[ArmTable | RotorTable]) -> tuple[str, ...]:

@@ -43,6 +43,11 @@ def told(tolerance: Callable[[Any], Any]) -> WrapValidator:
     return WrapValidator(check)
 
 
+def told_of(value: Any) -> Told:
+    """What was read, as `Told`; a default has no tolerance."""
+    return value if isinstance(value, Told) else Told(value)
+
+
 def _keys(table: dict[str, Any]) -> str:
     return f"the keys {', '.join(table)}" if table else "no keys"
 

@@ -12,8 +12,8 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate, Tried
 from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import label, number, row, unit, unmeasured
-from wrenchgap.replay.present.tables import UNIT_HEADS, Line, Part, before_after, note_lines, table
+from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, unit, unmeasured
+from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, table
 
 FATES = {
     Fate.KEPT: "kept",
