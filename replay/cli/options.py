@@ -205,17 +205,7 @@ def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
 def command_line(ctx: typer.Context, *without: str) -> str:
     """The command that is running, as a user would type it; without options that do not change its result."""
     silent = {"json", "force", "quiet", *without}
-    return shlex.join(["wrenchgap", *_names(ctx), *_words(ctx, lambda name: name not in silent)])
-
-
-def _names(ctx: typer.Context) -> list[str]:
-    """The names by which the running command is called, below `wrenchgap`."""
-    names: list[str] = []
-    at: Any = ctx
-    while at is not None and (at.parent is not None or not names):
-        names.insert(0, at.info_name or "")
-        at = at.parent
-    return names
+    return shlex.join(["wrenchgap", *ctx.command_path.split()[1:], *_words(ctx, lambda name: name not in silent)])
 
 
 COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "own")
