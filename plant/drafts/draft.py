@@ -23,6 +23,8 @@ COEFFICIENT, DENSITY = 0.012, 1.225
 """Thrust coefficient C_T = T / (rho A (Omega R)^2) of small propellers at rest, and the air's density [kg/m^3]."""
 ROOM = 0.45
 """Radius of a rotor, relative to the distance of the nearest one, where nobody said it."""
+LOADING = (8.0, 800.0)
+"""Weight over the rotors' area [N/m^2] of multirotors from 20 g to 100 kg, with room on both sides."""
 HEADROOM = 2.0
 """Thrust at full throttle over that in hover, where nobody said it."""
 
@@ -107,7 +109,20 @@ def finished(draft: Draft) -> Draft:
         inertia=draft.inertia or _estimated(float(draft.mass.value), hubs),
     )
     radii = _radii(hubs)
-    return _with_thrust(replace(filled, rotors=tuple(_filled(r, radii[k]) for k, r in enumerate(draft.rotors))))
+    rotors = tuple(_filled(r, radii[k]) for k, r in enumerate(draft.rotors))
+    return _with_thrust(replace(filled, rotors=rotors, notes=(*draft.notes, *_doubts(draft.mass, rotors))))
+
+
+def _doubts(mass: Said, rotors: Sequence[RotorDraft]) -> list[str]:
+    """What is hardly possible of mass and size: another unit, most likely."""
+    area = sum(np.pi * float(r.radius.value) ** 2 for r in rotors if r.radius is not None)
+    loading = GRAVITY * float(mass.value) / area
+    if LOADING[0] < loading < LOADING[1]:
+        return []
+    return [
+        f"the rotors would carry {loading:.3g} N per square metre of disc, where {LOADING[0]:g} to {LOADING[1]:g} are "
+        "usual: is the mass in kilograms, are arms and rotors in metres?"
+    ]
 
 
 def _estimated(mass: float, hubs: Array) -> Said:

@@ -19,14 +19,20 @@ from wrenchgap.plant.vehicle import GRAVITY
 
 FLYING = 0.6
 """Lift, in shares of what is large in this flight (the 90th percentile), from which on the rotors carry."""
-LEAST_THROTTLE = 0.05
-"""Mean throttle below which they do not."""
+LEAST_THROTTLE = 0.1
+"""Mean share of full throttle below which they do not: idling on the ground."""
+HEIGHT = 0.2
+"""Height above where the rotors began to carry [m] from which on the ground does not, where the odometry knows."""
+STRONG = (1.05, 12.0)
+"""Thrust at full throttle over the weight that a multirotor can have."""
 SECONDS = 0.5
 """Time over which force and commands are averaged [s]: the vehicle answers late."""
 LEAST = 3.0
 """Time in the air [s] below which nothing is said."""
 SURE = 0.15
 """Standard deviation of the curve's factor up to which a flight shows it."""
+VARIES = 0.05
+"""Range of the throttle (5 to 95 %), relative to its median, from which on a flight can show the curve's shape."""
 STRETCHES = 8
 """Into which the flight is cut for that."""
 
@@ -42,7 +48,7 @@ def levelled(draft: Draft, flown: Flight) -> Draft:
     if sent.unit != command.keys["unit"].value or sent.rotor_speed.shape[1] != len(draft.rotors):
         return draft
     columns = _columns(draft, sent.rotor_speed)
-    lift, force = _in_the_air(sent.time, columns, imu.time, imu.specific_force_B[:, 2])
+    lift, force = _in_the_air(flown, sent.time, columns)
     seconds = len(force) * float(np.median(np.diff(sent.time)))
     if seconds < LEAST:
         return draft
@@ -61,6 +67,11 @@ def levelled(draft: Draft, flown: Flight) -> Draft:
         f"fitted: the accelerometer's force over the commands, median of {where} "
         f"(middle half +-{50.0 * (high - low) / middle:.1f} %)"
     )
+    rotors = abs(float(np.sum([r.direction_B.value[2] for r in draft.rotors])))
+    ratio = float(middle) * rotors / (float(draft.mass.value) * GRAVITY)
+    if not STRONG[0] < ratio < STRONG[1]:
+        note = f"{where}: full throttle would lift {ratio:.3g} times the weight; not believed, is this a flight?"
+        return replace(draft, notes=(*draft.notes, note))
     return replace(draft, command=replace(command, keys=keys, thrust_max=Said(float(middle), words)))
 
 
@@ -74,20 +85,31 @@ def _columns(draft: Draft, raw: Array) -> Array:
     return np.stack((u @ up, u**2 @ up), axis=1)
 
 
-def _in_the_air(at: Array, columns: Array, time: Array, force: Array) -> tuple[Array, Array]:
-    """Columns (M, 2) and specific force (M,), averaged, where the rotors carry the vehicle."""
+def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array]:
+    """Columns (M, 2) and specific force along z (M,), averaged, where the rotors carry the vehicle."""
+    nothing = np.empty((0, 2)), np.empty(0)
+    assert flown.imu is not None
+    time, force = flown.imu.time, flown.imu.specific_force_B[:, 2]
     known = np.isfinite(force)
     if known.sum() < 2 or len(at) < 2:
-        return np.empty((0, 2)), np.empty(0)
+        return nothing
     covered = (at >= time[known][0]) & (at <= time[known][-1])
     lift = np.stack([_averaged(at, column) for column in columns.T], axis=1)
     felt = np.interp(at, time[known], _averaged(time[known], force[known]))
-    spinning = lift[:, 0] > LEAST_THROTTLE * max(float(np.abs(columns[:, 0]).max()), 1e-9)
+    spinning = lift[:, 0] > LEAST_THROTTLE * _rotors(flown)
     if not spinning.any():
-        return np.empty((0, 2)), np.empty(0)
+        return nothing
     large = float(np.percentile(lift[spinning, 1], 90.0))
-    flying = covered & (lift[:, 1] > FLYING * large) & (felt > 0.5 * GRAVITY)
+    flying = covered & spinning & (lift[:, 1] > FLYING * large) & (felt > 0.5 * GRAVITY)
+    if flown.odometry is not None:
+        height = np.interp(at, flown.odometry.time, flown.odometry.position_E[:, 2])
+        flying &= height > height[spinning][0] + HEIGHT if np.ptp(height[spinning]) > 0.0 else False
     return lift[flying], felt[flying]
+
+
+def _rotors(flown: Flight) -> int:
+    assert flown.actuators is not None
+    return int(flown.actuators.rotor_speed.shape[1])
 
 
 def _averaged(time: Array, values: Array) -> Array:
@@ -103,6 +125,9 @@ def _factor(lift: Array, carried: Array) -> tuple[float, float] | None:
         line, square = np.linalg.lstsq(lift[rows], carried[rows], rcond=None)[0]
         return float(square / (line + square)) if line + square > 0.0 else float("nan")
 
+    low, middle, high = np.percentile(lift[:, 0], (5.0, 50.0, 95.0))
+    if high - low < VARIES * middle:
+        return None
     stretch = np.arange(len(carried)) * STRETCHES // len(carried)
     without = np.array([share(stretch != k) for k in range(STRETCHES)])
     std = float(np.sqrt((STRETCHES - 1) * np.var(without)))

@@ -41,6 +41,8 @@ def drafted(source: Path | None, given: Given) -> Draft:
     _check(given)
     if source is None:
         return _over(Draft(given.name or "vehicle", "your answers"), given)
+    if source.is_dir():
+        raise UsageError(f"--from {source}: is a folder; expected a file: {KINDS}")
     if not source.is_file():
         raise UsageError(f"--from {source}: no such file; expected {KINDS}")
     readers: dict[str, Callable[[Path, Given], Draft]] = {

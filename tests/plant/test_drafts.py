@@ -1,13 +1,14 @@
 """Models from what others say of a vehicle, against moments, weights and torques that are known."""
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries
+from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.drafts import px4
@@ -193,6 +194,28 @@ def test_a_steady_hover_shows_the_level_and_not_the_shape():
     command = levelled(iris(), flown(u, force)).command
     assert command.keys["factor"].assumed
     assert command.thrust_max.value * 0.25 * 4 == pytest.approx(1.5 * GRAVITY, rel=0.01)
+
+
+def test_idling_on_the_ground_is_no_flight():
+    """Rotors at 2 %, or at 30 % of a vehicle that never leaves the ground: the accelerometer reads g all the same."""
+    still = np.full(1000, GRAVITY)
+    assert levelled(iris(), flown(np.full(1000, 0.02), still)).command.thrust_max is None
+    grounded = flown(np.full(1000, 0.3), still)
+    at = np.zeros((1000, 3)) + np.array([0.0, 0.0, 0.05])
+    odometry = OdometrySeries("/odometry", grounded.imu.time, at, np.tile([1.0, 0.0, 0.0, 0.0], (1000, 1)))
+    assert levelled(iris(), replace(grounded, odometry=odometry)).command.thrust_max is None
+
+
+def test_a_thrust_that_no_multirotor_has_is_not_believed():
+    found = levelled(iris(), flown(np.full(1000, 0.15), np.full(1000, GRAVITY)))
+    assert found.command.thrust_max is None
+    assert "is this a flight?" in found.notes[-1]
+
+
+def test_a_mass_in_grams_is_doubted():
+    draft = finished(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Said(1500.0, "scales")))
+    assert "is the mass in kilograms" in draft.notes[-1]
+    assert finished(Draft("x", "x", rotors_of("quad_x", 0.25, "x"), mass=Said(1.5, "scales"))).notes == ()
 
 
 def test_a_log_on_the_ground_or_in_another_unit_shows_nothing():
