@@ -22,7 +22,7 @@ FLYING = 0.6
 LEAST_THROTTLE = 0.1
 """Mean share of full throttle below which they do not: idling on the ground."""
 HEIGHT = 0.2
-"""Height above where the rotors began to carry [m] from which on the ground does not, where the odometry knows."""
+"""Height above the ground [m] from which on the rotors carry, where the odometry knows it."""
 STRONG = (1.05, 12.0)
 """Thrust at full throttle over the weight that a multirotor can have."""
 SECONDS = 0.5
@@ -31,7 +31,7 @@ LEAST = 3.0
 """Time in the air [s] below which nothing is said."""
 SURE = 0.15
 """Standard deviation of the curve's factor up to which a flight shows it."""
-VARIES = 0.05
+VARIES = 0.02
 """Range of the throttle (5 to 95 %), relative to its median, from which on a flight can show the curve's shape."""
 STRETCHES = 8
 """Into which the flight is cut for that."""
@@ -101,10 +101,18 @@ def _in_the_air(flown: Flight, at: Array, columns: Array) -> tuple[Array, Array]
         return nothing
     large = float(np.percentile(lift[spinning, 1], 90.0))
     flying = covered & spinning & (lift[:, 1] > FLYING * large) & (felt > 0.5 * GRAVITY)
-    if flown.odometry is not None:
-        height = np.interp(at, flown.odometry.time, flown.odometry.position_E[:, 2])
-        flying &= height > height[spinning][0] + HEIGHT if np.ptp(height[spinning]) > 0.0 else False
+    flying &= _off_the_ground(flown, at, spinning)
     return lift[flying], felt[flying]
+
+
+def _off_the_ground(flown: Flight, at: Array, spinning: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where (N,) the vehicle is above where its rotors stood still; where they never do, whether it moved at all."""
+    if flown.odometry is None:
+        return np.ones(len(at), dtype=bool)
+    places = [np.interp(at, flown.odometry.time, column) for column in flown.odometry.position_E.T]
+    if (~spinning).any():
+        return np.asarray(places[2] > float(np.median(places[2][~spinning])) + HEIGHT)
+    return np.full(len(at), max(float(np.ptp(column)) for column in places) > HEIGHT)
 
 
 def _rotors(flown: Flight) -> int:
