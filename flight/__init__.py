@@ -1,5 +1,6 @@
 """What a flight is and how it is read and written; no physics of vehicles."""
 
+from wrenchgap.flight.command_units import in_si
 from wrenchgap.flight.errors import FitError, LogError, ModelError, UsageError, WrenchgapError
 from wrenchgap.flight.flight import (
     AXES,
@@ -43,6 +44,7 @@ __all__ = [
     "UsageError",
     "WrenchSeries",
     "WrenchgapError",
+    "in_si",
     "inspect",
     "load",
     "resample",

@@ -82,6 +82,7 @@ def _packed(found: Flight) -> dict[str, Any]:
             "topic": series.topic,
             "gaps": [[gap.start, gap.stop] for gap in series.gaps],
             "dropped": series.dropped,
+            "unit": getattr(series, "unit", None),
         }
         for item in fields(series):
             value = getattr(series, item.name)
@@ -99,7 +100,8 @@ def _unpacked(file: Path, path: Path) -> Flight:
         for role, said in about["roles"].items():
             values = {name.partition(".")[2]: archive[name] for name in archive.files if name.startswith(f"{role}.")}
             gaps = tuple(Gap(*gap) for gap in said["gaps"])
-            series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **values)
+            unit = {} if said["unit"] is None else {"unit": said["unit"]}
+            series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **unit, **values)
     known = {key: about[key] for key in ("name", "content_hash", "start_ns")}
     return Flight(path=path, notes=tuple(about["notes"]), unmeasured=about["unmeasured"], **known, **series)
 

@@ -156,7 +156,7 @@ def _velocity(flight: Flight) -> Iterator[Check]:
 
 
 def _units(flight: Flight) -> Iterator[Check]:
-    if flight.actuators is None:
+    if flight.actuators is None or flight.actuators.unit != "rad/s":
         return
     speeds, tilts = np.abs(flight.actuators.rotor_speed), np.abs(flight.actuators.tilt)
     if speeds.size and float(np.median(speeds)) > 3500.0:

@@ -9,11 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+SpeedUnit = Literal["rad/s", "normalised", "pwm"]
+"""In what rotor commands are: speeds, a share of full throttle, or pulse widths [us]."""
+WrenchUnit = Literal["N", "normalised"]
+"""In what a wrench is: N and Nm, or shares of what the vehicle can do."""
 
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Order of a wrench's six components, everywhere."""
@@ -48,17 +54,27 @@ class Series:
 
 @dataclass(frozen=True)
 class WrenchSeries(Series):
-    """`wrench_B` (N, 6): force [N] then torque [Nm], in B, about the vehicle's (believed) centre of mass."""
+    """`wrench_B` (N, 6): force [N] then torque [Nm], in B, about the vehicle's (believed) centre of mass.
+
+    Where `unit` is "normalised" the numbers are shares of the vehicle's authority, and not comparable to a measured
+    wrench until a model converts them (`flight.command_units`).
+    """
 
     wrench_B: Array
+    unit: WrenchUnit = field(default="N", kw_only=True)
 
 
 @dataclass(frozen=True)
 class ActuatorSeries(Series):
-    """`tilt` (N, A) [rad] and `rotor_speed` (N, R) [rad/s], as commanded; either may have no columns."""
+    """`tilt` (N, A) [rad] and `rotor_speed` (N, R) [rad/s], as commanded; either may have no columns.
+
+    Where `unit` is not "rad/s", `rotor_speed` holds a share of full throttle (0 to 1, negative: reversed) or pulse
+    widths [us], as autopilots send them, until a model converts them (`flight.command_units`).
+    """
 
     tilt: Array
     rotor_speed: Array
+    unit: SpeedUnit = field(default="rad/s", kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
+from wrenchgap.flight.command_units import with_units
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import (
@@ -102,7 +103,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     )
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
-    return replace(flight, notes=notes), timing
+    return with_units(replace(flight, notes=notes), sources), timing
 
 
 @dataclass

@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
-from wrenchgap.flight.topic_names import TYPES, namespace, score
+from wrenchgap.flight.topic_names import TYPES, by_fields, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
@@ -95,7 +95,8 @@ def quantities(kind: str, fields: list[str]) -> dict[str, str]:
     if kind in TYPES:
         return TYPES[kind]
     speeds = [name for name in SPEED_FIELDS if name in fields]
-    return {"rotor_speed": speeds[0]} if speeds else {}
+    own = {} if "/msg/" in kind else by_fields(fields)
+    return own | ({"rotor_speed": speeds[0]} if speeds else {})
 
 
 def merged_topics(
@@ -196,6 +197,8 @@ def _offered(table: Table, part: str) -> str | None:
     if place is None or not table.columns:
         return None
     first = table.columns.get(place)
+    if part == "rotor_speed" and "normalized" in table.columns and (first is None or not first.shape[-1]):
+        place, first = "normalized", table.columns["normalized"]  # an Actuators message without speeds
     if quantity in ("tilt", "rotor_speed") and (first is None or first.ndim != 2 or not first.shape[1]):
         return None
     below = f"{place}." if place else ""

@@ -31,8 +31,30 @@ TYPES: dict[str, dict[str, str]] = {
     "std_msgs/msg/Float32MultiArray": {"tilt": "data", "rotor_speed": "data"},
     "std_msgs/msg/Float64": {"voltage": "data"},
     "std_msgs/msg/Float32": {"voltage": "data"},
+    "foxglove.PoseInFrame": {"pose": "pose"},
+    "foxglove.FrameTransform": {"pose": ""},
 }
 """Quantities that a message type offers, and the field in which each lies."""
+
+_TELLING = {
+    "imu": ("angular_velocity.x", "linear_acceleration.x"),
+    "wrench": ("force.x", "torque.x"),
+    "pose": ("position.x", "orientation.w"),
+    "twist": ("linear.x", "angular.x"),
+}
+"""Fields by which a type that is not ROS' is known to offer a quantity."""
+
+
+def by_fields(fields: list[str]) -> dict[str, str]:
+    """Quantities that messages offer by the names of their fields, and the field in which each lies."""
+    found: dict[str, str] = {}
+    for quantity, (first, *others) in _TELLING.items():
+        for name in fields:
+            prefix = name.removesuffix(first)
+            if name.endswith(first) and prefix[-1:] in ("", ".") and all(prefix + other in fields for other in others):
+                found.setdefault(quantity, prefix.removesuffix("."))
+    return found
+
 
 _COMMAND = frozenset({"command", "commands", "commanded", "cmd", "control", "controller", "ctrl", "actuation", "out"})
 _DESIRED = frozenset(

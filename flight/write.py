@@ -1,9 +1,11 @@
 """A flight as an MCAP file with ROS 2 messages, which Foxglove, PlotJuggler and the rosbag tools open.
 
 Topics: /command/wrench, /desired/wrench (WrenchStamped), /command/actuators (actuator_msgs/Actuators: position = tilt,
-velocity = rotor speed), /imu, /odometry (twist in B), /reference (Odometry, twist in D), /reference/acceleration
-(AccelStamped, in D), /battery. What a message has room for and the flight does not know is NaN. A pose of which no
-velocity is known is a PoseStamped. Log time and header stamp are the same.
+velocity = rotor speed; normalised commands lie in normalized, pulse widths in the velocity of
+/command/actuators_pwm; a normalised wrench is /command/wrench_normalised), /imu, /odometry (twist in B), /reference
+(Odometry, twist in D), /reference/acceleration (AccelStamped, in D), /battery. What a message has room for and the
+flight does not know is NaN. A pose of which no velocity is known is a PoseStamped. Log time and header stamp are the
+same.
 
 The same flight gives the same bytes. A file appears under its name when it is complete, or not at all.
 """
@@ -81,7 +83,7 @@ def write(
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as stream:
-            _write(stream, topics, flight.start_ns, dict(metadata or {}))
+            _write(stream, topics, _start(flight.start_ns, topics), dict(metadata or {}))
         os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
     finally:
         partial.unlink(missing_ok=True)
@@ -104,6 +106,13 @@ def _check_target(path: Path, force: bool) -> None:
         raise UsageError(f"{path}: is a folder; expected the name of a file")
     if path.exists() and not force:
         raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
+
+
+def _start(start_ns: int, topics: list[_Topic]) -> int:
+    """When the flight starts [ns], moved by whole seconds where a stamp would be before the first that MCAP has."""
+    second = 1_000_000_000
+    first = start_ns + min((round(float(topic.time[0]) * second) for topic in topics if len(topic.time)), default=0)
+    return start_ns if first >= 0 else start_ns + second * -(first // second)
 
 
 def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str, str]) -> None:
@@ -182,10 +191,12 @@ def _typestore() -> Typestore:
 def _flight_topics(flight: Flight) -> Iterator[_Topic]:
     for wrench, name in ((flight.commanded, "/command/wrench"), (flight.desired, "/desired/wrench")):
         if wrench is not None:
-            yield _wrench(name, wrench.time, wrench.wrench_B)
+            yield _wrench(name if wrench.unit == "N" else f"{name}_normalised", wrench.time, wrench.wrench_B)
     if (sent := flight.actuators) is not None:
-        fields: Fields = {"position": sent.tilt, "velocity": sent.rotor_speed}
-        yield _Topic("/command/actuators", "actuator_msgs/msg/Actuators", sent.time, fields)
+        place = "normalized" if sent.unit == "normalised" else "velocity"
+        fields: Fields = {"position": sent.tilt, place: sent.rotor_speed}
+        name = "/command/actuators_pwm" if sent.unit == "pwm" else "/command/actuators"
+        yield _Topic(name, "actuator_msgs/msg/Actuators", sent.time, fields)
     if (imu := flight.imu) is not None:
         fields = _xyz("angular_velocity", imu.omega_B) | _xyz("linear_acceleration", imu.specific_force_B)
         no_orientation = np.tile([-1.0, *[0.0] * 8], (len(imu.time), 1))  # as the message's definition asks

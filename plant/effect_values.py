@@ -41,7 +41,7 @@ def made(model: Model, text: str) -> ModelEffect:
     Raises ModelError for unknown names, with a list of the known ones.
     """
     name, values = parse_value(text)
-    parameters = find(name).parameters(model.vehicle)
+    parameters = find(name).parameters(model.untold.vehicle)  # a truth may contradict what the file is sure of
     if isinstance(values, dict) and set(values) <= {p.name for p in parameters}:
         values = {p.name: 0.0 for p in parameters} | values
     effect = make_effect(model.vehicle, name, values)

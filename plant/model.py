@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.command_curve import CommandCurve
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.history import Snapshot, Value, Version
 from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import Tolerances, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 
@@ -29,7 +30,8 @@ class Model:
     (`flight.unmeasured`). `between_flights` (6,) [N, Nm] is by how much the constant wrench differs between
     flights, one standard deviation (`learn.identify.trim`), where that was measured. `text` is the file's own text
     (empty for a model made in code), kept so that comments survive a rewrite. `history` are the versions that led here,
-    oldest first; `notes` is what a user should know about the file.
+    oldest first; `notes` is what a user should know about the file. `command` turns the rotor commands of logs into
+    speeds where they are none.
     """
 
     vehicle: Vehicle
@@ -43,6 +45,7 @@ class Model:
     notes: tuple[str, ...] = ()
     unmeasured: tuple[str, ...] = ()
     between_flights: tuple[float, ...] | None = None
+    command: CommandCurve | None = None
 
     @property
     def name(self) -> str:
@@ -58,6 +61,11 @@ class Model:
     def nominal(self) -> Model:
         """The same vehicle without any effect."""
         return replace(self, effects=())
+
+    @property
+    def untold(self) -> Model:
+        """The same without tolerances: for what asks by how much a vehicle changed since its numbers were measured."""
+        return replace(self, vehicle=replace(self.vehicle, tolerances=Tolerances()))
 
     def effect(self, name: str) -> ModelEffect | None:
         """The effect of this name, None if the model does not have it."""

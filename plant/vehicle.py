@@ -89,12 +89,25 @@ class Rotors:
 
 
 @dataclass(frozen=True, eq=False)
+class Tolerances:
+    """To how much the numbers of a vehicle are known, one standard deviation; None for one of which nothing is said.
+
+    `mass` [kg]; `inertia` (3, 3) [kg m^2], entry by entry; `com` and `imu_position` (3,) [m].
+    """
+
+    mass: float | None = None
+    inertia: Array | None = None
+    com: Array | None = None
+    imu_position: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Vehicle:
     """A vehicle as its designer believes it to be.
 
     `arms` and `rotors` are None for a vehicle of which only the wrench is known. `imu_position_B` (3,) [m] is the
     accelerometer's place, from O. `arm_names` (A,) and `rotor_names` (R,) are the user's, "" for one without; empty
-    where no arm or no rotor has a name.
+    where no arm or no rotor has a name. `tolerances` are what mass properties were measured or estimated to.
     """
 
     name: str
@@ -104,6 +117,7 @@ class Vehicle:
     imu_position_B: Array
     arm_names: tuple[str, ...] = ()
     rotor_names: tuple[str, ...] = ()
+    tolerances: Tolerances = Tolerances()
 
     @property
     def has_rotors(self) -> bool:

@@ -21,8 +21,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from wrenchgap.flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.table import Columns
 
-Columns = dict[str, NDArray[Any]]
 Layout = dict[str, tuple[int, np.dtype[Any], int]]
 """Offset [bytes], primitive and their number, of every numeric field of one message."""
 Definitions = Mapping[str, tuple[Any, Any]]
@@ -127,26 +127,29 @@ class Decoder:
     count: int = 0
     malformed: int = 0
 
-    def add(self, payloads: list[bytes]) -> None:
-        """Decode some messages; those that do not fit their definition are counted in `malformed`."""
+    def add(self, payloads: list[bytes], definitions: Definitions | None = None) -> None:
+        """Decode some messages; those that do not fit their definition are counted in `malformed`.
+
+        `definitions` are those of another writer of the topic, where they differ.
+        """
         lengths = np.fromiter(map(len, payloads), dtype=np.intp, count=len(payloads))
         for length in np.unique(lengths):
             index = np.flatnonzero(lengths == length)
             raw = b"".join([payloads[i] for i in index]) if len(index) < len(payloads) else b"".join(payloads)
             rows = np.frombuffer(raw, dtype=np.uint8).reshape(len(index), length)
-            self._add_rows(index + self.count, rows)
+            self._add_rows(index + self.count, rows, self.definitions if definitions is None else definitions)
         self.count += len(payloads)
 
-    def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8]) -> None:
+    def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8], definitions: Definitions) -> None:
         try:
             for order, part in _by_byte_order(rows, self.channel.encoding):
-                walk = _Walk(rows[part], self.definitions, self.channel.encoding, order)
+                walk = _Walk(rows[part], definitions, self.channel.encoding, order)
                 walk.message("", self.channel.type)
                 self.parts.append((index[part], walk.columns))
         except _Uneven as uneven:
             for value in np.unique(uneven.counts):
                 chosen = uneven.counts == value
-                self._add_rows(index[chosen], rows[chosen])
+                self._add_rows(index[chosen], rows[chosen], definitions)
         except UndecodableError:
             self.malformed += len(index)
 

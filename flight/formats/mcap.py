@@ -6,6 +6,7 @@ A record is one byte of opcode, eight of length, then its body; a chunk's body h
 
 from __future__ import annotations
 
+import base64
 import mmap
 import struct
 import zlib
@@ -105,6 +106,8 @@ class McapReader(Reader):
         if schema is None:
             return Channel(record.topic, "unknown", record.message_encoding)
         text = schema.data.decode(errors="replace") if schema.encoding in _DEFINITIONS else None
+        if schema.encoding == "protobuf":  # a description in bytes
+            text = base64.b64encode(schema.data).decode()
         return Channel(
             record.topic,
             normalised_type(schema.name),
@@ -175,4 +178,4 @@ def _in_steps(decompressor: object, data: bytes, error: type[Exception], step: i
 
 
 _DECOMPRESS: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": _unzstd, "lz4": _unlz4}
-_DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl"}
+_DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "jsonschema": "jsonschema"}

@@ -14,6 +14,8 @@ from typing import ClassVar, NamedTuple
 
 import zstandard
 
+from wrenchgap.flight.formats.table import Selection, Table
+
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 BATCH = 8192
 """Messages that a reader gathers before it hands them on, at most."""
@@ -24,7 +26,8 @@ class Channel:
     """A stream of messages of one type; two of the same content are still two, as they may be two writers'.
 
     `encoding` is that of the messages: "cdr" (ROS 2), "ros1", or another, which is listed but not decoded.
-    `definition` is the text that came with the file, or None; `definition_format` is "msg" or "idl".
+    `definition` is the text that came with the file, or None; `definition_format` is "msg" or "idl". Of protobuf the
+    text is the description in base 64.
     """
 
     topic: str
@@ -70,6 +73,18 @@ class Reader(ABC):
     def data_files(self) -> list[Path]:
         """The files whose bytes are the log's content, in the order in which they are hashed."""
         return [self.path]
+
+
+class TableReader(Reader):
+    """A format whose library or layout gives whole columns, so that there is nothing to decode."""
+
+    @abstractmethod
+    def tables(self, selection: Selection) -> dict[str, Table]:
+        """Every topic, with columns at least where `selection` wants; raises `LogError` where nothing can be read."""
+
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """No bytes of messages."""
+        return iter(())
 
 
 def normalised_type(name: str) -> str:

@@ -18,6 +18,7 @@ from typing import ClassVar
 import zstandard
 
 from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.folders import natural, only_recording, storage
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import (
     Batch,
@@ -29,8 +30,6 @@ from wrenchgap.flight.formats.reader import (
     one_line,
     plain_payload,
 )
-
-STORAGE = {".db3": "sqlite3", ".mcap": "mcap"}
 
 
 @dataclass
@@ -83,18 +82,13 @@ class Rosbag2FolderReader(Reader):
     def data_files(self) -> list[Path]:
         """The bag's files in the order of their numbers; metadata.yaml's list, where there is one, is respected."""
         listed = _listed_files(self.path / "metadata.yaml")
-        found = sorted((p for p in self.path.iterdir() if _storage(p)), key=_natural)
+        if listed is None:
+            return only_recording(self.path)
+        found = sorted((p for p in self.path.iterdir() if storage(p)), key=natural)
         if not found:
             raise LogError(
                 f"{self.path}: the folder holds no .db3 or .mcap file; expected a ROS 2 bag folder or a file"
             )
-        if listed is None:
-            stems = {re.sub(r"(_\d+)?\..*$", "", p.name) for p in found}
-            if len(stems) > 1:
-                raise LogError(
-                    f"{self.path}: a folder with {len(found)} logs and no metadata.yaml; name one of its files"
-                )
-            return found
         return [p for p in found if p.name in listed or p.name.removesuffix(".zstd") in listed] or found
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
@@ -136,15 +130,6 @@ def _channels(database: sqlite3.Connection) -> dict[int, Channel]:
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
     return channels
-
-
-def _storage(path: Path) -> str | None:
-    return STORAGE.get(Path(path.name.removesuffix(".zstd")).suffix)
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Sorts bag_10.db3 after bag_9.db3."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]
 
 
 def _unpacked(path: Path, scratch: Path) -> Path:

@@ -1,28 +1,90 @@
-"""PX4 logs (`.ulg`): recognised so that they are refused for the right reason.
+"""PX4 logs (`.ulg`; https://docs.px4.io/main/en/dev_log/ulog_file_format.html), through pyulog.
 
-They carry normalised controls, not a wrench in SI, so there is nothing to compare a measured wrench with.
+Every message becomes a table under PX4's own name, further instances under `name/1`, in PX4's frames and units; what
+plays a role is made of them by `flight.formats.px4`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import ClassVar
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.reader import Batch, Reader, Wanted
+from wrenchgap.flight.formats.extras import required, silenced
+from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.table import Columns, Selection, Table
+
+LATEST = 2**63 // 1000 - 1
+"""No stamp [us] is later: it would not fit into nanoseconds."""
 
 
 @dataclass
-class UlogReader(Reader):
-    """Refuses a PX4 log."""
+class UlogReader(TableReader):
+    """Reads one PX4 log. `parameters` are known once the tables are."""
 
     name: ClassVar[str] = "PX4 ULog"
     magic: ClassVar[bytes] = b"ULog\x01\x12\x35"
 
-    def batches(self, wanted: Wanted) -> Iterator[Batch]:
-        """Say what can be done instead."""
-        raise LogError(
-            f"{self.path}: PX4 .ulg logs are not read (their controls are normalised, not N and Nm); "
-            "supported: MCAP, ROS 1 .bag, ROS 2 bag folder or .db3. Record ROS topics, or convert to MCAP"
-        )
+    parameters: Mapping[str, float | int] = field(default_factory=dict)
+
+    def tables(self, selection: Selection) -> dict[str, Table]:
+        """All messages by topic; raises LogError where nothing can be read."""
+        log = _opened(self.path)
+        self.parameters = _parameters(log)
+        if log.file_corruption:
+            self.notes.append(f"{self.path.name} is damaged: what could be read around the damage was.")
+        lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
+        if log.dropouts:
+            self.notes.append(f"{len(log.dropouts)} dropouts: the logger lost {lost:.2f} s of messages in all.")
+        found = [_table(data) for data in log.data_list if "timestamp" in data.data]
+        if len(found) < len(log.data_list):
+            self.notes.append(f"{len(log.data_list) - len(found)} topic(s) have no timestamp: left out.")
+        return {table.topic: table for table in found if len(table)}
+
+
+def parameters(path: str | Path) -> dict[str, float | int]:
+    """The autopilot's parameters as they were in the end, by name. Raises LogError where the file is no PX4 log."""
+    with Path(path).open("rb") as file:
+        if not file.read(7) == UlogReader.magic:
+            raise LogError(f"{path}: not a PX4 log (.ulg); parameters are read from those")
+    return _parameters(_opened(Path(path)))
+
+
+def _parameters(log: Any) -> dict[str, float | int]:
+    return {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
+
+
+def _opened(path: Path) -> Any:
+    pyulog = required("pyulog", "px4", "PX4 .ulg logs", path)
+    try:
+        with silenced():
+            return pyulog.ULog(str(path))
+    except Exception as error:  # a damaged log makes pyulog raise many kinds
+        raise LogError(f"{path}: not a readable PX4 log ({one_line(error) or type(error).__name__})") from error
+
+
+def _table(data: Any) -> Table:
+    name = data.name if not data.multi_id else f"{data.name}/{data.multi_id}"
+    stamps = np.asarray(data.data["timestamp"])
+    order = np.argsort(stamps, kind="stable")
+    order = order[stamps[order] <= LATEST]
+    stamps = stamps.astype(np.int64) * 1000
+    kind = "px4_msgs/msg/" + "".join(word.capitalize() for word in data.name.split("_"))
+    columns = {key: values[order] for key, values in _arrays(data.data).items()}
+    return Table(name, kind, stamps[order], stamps[order], columns)
+
+
+def _arrays(fields: Mapping[str, NDArray[Any]]) -> Columns:
+    """Fields `q[0]`, `q[1]`, ... as the columns of one array `q`; `esc[0].rpm` as `esc.0.rpm`."""
+    grouped: dict[str, list[NDArray[Any]]] = {}
+    for name, values in fields.items():
+        plain = re.sub(r"\[(\d+)\]\.", r".\1.", name)
+        grouped.setdefault(re.sub(r"\[\d+\]$", "", plain), []).append(values)
+    several = {re.sub(r"\[\d+\]$", "", name) for name in fields if name.endswith("]")}
+    return {name: np.stack(parts, 1) if name in several else parts[0] for name, parts in grouped.items()}

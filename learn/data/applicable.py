@@ -25,6 +25,7 @@ class Lack(StrEnum):
     VOLTAGE = "voltage"
     EXCITATION = "excitation"  # the flights cannot show it
     AIR = "air"  # nothing through which the air would act
+    KNOWN = "known"  # the model file knows the number well
     FIT = "fit"  # no physically possible values were found
 
 

@@ -15,6 +15,7 @@ from wrenchgap.flight.flight import Array, Flight, Gap, Samples
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, low_pass, prepare
+from wrenchgap.learn.data.rotor_commands import as_speeds
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
@@ -69,6 +70,7 @@ def opened(
     With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
     """
+    found = flight.in_si(as_speeds(found, model))
     played, notes = _commanded(found, incomplete)
     # Without commands there is no clock, nor without the IMU where there is one.
     needed = ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))

@@ -105,14 +105,28 @@ def add(
         report(1.0 - 0.97**count, f"fitting {', '.join(every)}")
 
     fitted = fitted or fit(data, model, every, tick=tick)
+    words = f"wrenchgap add: {', '.join(every)} together, six axes below {data.records[0].cutoff_hz:g} Hz"
+    return addition(model, model, names, flights, data, fitted, words)
+
+
+def addition(
+    model: Model,
+    bare: Model,
+    names: Sequence[str],
+    flights: Sequence[OpenFlight],
+    data: Dataset,
+    fitted: Fit,
+    method: str,
+) -> Addition:
+    """What a fit of `bare`, which is `model` or has fewer effects, makes of `model`; `method` says how, in words."""
     source = Provenance(
         logs=tuple((f.flight.path.name, f.flight.content_hash) for f in flights),
         fitted=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         version=tool_version(),
-        method=f"wrenchgap add: {', '.join(every)} together, six axes below {data.records[0].cutoff_hz:g} Hz",
+        method=method,
     )
     fitted = replace(fitted, effects=tuple(replace(e, provenance=source) for e in fitted.effects))
-    after = with_fit(model, fitted)
+    after, present = with_fit(bare, fitted), [e.name for e in model.effects]
     before, left = (data.measured - data.predict(m.wrench_model) for m in (model, after))
     scatter = between_flights(data, left, model)
     if scatter is not None:
@@ -125,20 +139,20 @@ def add(
         rms(left),
         tuple(n for n in names if n in present),
         tuple(e.name for e in fitted.effects if e.name not in names),
-        trial(data, model, [e.name for e in fitted.effects], fitted),
+        trial(data, model, [e.name for e in fitted.effects], fitted, bare),
         scatter,
         tuple(flights),
     )
 
 
-def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit) -> Trial | None:
-    """`model` as given against the same with `names` fitted, on blocks of time that the fit did not see.
+def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit, bare: Model | None = None) -> Trial | None:
+    """`model` as given against the same, or `bare`, with `names` fitted, on time that the fit did not see.
 
     The accelerometer's bias is estimated on both sides. `t` is the paired t over the blocks' weighted squared errors.
     """
     try:
         before = held_out(data, model, (), fit(data, model, ()))
-        after = held_out(data, model, names, fitted)
+        after = held_out(data, bare or model, names, fitted)
     except FitError:  # too short to hold anything out
         return None
     gain = by_block(data.block, weighted(before**2 - after**2, data.weights**2).sum(axis=1))

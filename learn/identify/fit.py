@@ -113,20 +113,28 @@ SMALL = 0.3
 
 
 def held_out(
-    data: Dataset, model: Model, names: Sequence[str], fitted: Fit, folds: int = 4, *, exact: bool = True
+    data: Dataset,
+    model: Model,
+    names: Sequence[str],
+    fitted: Fit,
+    folds: int = 4,
+    *,
+    exact: bool = True,
+    groups: NDArray[np.intp] | None = None,
 ) -> Array:
     """Residual (K, 6) in which every block was predicted by parameters (and biases) fitted without it.
 
-    Blocks go to the folds in turn. Each fold takes one Gauss-Newton step from the joint optimum, with the rows of
-    the other folds, and its prediction is evaluated in full; with `exact` off, linearised where the step changes it by
-    less than `SMALL` of the residual. Not a number on axes that were not measured.
+    Blocks go to the folds in turn, or samples to `groups` (K,) that are given. Each fold takes one Gauss-Newton step
+    from the joint optimum, with the rows of the other folds, and its prediction is evaluated in full; with `exact` off,
+    linearised where the step changes it by less than `SMALL` of the residual. Not a number on axes that were not
+    measured.
     """
     problem = Problem(data, model, tuple(names))
     problem.scale = fitted.scale
     point = Point(np.concatenate((fitted.theta, fitted.bias.ravel())), fitted.residual)
     out = np.empty_like(fitted.residual)
-    fold = data.block % folds
-    for f in range(folds):
+    fold = data.block % folds if groups is None else groups
+    for f in range(int(fold.max()) + 1):
         test = fold == f
         if not test.any():
             continue

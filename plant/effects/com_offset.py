@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter
+import numpy as np
+
+from wrenchgap.plant.effects.effect import TIGHT, Array, BodyEffect, Parameter, within
 from wrenchgap.plant.vehicle import Body, Vehicle
+
+TYPICAL = 0.02
+"""Typical offset of a centre of mass that was not balanced, in spans."""
 
 
 class ComOffset(BodyEffect):
@@ -25,7 +30,18 @@ class ComOffset(BodyEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
         size = span(vehicle)
-        return tuple(Parameter(axis, "m", -0.1 * size, 0.1 * size, 0.02 * size) for axis in "xyz")
+        usual = [Parameter(axis, "m", -0.1 * size, 0.1 * size, TYPICAL * size) for axis in "xyz"]
+        told = vehicle.tolerances.com
+        if told is None:
+            return tuple(usual)
+        return tuple(within(p, float(t), -size) for p, t in zip(usual, told, strict=True))
+
+    def known(self, vehicle: Vehicle) -> str | None:
+        """Balanced, to much less than what is typical."""
+        told = vehicle.tolerances.com
+        if told is None or np.any(told > TIGHT * TYPICAL * span(vehicle)):
+            return None
+        return f"the model file knows the centre of mass to {1e3 * float(np.max(told)):.2g} mm"
 
     def apply(self, body: Body, theta: Array) -> Body:
         """The body with its centre of mass moved; mass and inertia about the centre of mass stay."""

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -75,6 +75,23 @@ class Parameter:
     high: float
     scale: float
     start: float = 0.0
+
+
+REACH = 3.0
+"""Tolerances within which a number that the model file knows is looked for."""
+TIGHT = 0.25
+"""Tolerance, in typical sizes of the effect on it, up to which a number is known: no open question."""
+
+
+def within(parameter: Parameter, tolerance: float | None, least: float) -> Parameter:
+    """The parameter with the tolerance of the number that it changes as its prior; as it is where there is none.
+
+    `least` is the most negative change that leaves the number physical.
+    """
+    if tolerance is None:
+        return parameter
+    reach = REACH * tolerance
+    return replace(parameter, low=max(-reach, least), high=reach, scale=tolerance)
 
 
 @dataclass(frozen=True)
@@ -139,6 +156,11 @@ class Effect(ABC):
     def unexcited(self, context: Context) -> str | None:
         """Why a flight through these states cannot show the effect, e.g. "never faster than 0.2 m/s", or None."""
         del context
+        return None
+
+    def known(self, vehicle: Vehicle) -> str | None:
+        """Why the effect is no open question on this vehicle, e.g. "the mass is known to 0.005 kg", or None."""
+        del vehicle
         return None
 
     def outdated(self, values: Mapping[str, float]) -> str | None:

@@ -4,9 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from wrenchgap.plant.effects.com_offset import span
-from wrenchgap.plant.effects.effect import Array, Context, Motion, Parameter, SensorEffect, Vehicle
+from wrenchgap.plant.effects.effect import (
+    TIGHT,
+    Array,
+    Context,
+    Motion,
+    Parameter,
+    SensorEffect,
+    Vehicle,
+    within,
+)
 from wrenchgap.plant.wrench_model import cross
+
+TYPICAL = 0.07
+"""Typical error of an IMU's place that was not measured, in spans."""
 
 
 class ImuLeverArm(SensorEffect):
@@ -22,7 +36,18 @@ class ImuLeverArm(SensorEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Offset along body x, y and z."""
         size = span(vehicle)
-        return tuple(Parameter(a, "m", -0.7 * size, 0.7 * size, 0.07 * size) for a in "xyz")
+        usual = [Parameter(a, "m", -0.7 * size, 0.7 * size, TYPICAL * size) for a in "xyz"]
+        told = vehicle.tolerances.imu_position
+        if told is None:
+            return tuple(usual)
+        return tuple(within(p, float(t), -size) for p, t in zip(usual, told, strict=True))
+
+    def known(self, vehicle: Vehicle) -> str | None:
+        """Measured, to much less than what is typical."""
+        told = vehicle.tolerances.imu_position
+        if told is None or np.any(told > TIGHT * TYPICAL * span(vehicle)):
+            return None
+        return f"the model file knows the place of the IMU to {1e3 * float(np.max(told)):.2g} mm"
 
     def apply(self, motion: Motion, theta: Array, context: Context) -> Motion:
         """What the accelerometer feels."""

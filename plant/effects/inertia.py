@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError
-from wrenchgap.plant.effects.effect import Array, BodyEffect, Parameter
+from wrenchgap.plant.effects.effect import TIGHT, Array, BodyEffect, Parameter, within
 from wrenchgap.plant.vehicle import Body, Vehicle
 
+DIAGONAL, PRODUCT = 0.1, 0.03
+"""Typical errors of moments and products of inertia that were not measured, relative to the moments."""
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -29,10 +31,23 @@ class Inertia(BodyEffect):
         J = vehicle.body.inertia
         names = ("xx", "yy", "zz", "xy", "xz", "yz")
         size = [float(np.sqrt(J[i, i] * J[k, k])) for i, k in _PLACES]
+        told = vehicle.tolerances.inertia
         return tuple(
-            Parameter(name, "kg m^2", -0.4 * s, 0.4 * s, (0.1 if i == k else 0.03) * s)
+            within(
+                Parameter(name, "kg m^2", -0.4 * s, 0.4 * s, (DIAGONAL if i == k else PRODUCT) * s),
+                None if told is None else float(told[i, k]),
+                -0.6 * s,
+            )
             for name, s, (i, k) in zip(names, size, _PLACES, strict=True)
         )
+
+    def known(self, vehicle: Vehicle) -> str | None:
+        """Every moment measured, to much less than what is typical."""
+        told = vehicle.tolerances.inertia
+        if told is None or np.any(np.diag(told) > TIGHT * DIAGONAL * np.diag(vehicle.body.inertia)):
+            return None
+        share = float(np.max(np.diag(told) / np.diag(vehicle.body.inertia)))
+        return f"the model file knows the moments of inertia to {100.0 * share:.2g} %"
 
     def apply(self, body: Body, theta: Array) -> Body:
         """The body with J + dJ."""

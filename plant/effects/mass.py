@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wrenchgap.plant.effects.effect import Array, Body, BodyEffect, Parameter, Vehicle
+from wrenchgap.plant.effects.effect import TIGHT, Array, Body, BodyEffect, Parameter, Vehicle, within
+
+TYPICAL = 0.03
+"""Typical error of a mass that was not weighed, relative."""
 
 
 class Mass(BodyEffect):
@@ -21,7 +24,15 @@ class Mass(BodyEffect):
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """The added mass."""
         m = vehicle.body.mass
-        return (Parameter("added", "kg", -0.2 * m, 0.3 * m, 0.03 * m),)
+        usual = Parameter("added", "kg", -0.2 * m, 0.3 * m, TYPICAL * m)
+        return (within(usual, vehicle.tolerances.mass, -0.6 * m),)
+
+    def known(self, vehicle: Vehicle) -> str | None:
+        """Weighed, to much less than what is typical."""
+        tolerance = vehicle.tolerances.mass
+        if tolerance is None or tolerance > TIGHT * TYPICAL * vehicle.body.mass:
+            return None
+        return f"the model file knows the mass to {tolerance:.3g} kg"
 
     def apply(self, body: Body, theta: Array) -> Body:
         """The body with m + dm."""

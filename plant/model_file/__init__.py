@@ -7,6 +7,7 @@ from pathlib import Path
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file.command import with_bench
 from wrenchgap.plant.model_file.reading import loads
 from wrenchgap.plant.model_file.versions import changed_since, next_version, tool_version
 from wrenchgap.plant.model_file.writing import content_hash, dumps
@@ -48,7 +49,7 @@ def load(name_or_path: str | Path) -> Model:
     path = find_model(name_or_path)
     text = text_of(path, "as a model file")
     try:
-        return replace(loads(text), path=path)
+        return replace(loads(with_bench(text, path.parent)), path=path)
     except ModelError as error:
         raise ModelError(f"{path.name}: {error}") from None
 

@@ -14,7 +14,9 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.controller import ControllerGains, default_gains
 from wrenchgap.plant.effects import Source, catalogue, sources
 from wrenchgap.plant.model import Model, make_effect
+from wrenchgap.plant.model_file.command import CommandTable
 from wrenchgap.plant.model_file.past import FileTable, ParameterTable, VersionTable
+from wrenchgap.plant.model_file.told import Told, inertia_of, of_inertia, of_number, of_vector, told, told_of
 from wrenchgap.plant.reader import (
     Axes,
     Direction,
@@ -35,22 +37,18 @@ from wrenchgap.plant.reader import (
     values_of,
 )
 from wrenchgap.plant.sensors import SensorNoise
-from wrenchgap.plant.vehicle import Arms, Body, Rotors, Vehicle
+from wrenchgap.plant.vehicle import Arms, Body, Rotors, Tolerances, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 
 SCHEMA = 1
+MASS_PROPERTIES = ("mass", "inertia", "com", "imu_position")
+"""Keys of [vehicle] that may have a tolerance, in the order of `Tolerances`."""
 PAGE = "docs/model-file.md"
 
 
-def _inertia(rows: Any) -> Array:
-    inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows)
-    low, middle, high = np.linalg.eigvalsh(inertia)
-    if high > 1.001 * (low + middle):
-        raise broken(
-            f"no body has the principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m^2: "
-            "the largest exceeds the sum of the others"
-        )
-    return inertia
+def _possible(given: Told) -> Told:
+    inertia_of(given)
+    return given
 
 
 def _spin(value: float) -> float:
@@ -62,8 +60,11 @@ def _spin(value: float) -> float:
 Inertia = Annotated[
     Vector | tuple[Vector, Vector, Vector],
     expected("[xx, yy, zz] or three rows of three [kg m^2]"),
-    AfterValidator(_inertia),
+    told(of_inertia),
+    AfterValidator(_possible),
 ]
+Mass = Annotated[Positive, told(of_number)]
+Place = Annotated[Vector, told(of_vector)]
 SizeVector = Annotated[tuple[NotNegative, NotNegative, NotNegative], expected("three numbers that are not negative")]
 Spin = Annotated[Number, AfterValidator(_spin), expected("1 (counter-clockwise about thrust) or -1")]
 
@@ -136,10 +137,10 @@ class VehicleTable(Table):
     """The vehicle. `arm` and `rotor` hold defaults for all arms and rotors."""
 
     name: Text
-    mass: Positive
+    mass: Mass
     inertia: Inertia
-    com: Vector = (0.0, 0.0, 0.0)
-    imu_position: Vector = (0.0, 0.0, 0.0)
+    com: Place = (0.0, 0.0, 0.0)
+    imu_position: Place = (0.0, 0.0, 0.0)
     arm: ArmDefaults | None = None  # type: ignore[valid-type]  # made from ArmTable
     rotor: RotorDefaults | None = None  # type: ignore[valid-type]
     arms: tuple[ArmTable, ...] = ()
@@ -176,10 +177,12 @@ class VehicleTable(Table):
 
     def made(self) -> Vehicle:
         """The vehicle of these values."""
-        body = Body(self.mass, np.asarray(self.inertia), np.array(self.com))
-        imu = np.array(self.imu_position)
+        mass, inertia, com, imu = (told_of(getattr(self, name)) for name in MASS_PROPERTIES)
+        known = Tolerances(*(one.tolerance for one in (mass, inertia, com, imu)))
+        body = Body(mass.value, inertia_of(inertia)[0], np.array(com.value))
+        place = np.array(imu.value)
         if not self.arms:
-            return Vehicle(self.name, body, None, None, imu)
+            return Vehicle(self.name, body, None, None, place, tolerances=known)
         axes = [arm.pose for arm in self.arms]
         low, high, rate = (
             np.radians([getattr(arm, f"tilt_{key}_deg") for arm in self.arms]) for key in ("min", "max", "rate")
@@ -196,7 +199,12 @@ class VehicleTable(Table):
         columns = {key: np.array([getattr(r, key) for _, r in rotors]) for key in keys}
         on = np.array([arm for arm, _ in rotors], dtype=np.intp)
         names = _names(self.arms), _names([rotor for _, rotor in rotors])
-        return Vehicle(self.name, body, arms, Rotors(on, **columns), imu, *names)
+        return Vehicle(self.name, body, arms, Rotors(on, **columns), place, *names, tolerances=known)
+
+    @property
+    def doubt(self) -> str:
+        """What a user should know of these values, "" for nothing."""
+        return inertia_of(told_of(self.inertia))[1]
 
 
 def _names(items: Sequence[ArmTable | RotorTable]) -> tuple[str, ...]:
@@ -269,6 +277,7 @@ class ModelTable(Table):
     controller: dict[str, Any] = Field({})
     sensors: dict[str, Any] = Field({})
     topics: dict[str, Text] = Field({})
+    command: CommandTable | None = None
     unmeasured: Axes = ()
     between_flights: BetweenFlightsTable | None = None
     effects: tuple[EffectTable, ...] = ()
@@ -290,10 +299,11 @@ def loads(text: str) -> Model:
         controller=default_gains(vehicle, gains),
         sensors=SensorNoise(**noise),
         topics=table.topics,
+        command=None if table.command is None else table.command.made(),
         unmeasured=table.unmeasured,
         between_flights=None if scatter is None else (*scatter.force, *scatter.torque),
         text=text,
         history=tuple(version.made() for version in table.history),
-        notes=tuple(note for _, note in effects if note),
+        notes=tuple(note for note in (table.vehicle.doubt, *(note for _, note in effects)) if note),
     )
     return model.with_effects(effect for effect, _ in effects)

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.history import Version
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.model_file.command import table_of
 from wrenchgap.plant.model_file.reading import SCHEMA
 from wrenchgap.plant.vehicle import Rotors, Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect, Provenance
@@ -105,11 +107,23 @@ def _number(value: float) -> str:
     return text if any(c in text for c in ".e") or text in ("inf", "-inf", "nan") else text + ".0"
 
 
+def _told(value: float | Array, tolerance: float | Array | None) -> Any:
+    """A value, or a table of it and its tolerance."""
+    plain = np.asarray(value).tolist()
+    if tolerance is None:
+        return plain
+    table = tomlkit.inline_table()
+    table.update({"value": plain, "tolerance": np.asarray(tolerance).tolist()})
+    return table
+
+
 def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     """A document for a model that was made in code."""
     v = model.vehicle
-    vehicle: dict[str, Any] = {"name": v.name, "mass": v.body.mass, "inertia": v.body.inertia.tolist()}
-    vehicle |= {"com": v.body.com_B.tolist(), "imu_position": v.imu_position_B.tolist()}
+    t, body = v.tolerances, v.body
+    vehicle: dict[str, Any] = {"name": v.name, "mass": _told(body.mass, t.mass)}
+    vehicle |= {"inertia": _told(body.inertia, t.inertia), "com": _told(body.com_B, t.com)}
+    vehicle["imu_position"] = _told(v.imu_position_B, t.imu_position)
     document = tomlkit.document()
     document["schema"] = SCHEMA
     if model.unmeasured:
@@ -143,6 +157,8 @@ def _skeleton(model: Model) -> tomlkit.TOMLDocument:
     for key, part in (("controller", model.controller), ("sensors", model.sensors)):
         values = {item.name: getattr(part, item.name) for item in fields(part)}
         document[key] = {k: list(x) if isinstance(x, tuple | np.ndarray) else x for k, x in values.items()}
+    if model.command is not None:
+        document["command"] = tomlkit.item(table_of(model.command))
     if model.topics:
         document["topics"] = dict(model.topics)
     return document

@@ -15,6 +15,7 @@ import pkgutil
 import sys
 import tempfile
 import traceback
+from types import ModuleType
 from typing import Annotated, Any
 
 import typer
@@ -26,8 +27,8 @@ from wrenchgap.replay.cli.requests import grouped
 
 NAME = "wrenchgap"
 ORDER = (
-    *("inspect", "compare", "where", "explain", "changed", "trend", "add", "remove", "history", "learn", "report"),
-    *("replay", "counterfactual", "design", "simulate", "view", "demo"),
+    *("model", "inspect", "calibrate", "compare", "where", "explain", "changed", "trend", "add", "remove", "history"),
+    *("learn", "report", "replay", "counterfactual", "design", "simulate", "convert", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""
 
@@ -150,11 +151,21 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(text).split("\n\n"))
 
 
-_found = sorted(module.name for module in pkgutil.iter_modules(commands.__path__))
-for _name in sorted(_found, key=lambda name: (*ORDER, name).index(name)):
-    _module = importlib.import_module(f"{commands.__name__}.{_name}")
-    _command, _many = getattr(_module, _name), getattr(_module, "MANY", ())
-    app.command(_name, cls=many(*_many), help=_unwrapped(_command.__doc__ or ""))(grouped(_command))
+def _add_commands(group: typer.Typer, package: ModuleType) -> None:
+    """Every module of a package as a command, every package in it as a group of commands."""
+    found = {module.name: module.ispkg for module in pkgutil.iter_modules(package.__path__)}
+    for name in sorted(found, key=lambda name: (*ORDER, name).index(name)):
+        module = importlib.import_module(f"{package.__name__}.{name}")
+        if found[name]:
+            below = typer.Typer(name=name, no_args_is_help=True, help=_unwrapped(module.__doc__ or ""))
+            _add_commands(below, module)
+            group.add_typer(below)
+        else:
+            command, options = getattr(module, name), getattr(module, "MANY", ())
+            group.command(name, cls=many(*options), help=_unwrapped(command.__doc__ or ""))(grouped(command))
+
+
+_add_commands(app, commands)
 
 
 def main() -> None:

@@ -14,6 +14,11 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
+from wrenchgap.replay.cli.logs import FromLogs as FromLogs
+from wrenchgap.replay.cli.logs import Log as Log
+from wrenchgap.replay.cli.logs import Logs as Logs
+from wrenchgap.replay.cli.logs import Validate as Validate
+
 T = TypeVar("T")
 
 ROLES = (
@@ -68,10 +73,6 @@ def complete_topics(incomplete: str) -> list[str]:
     return [f"{name}=" for name in ROLES if name.startswith(incomplete)]
 
 
-Logs = Annotated[
-    list[Path],
-    typer.Argument(metavar="LOG...", help="Logs: .mcap, .bag, or ROS 2 bag folders.", show_default=False),
-]
 ModelOption = Annotated[
     str,
     typer.Option(
@@ -133,18 +134,11 @@ JsonFile = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite output files that exist.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Log = Annotated[
-    Path, typer.Argument(metavar="LOG", help="Log: .mcap, .bag, or a ROS 2 bag folder.", show_default=False)
-]
 LogOut = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="LOG2", help="Log to write (.mcap).", show_default=False)
 ]
 GpOption = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="A Gaussian process of `wrenchgap learn`, on MODEL.")
-]
-Validate = Annotated[
-    list[Path] | None,
-    typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted."),
 ]
 Against = Annotated[
     list[str] | None,
@@ -154,9 +148,6 @@ Against = Annotated[
 ]
 Figure = Annotated[Path | None, typer.Option("--figure", metavar="PNG", help="Draw the result.")]
 Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Every sample as a table.")]
-FromLogs = Annotated[
-    list[Path] | None, typer.Option("--from", metavar="LOG...", help="Logs to fit to.", show_default=False)
-]
 Effects = Annotated[
     list[str],
     typer.Argument(metavar="EFFECT...", help="Names of effects.", autocompletion=complete_effects, show_default=False),
@@ -214,7 +205,7 @@ def _repeated(args: Sequence[str], options: Sequence[str]) -> Iterable[str]:
 def command_line(ctx: typer.Context, *without: str) -> str:
     """The command that is running, as a user would type it; without options that do not change its result."""
     silent = {"json", "force", "quiet", *without}
-    return shlex.join(["wrenchgap", ctx.info_name or "", *_words(ctx, lambda name: name not in silent)])
+    return shlex.join(["wrenchgap", *ctx.command_path.split()[1:], *_words(ctx, lambda name: name not in silent)])
 
 
 COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "own")

@@ -71,6 +71,12 @@ class Run:
         self.inputs.append(file_input(found.path, role))
         return found
 
+    def note_input(self, path: Path, role: str) -> None:
+        """Note a file that went into the result."""
+        from wrenchgap.replay.present.documents import file_input
+
+        self.inputs.append(file_input(path, role))
+
     def gp(self, path: Path | None) -> GaussianProcess | None:
         """The process of a file, where one is named."""
         if path is None:

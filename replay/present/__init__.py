@@ -17,6 +17,7 @@ from typing import Any
 
 MODULES = {
     "Addition": "addition",
+    "Calibration": "calibration",
     "Changed": "changed",
     "Comparison": "comparison",
     "Counterfactual": "counterfactual",
@@ -26,6 +27,7 @@ MODULES = {
     "LogReport": "inspection",
     "Replay": "replay",
     "Report": "report",
+    "Sheet": "model",
     "Trend": "trend",
     "Where": "where",
 }

@@ -39,6 +39,9 @@ VERSIONS = {
     "counterfactual": 1,
     "design": 1,
     "trend": 1,
+    "convert": 1,
+    "model": 1,
+    "calibrate": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 

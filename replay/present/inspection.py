@@ -57,7 +57,8 @@ def topics(seen: Inspection) -> Table:
 
 def _namespace(names: Sequence[str]) -> str:
     """The namespace that all topics share, with its last slash, if it is worth leaving out."""
-    shared = commonpath(names) + "/" if len(names) > 1 else ""
+    absolute = all(name.startswith("/") for name in names)
+    shared = commonpath(names) + "/" if absolute and len(names) > 1 else ""
     return shared if len(shared) > SHORTEST else ""
 
 

@@ -40,7 +40,7 @@ class SessionComparisons:
             one, others = self.working.flight(suspect), [self.working.flight(h) for h in healthy]
 
         def work(tell: Report) -> tuple[Differences, Model]:
-            found = changing.changed([one], others, model, progress=tell)
+            found = changing.changed([one], others, model.untold, progress=tell)
             return shown(found, suspect, healthy, name), with_changes(model, found)
 
         differences, changed = apart(work, report)

@@ -58,8 +58,9 @@ class LogSession:
         against: Sequence[Model] = (),
         gp_name: str = "GP",
         folder: Path | None = None,
+        cutoff_hz: float | None = None,
     ) -> None:
-        cutoff = CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
+        cutoff = cutoff_hz or (CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ)
         how: dict[str, Any] = {
             "topics": topics,
             "between": between,

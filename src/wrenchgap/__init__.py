@@ -43,6 +43,7 @@ __getattr__, __all__ = names_of(
             "where",
         ),
         "wrenchgap.replay.between_flights": ("changed", "trend"),
+        "wrenchgap.replay.modelling": ("Given", "calibrate", "draft_model", "save_draft"),
     },
 )
 
@@ -72,3 +73,7 @@ if TYPE_CHECKING:
     from wrenchgap.replay.api import where as where
     from wrenchgap.replay.between_flights import changed as changed
     from wrenchgap.replay.between_flights import trend as trend
+    from wrenchgap.replay.modelling import Given as Given
+    from wrenchgap.replay.modelling import calibrate as calibrate
+    from wrenchgap.replay.modelling import draft_model as draft_model
+    from wrenchgap.replay.modelling import save_draft as save_draft

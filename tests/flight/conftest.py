@@ -190,13 +190,13 @@ def plain_flight(seconds=4.0):
     return Recording().plain("/command/wrench", fast).plain("/imu", fast).plain("/odometry", slow)
 
 
-def json_log(path):
-    """An MCAP whose only channel carries JSON."""
+def cbor_log(path):
+    """An MCAP whose only channel is in an encoding that is not read."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
         schema = writer.register_schema("Thing", "jsonschema", b"{}")
-        channel = writer.register_channel("/thing", "json", schema)
+        channel = writer.register_channel("/thing", "cbor", schema)
         for i in range(10):
             writer.add_message(channel, START_NS + i, json.dumps({"x": i}).encode(), START_NS + i)
         writer.finish()

@@ -189,7 +189,7 @@ def test_damaged_chunk_costs_only_what_is_in_it(plain, tmp_path):
         ("notes.mcap", b"this is a text file", "not a log"),
         ("broken.bag", b"#ROSBAG V2.0\n" + bytes(100), "not a readable ROS 1 bag"),
         ("broken.db3", b"SQLite format 3\0" + bytes(200), "not a readable ROS 2 bag"),
-        ("px4.ulg", b"ULog\x01\x12\x35" + bytes(50), "supported: MCAP"),
+        ("px4.ulg", b"ULog\x01\x12\x35" + bytes(50), "holds no message"),
     ],
 )
 def test_no_log_in_one_line(name, content, words, tmp_path):
@@ -222,13 +222,13 @@ def test_wrong_extension_does_not_matter_and_the_hash_is_that_of_the_bytes(plain
     assert found.content_hash == hashlib.sha256(plain.read_bytes()).hexdigest()
 
 
-def test_a_log_without_messages_or_of_json_alone(logs, loaded, tmp_path):
+def test_a_log_without_messages_or_of_cbor_alone(logs, loaded, tmp_path):
     with pytest.raises(LogError, match="no message"):
         loaded(logs.Recording())
-    path = logs.json_log(tmp_path / "json.mcap")
+    path = logs.cbor_log(tmp_path / "cbor.mcap")
     with pytest.raises(LogError, match=r"no topic plays a role[\s\S]*/thing"):
         flight.load(path)
-    with pytest.raises(LogError, match="json"):
+    with pytest.raises(LogError, match="cbor"):
         flight.load(path, topics={"imu": "/thing"})
 
 

@@ -107,10 +107,10 @@ def test_inspection_of_a_plain_log(plain):
 
 
 def test_inspection_of_a_log_that_plays_no_role(logs, tmp_path):
-    report = flight.inspect(logs.json_log(tmp_path / "json.mcap"))
+    report = flight.inspect(logs.cbor_log(tmp_path / "cbor.mcap"))
     assert report.flight is None
     assert report.level == "bad"
-    assert "json" in report.topics[0].problem
+    assert "cbor" in report.topics[0].problem
     assert report.checks[0].message.startswith(str(tmp_path))
 
 

@@ -17,6 +17,9 @@ SavedView = Annotated[
 ]
 Host = Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")]
+OwnCutoff = Annotated[
+    float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass, in Hz; default: the GP's, or 8.")
+]
 Browser = Annotated[bool, typer.Option("--browser", help="Open the page in the default browser.")]
 
 
@@ -31,6 +34,7 @@ def view(
     browser: Browser = False,
     topic: o.Topics = None,
     shift: o.Shift = None,
+    cutoff: OwnCutoff = None,
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
     own: o.OwnEffects = None,
@@ -69,6 +73,7 @@ def view(
             shifts=reading.shifts,
             unmeasured=reading.absent,
             load=cache.load,
+            cutoff_hz=None if cutoff is None else o.parse_cutoff(cutoff),
             against=others,
             gp_name="GP" if gp is None else gp.name,
         )

@@ -1,0 +1,74 @@
+"""In what a log's commands are: rad/s and N, or what only a model of the vehicle turns into them.
+
+Autopilots command shares of full throttle and of the largest torque (-1 to 1), or pulse widths. Such numbers follow the
+wrench but are none: a log alone does not say how many newtons full throttle is. A series says so in its `unit`, which
+comes from where the numbers lie: the field `normalized` of an Actuators message, or the words `normalised`,
+`normalized`, `throttle` or `pwm` in the topic's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import ActuatorSeries, Flight, SpeedUnit, WrenchSeries
+from wrenchgap.flight.roles import Source
+from wrenchgap.flight.topic_names import name_words
+
+NORMALISED = frozenset({"normalised", "normalized", "throttle"})
+REMEDY = (
+    "the model file must say how commands become newtons: take a model from the log with `wrenchgap model new --from "
+    "LOG`, or write its [command]"
+)
+"""What to do about commands that are not in SI."""
+
+
+def unit_of(source: Source) -> SpeedUnit:
+    """What rotor commands from `source` are, by the names of topic and field."""
+    words = name_words(source.topic) | name_words(source.field)
+    return "pwm" if "pwm" in words else "normalised" if words & NORMALISED else "rad/s"
+
+
+def with_units(flight: Flight, sources: Mapping[str, Source]) -> Flight:
+    """The flight with the units of its commands, which come from `sources` by part."""
+    changed: dict[str, Any] = {}
+    notes = []
+    if flight.actuators is not None and "rotor_speed" in sources:
+        unit = unit_of(sources["rotor_speed"])
+        if unit != "rad/s" and flight.actuators.rotor_speed.shape[1]:
+            changed["actuators"] = replace(flight.actuators, unit=unit)
+            notes.append(f"{sources['rotor_speed']}: rotor commands are {_WORDS[unit]}, not rad/s.")
+    for role in ("commanded", "desired"):
+        series: WrenchSeries | None = getattr(flight, role)
+        if series is not None and role in sources and unit_of(sources[role]) == "normalised":
+            changed[role] = replace(series, unit="normalised")
+            notes.append(f"{sources[role]}: the {role} wrench is normalised (shares of full authority), not N and Nm.")
+    return replace(flight, notes=(*flight.notes, *notes), **changed) if changed else flight
+
+
+def in_si(flight: Flight) -> Flight:
+    """The flight without commands that are not in SI, which its notes say, where others remain.
+
+    Raises LogError, with the remedy, where no command remains: nothing there could be compared with a measured wrench.
+    """
+    out = {role: series for role, series in flight.series().items() if not _is_si(series)}
+    if not out:
+        return flight
+    said = ", ".join(f"{series.topic} ({role}, {_WORDS[_unit(series)]})" for role, series in out.items())
+    left = replace(flight, **dict.fromkeys(out))  # type: ignore[arg-type]
+    if left.commanded is None and left.actuators is None and left.desired is None:
+        raise LogError(f"{flight.path.name}: its commands are not in SI: {said}; {REMEDY}")
+    return replace(left, notes=(*left.notes, f"{flight.name}: not in SI and left out: {said}; {REMEDY}."))
+
+
+_WORDS = {"normalised": "normalised, -1 to 1", "pwm": "pulse widths in us"}
+
+
+def _unit(series: object) -> str:
+    return series.unit if isinstance(series, ActuatorSeries | WrenchSeries) else ""
+
+
+def _is_si(series: object) -> bool:
+    return _unit(series) not in _WORDS

@@ -1,0 +1,147 @@
+"""ArduPilot's onboard logs (`.bin`, "dataflash"; https://ardupilot.org/copter/docs/logmessages.html).
+
+pymavlink finds where each message lies and how its type is laid out; the columns are cut from the bytes for all
+messages of a type at once. Every message is a table under ArduPilot's own name (`IMU`, further instances as `IMU/1`),
+in its frames and units; what plays a role is made of them by `flight.formats.ardupilot`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.extras import required, silenced
+from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.table import Columns, Selection, Table
+
+HEADER = 3
+"""Bytes before a message: two of a mark, one of the type."""
+BLOCK = 65536
+"""Messages cut at once: their index takes eight times their bytes."""
+CODES: dict[str, tuple[str, float]] = {
+    "b": ("i1", 1.0),
+    "B": ("u1", 1.0),
+    "h": ("<i2", 1.0),
+    "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0),
+    "I": ("<u4", 1.0),
+    "q": ("<i8", 1.0),
+    "Q": ("<u8", 1.0),
+    "g": ("<f2", 1.0),
+    "f": ("<f4", 1.0),
+    "d": ("<f8", 1.0),
+    "M": ("i1", 1.0),
+    "c": ("<i2", 0.01),
+    "C": ("<u2", 0.01),
+    "e": ("<i4", 0.01),
+    "E": ("<u4", 0.01),
+    "L": ("<i4", 1e-7),
+    "n": ("S4", 1.0),
+    "N": ("S16", 1.0),
+    "Z": ("S64", 1.0),
+    "a": ("(32,)<i2", 1.0),
+}
+"""Of each letter of a format: the primitive, and the factor that the letter implies."""
+INSTANCES = ("I", "Instance", "Inst", "C")
+"""Columns that number instances, for logs that do not say which does; `C` is an estimator's core."""
+NUMBERED = frozenset({"IMU", "ACC", "GYR", "ESC", "BAT", "XKQ", "XKF1", "NKQ", "NKF1"})
+
+
+@dataclass
+class DataflashReader(TableReader):
+    """Reads one dataflash log. `parameters` are known once the tables are."""
+
+    name: ClassVar[str] = "ArduPilot dataflash"
+    magic: ClassVar[bytes] = b"\xa3\x95\x80"
+
+    parameters: Mapping[str, float | int] = field(default_factory=dict)
+
+    def tables(self, selection: Selection) -> dict[str, Table]:
+        """All messages that have a time, by topic; raises LogError where nothing can be read."""
+        raw, strange = _messages(self.path)
+        if strange:
+            self.notes.append(f"{strange} bytes of {self.path.name} belong to no whole message: left out.")
+        self.parameters = _parameters(raw.get("PARM", {}))
+        found = {table.topic: table for name, columns in raw.items() for table in _instances(name, columns)}
+        if (lost := found.get("DSF")) is not None and np.max(lost.columns.get("Dp", np.zeros(1)), initial=0) > 0:
+            self.notes.append(f"The logger dropped {int(np.max(lost.columns['Dp']))} blocks of messages.")
+        return found
+
+
+def parameters(path: str | Path) -> dict[str, float | int]:
+    """The autopilot's parameters as last logged, by name. Raises LogError where the file is no dataflash log."""
+    with Path(path).open("rb") as file:
+        if not file.read(3) == DataflashReader.magic:
+            raise LogError(f"{path}: not an ArduPilot dataflash log (.bin); parameters are read from those")
+    return _parameters(_messages(Path(path), only="PARM")[0].get("PARM", {}))
+
+
+def _parameters(columns: Columns) -> dict[str, float | int]:
+    names, values = columns.get("Name"), columns.get("Value")
+    if names is None or values is None or names.dtype.kind != "S" or values.dtype.kind not in "iuf":
+        return {}
+    pairs = zip(names.tolist(), values.tolist(), strict=True)
+    return {name.decode(errors="replace"): int(v) if v == int(v) else v for name, v in pairs if np.isfinite(v)}
+
+
+def _messages(path: Path, only: str | None = None) -> tuple[dict[str, Columns], int]:
+    """Columns of every type of message, by its name; how many bytes are of no message."""
+    reader = required("pymavlink.DFReader", "ardupilot", "ArduPilot .bin logs", path)
+    try:
+        with silenced():
+            log = reader.DFReader_binary(str(path))
+    except Exception as error:  # a damaged log makes pymavlink raise many kinds
+        raise LogError(f"{path}: not a readable dataflash log ({one_line(error) or type(error).__name__})") from error
+    data = np.memmap(path, dtype=np.uint8, mode="r")
+    out, strange = {}, len(data)
+    for kind, layout in log.formats.items():
+        places = np.array(log.offsets[kind], dtype=np.int64)
+        places = places[places + layout.len <= len(data)]
+        strange -= len(places) * layout.len
+        if len(places) and layout.name not in ("FMT", "FMTU", "UNIT", "MULT") and only in (None, layout.name):
+            out[layout.name] = _columns(data, places, layout)
+    log.close()
+    return {name: columns for name, columns in out.items() if columns}, max(strange, 0)
+
+
+def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) -> Columns:
+    """The fields of N messages; none where the format and the length contradict each other."""
+    letters = [letter for letter in layout.format if letter in CODES]
+    dtype = np.dtype([(name, CODES[letter][0]) for name, letter in zip(layout.columns, letters, strict=False)])
+    if dtype.itemsize != layout.len - HEADER or len(letters) != len(layout.columns):
+        return {}
+    rows = np.empty((len(places), dtype.itemsize), dtype=np.uint8)
+    for first in range(0, len(places), BLOCK):
+        some = slice(first, first + BLOCK)
+        rows[some] = data[places[some, None] + np.arange(HEADER, layout.len)]
+    fields = rows.view(dtype)[:, 0]
+    factors = (CODES[letter][1] for letter in letters)
+    named = zip(layout.columns, factors, strict=True)
+    return {name: fields[name] if factor == 1.0 else fields[name] * factor for name, factor in named} | (
+        {"#": fields[layout.instance_field]} if layout.instance_field in layout.columns else {}
+    )
+
+
+def _instances(name: str, columns: Columns) -> Iterator[Table]:
+    """A table for each instance, in the order of the stamps; none for messages without a time."""
+    clock, unit = next(((c, u) for c, u in (("TimeUS", 1000), ("TimeMS", 1_000_000)) if c in columns), ("", 0))
+    if not unit or columns[clock].dtype.kind not in "iu":
+        return
+    column = "#" if "#" in columns else next((c for c in INSTANCES if name in NUMBERED and c in columns), None)
+    number = np.zeros(len(columns[clock]), dtype=int) if column is None else columns[column]
+    if number.dtype.kind not in "iu":  # instances that are named, as of NVF, stay together
+        number = np.zeros(len(number), dtype=int)
+    known = columns[clock] <= 2**63 // unit - 1
+    for instance in np.unique(number[known]).tolist():
+        rows = np.flatnonzero(known & (number == instance))
+        stamps = columns[clock][rows].astype(np.int64) * unit
+        order = rows[np.argsort(stamps, kind="stable")]
+        topic = f"{name}/{instance}" if instance else name
+        kept = {key: values[order] for key, values in columns.items() if key != "#"}
+        yield Table(topic, f"ardupilot/{name}", np.sort(stamps), np.sort(stamps), kept)

@@ -1,0 +1,187 @@
+"""Messages that are not ROS': JSON and protobuf in MCAP, as Foxglove's schemas and own programs write them.
+
+Both are read message by message, by their libraries: a field's place in the bytes depends on the values before it.
+Columns are dotted names as for ROS messages; what a message lacks is NaN. A protobuf number that was not sent is zero,
+by the rules of protobuf; a message within that was not sent is NaN.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.decode import UndecodableError
+from wrenchgap.flight.formats.extras import required
+from wrenchgap.flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.table import Columns
+
+DEEPEST = 8
+"""Messages within messages, at most: a definition may be recursive."""
+LONGEST = 256
+"""Numbers of an array, at most: a picture is no signal."""
+
+Value = float | list[float]
+
+
+@dataclass
+class Encoded(ABC):
+    """Gathers the columns of one channel, batch by batch; `fields` are the dotted names that its schema tells."""
+
+    channel: Channel
+    fields: list[str] = field(default_factory=list)
+    rows: list[Mapping[str, Value]] = field(default_factory=list)
+    malformed: int = 0
+
+    @abstractmethod
+    def row(self, payload: bytes) -> Mapping[str, Value]:
+        """The numbers of one message by dotted name; raises ValueError where it is none."""
+
+    def add(self, payloads: list[bytes]) -> None:
+        """Decode some messages; those that cannot be are counted in `malformed`."""
+        for payload in payloads:
+            try:
+                self.rows.append(self.row(payload))
+            except (ValueError, RecursionError):
+                self.rows.append({})
+                self.malformed += 1
+
+    @property
+    def count(self) -> int:
+        """Messages so far."""
+        return len(self.rows)
+
+    def columns(self) -> Columns:
+        """All columns, (count,) or (count, K)."""
+        names = dict.fromkeys(name for row in self.rows for name in row)
+        return {name: _column([row.get(name) for row in self.rows]) for name in names}
+
+
+def _column(cells: list[Value | None]) -> Any:
+    width = max((len(cell) for cell in cells if isinstance(cell, list)), default=0)
+    if not width:
+        return np.array([np.nan if cell is None or isinstance(cell, list) else cell for cell in cells], dtype=float)
+    out = np.full((len(cells), width), np.nan)
+    for row, cell in zip(out, cells, strict=True):
+        if isinstance(cell, list):
+            row[: len(cell)] = cell
+    return out
+
+
+class JsonMessages(Encoded):
+    """JSON objects."""
+
+    def row(self, payload: bytes) -> Mapping[str, Value]:
+        """Numbers and arrays of numbers, however deep."""
+        found: dict[str, Value] = {}
+        _gather(json.loads(payload), "", found, DEEPEST)
+        return found
+
+
+def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
+    kind = type(value)
+    if kind is dict:
+        if depth:
+            for name, inner in value.items():
+                _gather(inner, f"{path}.{name}" if path else name, found, depth - 1)
+    elif kind is float:
+        found[path] = value
+    elif kind is int or kind is bool:
+        found[path] = float(value) if abs(value) < 1e300 else float("nan")
+    elif kind is list and 0 < len(value) <= LONGEST and all(isinstance(item, int | float) for item in value):
+        found[path] = [float(item) for item in value]
+
+
+def _schema_fields(schema: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
+    """Dotted names of a JSON schema's properties."""
+    properties = schema.get("properties") if isinstance(schema, dict) else None
+    if isinstance(properties, dict) and depth:
+        for name, inner in properties.items():
+            yield from _schema_fields(inner, f"{path}.{name}" if path else str(name), depth - 1)
+    elif path:
+        yield path
+
+
+@dataclass
+class ProtobufMessages(Encoded):
+    """Protobuf messages of the class that the file describes."""
+
+    kind: Any = None
+
+    def row(self, payload: bytes) -> Mapping[str, Value]:
+        """Numbers and arrays of numbers; of messages within, those that were sent."""
+        try:
+            message = self.kind.FromString(payload)
+        except Exception as error:  # protobuf's DecodeError, which is only known where it is installed
+            raise ValueError(one_line(error)) from error
+        return dict(_leaves(message, ""))
+
+
+def _leaves(message: Any, path: str, depth: int = DEEPEST) -> Iterator[tuple[str, Value]]:
+    for described, value in _fields(message):
+        name = f"{path}.{described.name}" if path else described.name
+        if described.message_type is not None:
+            if depth and not _repeated(described) and hasattr(value, "DESCRIPTOR"):
+                yield from _leaves(value, name, depth - 1)
+        elif _repeated(described):
+            if 0 < len(value) <= LONGEST and isinstance(value[0], int | float):
+                yield name, [float(item) for item in value]
+        elif isinstance(value, int | float):
+            yield name, float(value)
+
+
+def _fields(message: Any) -> Iterator[tuple[Any, Any]]:
+    """Fields with their values; a number that was not sent has its default, a message that was not sent is none."""
+    for described in message.DESCRIPTOR.fields:
+        if described.message_type is None or _repeated(described) or message.HasField(described.name):
+            yield described, getattr(message, described.name)
+
+
+def _repeated(described: Any) -> bool:
+    return bool(described.is_repeated) if hasattr(described, "is_repeated") else described.label == 3
+
+
+def _described(kind: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
+    """Dotted names of a protobuf type's fields."""
+    for described in kind.fields:
+        name = f"{path}.{described.name}" if path else described.name
+        if described.message_type is not None and depth and not _repeated(described):
+            yield from _described(described.message_type, name, depth - 1)
+        else:
+            yield name
+
+
+def encoded(channel: Channel) -> Encoded:
+    """What decodes a channel of JSON or protobuf. Raises UndecodableError where its schema cannot be used."""
+    if channel.encoding == "json":
+        try:
+            schema = json.loads(channel.definition or "{}")
+        except (ValueError, RecursionError):
+            schema = {}
+        return JsonMessages(channel, list(_schema_fields(schema)))
+    return _protobuf(channel)
+
+
+def _protobuf(channel: Channel) -> ProtobufMessages:
+    try:
+        pb2 = required("google.protobuf.descriptor_pb2", "protobuf", "protobuf messages", Path(channel.topic))
+        pools = required("google.protobuf.descriptor_pool", "protobuf", "protobuf messages", Path(channel.topic))
+        factory = required("google.protobuf.message_factory", "protobuf", "protobuf messages", Path(channel.topic))
+    except LogError as error:
+        raise UndecodableError(str(error).partition(": ")[2]) from error
+    try:
+        files = pb2.FileDescriptorSet.FromString(base64.b64decode(channel.definition or ""))
+        pool = pools.DescriptorPool()
+        for file in files.file:
+            pool.Add(file)
+        kind = pool.FindMessageTypeByName(channel.type)
+        return ProtobufMessages(channel, list(_described(kind)), kind=factory.GetMessageClass(kind))
+    except Exception as error:  # of a damaged description protobuf raises many kinds
+        raise UndecodableError(f"its description of {channel.type} cannot be read: {one_line(error)}") from error

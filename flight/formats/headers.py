@@ -1,0 +1,164 @@
+"""What the header of a table means: quantities, axes and units by the names of columns (docs/formats.md).
+
+A header is a name, an axis or number, and perhaps a unit, which stands in brackets or at the end: `gyro_x [deg/s]`,
+`gyro_x_dps`, `gyroX`. Names are compared without regard to capitals and punctuation. Words before a known name must be
+known as well (`imu_gyro_x`, `ref_pos_z`), so that a payload's position is not taken for the vehicle's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+RPM, DEGREE = 2.0 * np.pi / 60.0, np.pi / 180.0
+G = 9.80665
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
+    "rate": {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "deg s": DEGREE, "degs": DEGREE, "dps": DEGREE},
+    "acceleration": {"m s2": 1.0, "m s 2": 1.0, "mps2": 1.0, "mss": 1.0, "ms2": 1.0, "g": G, "mg": 1e-3 * G},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "speed": {"m s": 1.0, "mps": 1.0, "cm s": 1e-2, "mm s": 1e-3, "km h": 1.0 / 3.6},
+    "angle": {"rad": 1.0, "deg": DEGREE, "degrees": DEGREE},
+    "number": {},
+    "force": {"n": 1.0, "mn": 1e-3},
+    "torque": {"nm": 1.0, "n m": 1.0, "nmm": 1e-3, "mnm": 1e-3},
+    "rotor": {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "rpm": RPM, "krpm": 1e3 * RPM, "hz": 2.0 * np.pi},
+    "tilt": {"rad": 1.0, "deg": DEGREE},
+    "voltage": {"v": 1.0, "volt": 1.0, "mv": 1e-3, "m v": 1e-3},
+}
+"""Factors to SI by quantity; "/", "^" and "*" of a unit are read as blanks."""
+OTHER_ROTOR_UNITS: dict[str, str] = {
+    "pwm": "pwm",
+    "us": "pwm",
+    "normalised": "normalised",
+    "normalized": "normalised",
+    "norm": "normalised",
+}
+
+_XYZ, _WXYZ = "xyz", "wxyz"
+_NAMES: tuple[tuple[str, str, str, str], ...] = (
+    ("time", "time", "", "time t timestamp stamp seconds sec secs elapsed elapsed_time time_stamp timeus log_time"),
+    ("rotor", "rotor", "number", "motor rotor rotor_speed motor_speed esc omega w m rpm pwm throttle motor_cmd"),
+    ("rotor", "rotor", "number", "motor_command motor_rpm rotor_rpm esc_rpm motor_pwm esc_pwm motor_throttle"),
+    ("tilt", "tilt", "number", "tilt tilt_angle servo servo_angle arm_angle alpha"),
+    ("gyro", "rate", _XYZ, "gyro gyr gyroscope angular_velocity ang_vel angvel omega body_rate w g"),
+    ("acc", "acceleration", _XYZ, "acc accel accelerometer linear_acceleration specific_force acceleration a"),
+    ("position", "length", _XYZ, "position pos translation p"),
+    ("position", "length", "bare", ""),
+    ("velocity", "speed", _XYZ, "velocity vel linear_velocity v"),
+    ("orientation", "number", _WXYZ, "orientation quaternion quat attitude rotation q"),
+    ("roll", "angle", "", "roll phi"),
+    ("pitch", "angle", "", "pitch theta"),
+    ("yaw", "angle", "", "yaw psi heading"),
+    ("force", "force", _XYZ, "force wrench_force f thrust"),
+    ("torque", "torque", _XYZ, "torque moment tau wrench_torque t"),
+    ("voltage", "voltage", "", "voltage battery vbat battery_voltage bat_voltage battery_volt"),
+)
+_REFERENCE = frozenset({"ref", "reference", "des", "desired", "setpoint", "sp", "target"})
+_KNOWN = _REFERENCE | frozenset(
+    {"imu", "odom", "odometry", "state", "vehicle", "body", "pose", "twist", "mocap", "vicon", "est", "estimate", "cmd"}
+    | {"command", "commanded", "wrench", "drone", "uav", "quad", "world", "local", "linear", "angular", "ground"}
+    | {"truth", "header", "sensor", "battery", "actuators", "actuator"}
+)
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """Of one column: `field` ("gyro", "ref position", ...), place along it, factor to SI, unit if one is stated."""
+
+    field: str
+    index: int
+    factor: float
+    unit: str
+
+
+def meaning(header: str) -> Meaning | None:
+    """What a column holds, or None where its header is not known."""
+    name, bracketed = _split(header)
+    for words, index in _indexed(name):
+        for size in range(len(words) + 1):
+            for found in _named(words[:size], words[size:], index, bracketed):
+                return found
+    return None
+
+
+def _split(header: str) -> tuple[list[str], str | None]:
+    """Lower-case words, and the unit in brackets."""
+    match = re.fullmatch(r"\s*(.*?)\s*[\[(]([^\d][^\])]*)[\])]\s*", header)
+    name, unit = (match[1], match[2]) if match else (header, None)
+    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    return [word.lower() for word in re.split(r"[^A-Za-z0-9µ]+", spaced) if word], unit
+
+
+def _indexed(words: list[str]) -> Iterator[tuple[list[str], str]]:
+    """The words with an axis or number taken out of them, wherever one may be; without one last."""
+    for place in range(len(words) - 1, -1, -1):
+        word, rest = words[place], (words[:place], words[place + 1 :])
+        if re.fullmatch(r"[wxyz]|\d+", word) and (place or word in "xyz"):
+            yield [*rest[0], *rest[1]], word
+        elif match := re.fullmatch(r"([a-zµ]+?)([wxyz]|\d+)", word):
+            yield [*rest[0], match[1], *rest[1]], match[2]
+    if words:
+        yield words, ""
+
+
+def _named(words: list[str], unit: list[str], index: str, bracketed: str | None) -> Iterator[Meaning]:
+    """Meanings of a name whose last words are `unit`."""
+    if unit and bracketed is not None:
+        return
+    stated = " ".join(unit) if bracketed is None else " ".join(re.split(r"[^\wµ]+", bracketed.lower())).strip()
+    for field, quantity, axes, spelled in _NAMES:
+        prefix = _before(words, spelled.split(), bare=axes == "bare")
+        place = _place(index, axes)
+        if prefix is None or place is None or not prefix <= _KNOWN:
+            continue
+        if axes == "" and field == "time" and prefix:
+            continue
+        factor = _factor(quantity, stated, words)
+        if factor is not None:
+            reference = "ref " if prefix & _REFERENCE and field not in ("rotor", "tilt", "voltage", "time") else ""
+            yield Meaning(reference + field, place, factor[0], factor[1])
+
+
+def _before(words: list[str], spelled: list[str], bare: bool) -> frozenset[str] | None:
+    """The words before a known name; None where the words do not end in one. A bare axis has no name at all."""
+    if bare:
+        return frozenset(words) if not set(words) - _KNOWN else None
+    for name in sorted(spelled, key=len, reverse=True):
+        parts = name.split("_")
+        if words[-len(parts) :] == parts:
+            return frozenset(words[: -len(parts)])
+    return None
+
+
+def _place(index: str, axes: str) -> int | None:
+    if axes == "number":
+        return int(index) if index.isdigit() else None
+    if axes == "":
+        return 0 if not index else None
+    if axes == "bare":
+        return _XYZ.index(index) if index and index in _XYZ else None
+    if index.isdigit():
+        return int(index) if int(index) < len(axes) else None
+    return axes.index(index) if index and index in axes else None
+
+
+def _factor(quantity: str, stated: str, words: list[str]) -> tuple[float, str] | None:
+    """Factor and unit; "" where none is stated, None where the stated one does not belong to the quantity."""
+    if quantity == "rotor" and stated in OTHER_ROTOR_UNITS:
+        return 1.0, OTHER_ROTOR_UNITS[stated]
+    if stated:
+        known = UNITS[quantity].get(stated)
+        return None if known is None else (known, stated)
+    if quantity == "rotor":
+        if "rpm" in words:
+            return RPM, "rpm"
+        if "pwm" in words:
+            return 1.0, "pwm"
+        if "throttle" in words:
+            return 1.0, "normalised"
+    return 1.0, ""

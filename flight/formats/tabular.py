@@ -1,0 +1,197 @@
+"""CSV and Parquet tables: one row an instant, one column a number, meaning by the header (`flight.formats.headers`).
+
+The whole table is one topic, `/table`: its columns under their names, series of numbered or xyz columns as one array
+(`motor` for motor_1 to motor_4), all numbers together as `data`. What the header tells plays the roles, as `/imu`,
+`/odometry`, `/command/actuators` and so on; what it does not tell is mapped by hand, as in
+`--topic imu=/table.data[4:10]`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
+
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats.headers import UNITS, meaning
+from wrenchgap.flight.formats.merging import Stamps
+from wrenchgap.flight.formats.reader import TableReader, one_line
+from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.table_roles import from_columns
+
+DELIMITERS = ",;\t|"
+SUFFIXES = (".csv", ".tsv", ".txt")
+STEPS = ((1.0, "s"), (1e3, "ms"), (1e6, "us"))
+"""A column of times without a unit whose usual step is below the first number is in the unit."""
+EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+"""Times above these count from 1970 in the unit."""
+
+
+@dataclass
+class CsvReader(TableReader):
+    """Reads a text table with a header line; lines that begin with # or % before it are skipped."""
+
+    name: ClassVar[str] = "CSV table"
+    magic: ClassVar[bytes] = b""
+
+    @classmethod
+    def accepts(cls, path: Path, head: bytes) -> bool:
+        """Printable text with a delimiter in its first line."""
+        text = head.decode("utf-8-sig", errors="ignore")
+        if not path.is_file() or not text or not all(c.isprintable() or c in "\r\n\t" for c in text):
+            return False
+        first = text.splitlines()[0]
+        return path.suffix.lower() in SUFFIXES or (first[0] not in "{[<" and any(d in first for d in DELIMITERS))
+
+    def tables(self, selection: Selection) -> dict[str, Table]:
+        """The table, and what its header tells."""
+        with self.path.open(encoding="utf-8-sig", errors="replace") as file:
+            lines = [file.readline() for _ in range(100)]
+        skipped = next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), 0)
+        header, first = lines[skipped], next((line for line in lines[skipped + 1 :] if line.strip()), "")
+        delimiter = max(DELIMITERS, key=header.count)
+        decimal = "," if delimiter != "," and re.search(rf"(^|{re.escape(delimiter)})-?\d+,\d", first) else "."
+        if delimiter not in header or all(_is_number(cell) for cell in header.split(delimiter)):
+            raise LogError(
+                f"{self.path}: no header line; expected the names of the columns in the first line, as in time,gyro_x"
+            )
+        options: dict[str, Any] = {"sep": delimiter, "decimal": decimal, "skiprows": skipped, "on_bad_lines": "skip"}
+        try:
+            frame = pd.read_csv(self.path, encoding="utf-8-sig", encoding_errors="replace", low_memory=False, **options)
+        except (ValueError, pd.errors.ParserError, OSError) as error:
+            raise LogError(f"{self.path}: not a readable CSV table ({one_line(error)})") from error
+        self._count_lines(len(frame), skipped)
+        return tables_of(frame, self)
+
+    def _count_lines(self, rows: int, skipped: int) -> None:
+        with self.path.open("rb") as file:
+            lines = sum(1 for line in file if line.strip())
+        lost = lines - 1 - rows - skipped
+        if lost > 0:
+            self.notes.append(f"{lost} line(s) of {self.path.name} have more cells than the header: left out.")
+
+
+@dataclass
+class ParquetReader(TableReader):
+    """Reads one Parquet file."""
+
+    name: ClassVar[str] = "Parquet table"
+    magic: ClassVar[bytes] = b"PAR1"
+
+    def tables(self, selection: Selection) -> dict[str, Table]:
+        """The table, and what its columns' names tell."""
+        try:
+            frame = pyarrow.parquet.read_table(self.path).to_pandas()
+        except (pyarrow.ArrowException, OSError, ValueError) as error:
+            raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
+        return tables_of(frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index(), self)
+
+
+def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
+    """Topics of a table of columns; notes go to the reader. Raises LogError where no column holds times."""
+    path, notes = reader.path, reader.notes
+    known = {str(header): meaning(str(header)) for header in frame.columns}
+    time = next((header for header, found in known.items() if found is not None and found.field == "time"), None)
+    if time is None:
+        raise LogError(
+            f"{path}: no column of times; columns: {', '.join(known)}. Name one time, t or timestamp, with its unit, "
+            "as in t_ms or time [us]"
+        )
+    columns: Columns = {}
+    spoilt = 0
+    for header in known:
+        if header != time:
+            expanded, count = _numeric(header, frame[header])
+            columns |= expanded
+            spoilt += count
+    if spoilt:
+        notes.append(f"{spoilt} cell(s) of {path.name} hold no number: left out.")
+    stated = known[time]
+    stamps, finite, said = _stamps(frame[time], "" if stated is None else stated.unit, time)
+    notes.append(said)
+    order = np.flatnonzero(finite)[np.argsort(stamps[finite], kind="stable")]
+    lost, moved = len(stamps) - len(order), int((np.diff(stamps[finite]) < 0).sum())
+    if lost:
+        notes.append(f"{lost} row(s) of {path.name} have no time: left out.")
+    if moved:
+        notes.append(f"{path.name}: time goes back {moved} time(s); the rows were put in order.")
+    columns, stamps = {name: values[order] for name, values in columns.items()}, stamps[order]
+    if not len(stamps):
+        return {}
+    made, words = from_columns(columns, stamps)
+    notes += words
+    return {"/table": Table("/table", "table", stamps, stamps, _fields(columns))} | made
+
+
+def _numeric(header: str, column: Any) -> tuple[Columns, int]:
+    """A column as numbers, a column of lists as several; and how many cells that are not empty hold none."""
+    if column.dtype == object and len(column) and isinstance(column.iloc[0], list | tuple | np.ndarray):
+        width = len(column.iloc[0])
+        if not all(np.ndim(cell) == 1 and len(cell) == width for cell in column):
+            return {}, len(column)
+        rows = np.array(column.tolist(), dtype=float)
+        return {f"{header}_{i}": rows[:, i] for i in range(width)}, 0
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return {}, 0
+    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    count = int((np.isnan(values) & column.notna().to_numpy()).sum())
+    return ({}, 0) if count == len(values) else ({header: values}, count)  # a column of words is none of numbers
+
+
+def _stamps(column: Any, unit: str, header: str) -> tuple[Stamps, Any, str]:
+    """Times [ns], where they are known (N,), and how they were read."""
+    numbers = None if pd.api.types.is_datetime64_any_dtype(column) else pd.to_numeric(column, errors="coerce")
+    if numbers is None or numbers.notna().sum() < 0.5 * len(column):
+        dates = pd.to_datetime(column, errors="coerce", utc=True).astype("datetime64[ns, UTC]")
+        known = dates.notna().to_numpy()
+        stamps = np.where(known, dates.astype("int64").to_numpy(), 0)
+        return stamps, known, f"Times are the dates of column {header}."
+    values = numbers.to_numpy(dtype=float, na_value=np.nan)
+    known = np.isfinite(values)
+    words = f"Times are column {header}, in {unit}."
+    if not unit:
+        unit = _unit_of(values[known])
+        words = f"Times are column {header}, which says no unit: by size and step {unit}. To be sure: {header}_{unit}."
+    factor = UNITS["time"][unit] * 1e9
+    known &= np.abs(np.where(known, values, 0.0)) * factor < 9e18
+    if numbers.dtype.kind in "iu" and factor >= 1.0:
+        return np.where(known, numbers.to_numpy(dtype=np.int64, na_value=0), 0) * round(factor), known, words
+    return np.round(np.where(known, values, 0.0) * factor).astype(np.int64), known, words
+
+
+def _unit_of(values: Array) -> str:
+    """The unit of times that say none, by their size and usual step."""
+    for least, unit in EPOCHS:
+        if len(values) and np.median(values) > least:
+            return unit
+    step = float(np.median(np.abs(np.diff(values)))) if len(values) > 1 else 0.0
+    return next((unit for limit, unit in STEPS if step < limit), "ns")
+
+
+def _fields(columns: Columns) -> Columns:
+    """Columns under names that a mapping can spell, series of columns as arrays, and all of them as `data`."""
+    out: Columns = {}
+    series: dict[str, list[Any]] = {}
+    for header, values in columns.items():
+        name = re.sub(r"\W+", "_", header).strip("_")
+        out[name] = values
+        if match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name):
+            series.setdefault(match[1], []).append(values)
+    arrays = {name: np.stack(parts, 1) for name, parts in series.items() if len(parts) > 1 and name not in out}
+    everything = {"data": np.stack(list(columns.values()), 1)} if columns else {}
+    return out | arrays | everything
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.strip().strip('"').replace(",", "."))
+    except ValueError:
+        return not cell.strip()
+    return True

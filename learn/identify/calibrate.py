@@ -1,0 +1,296 @@
+"""What a careful user trims, from flights that are known to be healthy: chosen by held-out time, one effect at a time.
+
+Tried is what a model file usually has slightly wrong of a vehicle that is in order (`TRIMMED`): thrust, its curve over
+the command, the torque ratio, centre of mass, tilt and place of the IMU, lags and delays; moments of inertia where the
+file says that they are not sure. Of those the one that helps most on blocks of time which its fit did not see is taken,
+then the next beside it, until none helps; what another made superfluous goes again (stepwise selection with held-out
+error, Hastie, Tibshirani and Friedman, "The Elements of Statistical Learning", 2nd ed., 3.3 and 7.10). With several
+flights each has to hold besides when whole flights are left out, so that the loading of one flight is no calibration.
+
+Standard deviations are those of the fit (`learn.identify.fit`), the scatter of the flights' own values beyond their
+errors, and of the thrust the tolerance of the mass: a later flight may differ as much as these did among themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
+from wrenchgap.learn.data.blocks import contrast, significant
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.data.errors import rms
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.timing import dataset_of
+from wrenchgap.learn.identify.add import Addition, addition
+from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.trend import ParameterTrend, trend
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.model import Model
+
+TRIMMED = (
+    *("thrust_scale", "thrust_curve", "com_offset", "drag_torque", "inertia"),
+    *("imu_misalignment", "imu_lever_arm", "motor_lag", "servo_lag", "command_delay"),
+)
+"""What is tried, in this order."""
+
+
+class Fate(StrEnum):
+    """What became of an effect that was considered."""
+
+    KEPT = "kept"
+    NO_HELP = "no help"  # on held-out time
+    ONE_FLIGHT = "one flight"  # helps within flights, not on flights that were left out whole
+    UNTRIED = "not tried"
+
+
+@dataclass(frozen=True)
+class Tried:
+    """An effect that was considered: `t` of what it changes on held-out time, and why it was not tried, if so."""
+
+    effect: str
+    fate: Fate
+    t: float | None = None
+    reason: Untried | None = None
+
+
+@dataclass(frozen=True)
+class Trimmed:
+    """One parameter: its value with `std`, which includes `scatter` between flights (None of one flight).
+
+    `values` (n,) are those of each flight by itself, empty where there is one.
+    """
+
+    effect: str
+    name: str
+    unit: str
+    value: float
+    std: float
+    scatter: float | None
+    values: Array
+
+
+@dataclass(frozen=True, repr=False)
+class Calibration(Result):
+    """A calibrated model: `added` has it with its fit and its error on held-out time; `tried` what was considered.
+
+    `before` and `after` (n, 6) [N, Nm] are the rms of each flight on its held-out time, `unseen` the same of flights
+    that were never fitted. `added` is None where nothing helped: the model stays as it was.
+    """
+
+    given: Model
+    added: Addition | None
+    tried: tuple[Tried, ...]
+    trimmed: tuple[Trimmed, ...]
+    names: tuple[str, ...]
+    before: Array
+    after: Array
+    unseen: tuple[tuple[str, Array, Array], ...]
+    flights: tuple[OpenFlight, ...]
+
+    @property
+    def model(self) -> Model:
+        """The calibrated model, or the given one."""
+        return self.given if self.added is None else self.added.model
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What was kept."""
+        return tuple(t.effect for t in self.tried if t.fate is Fate.KEPT)
+
+
+def calibrate(
+    flights: Sequence[OpenFlight],
+    model: Model,
+    *,
+    unseen: Sequence[OpenFlight] = (),
+    progress: Callable[[float, str], None] | None = None,
+) -> Calibration:
+    """Trim a model on healthy flights; `unseen` are tested on and never fitted.
+
+    Effects of `TRIMMED` that the model has already are fitted anew, others stay as they are. Raises FitError where the
+    flights are too short to hold anything out.
+    """
+    report = progress or (lambda fraction, words: None)
+    report(0.0, "timing of the topics")
+    bare = model.without(e.name for e in model.effects if e.name in TRIMMED)
+    data = dataset_of(flights, model)
+    reasons = {name: _reason(name, bare, flights) for name in TRIMMED}
+    search = _Search(data, bare, report)
+    chosen = search.chosen([name for name in TRIMMED if reasons[name] is None])
+    tried = tuple(_tried(name, chosen, search, reasons[name]) for name in TRIMMED)
+    names = tuple(f.records[0].flight for f in flights)
+    start = held_out(data, model, (), fit(data, model, ()))
+    if not chosen:
+        rows = _by_flight(data, start)
+        return Calibration(model, None, tried, (), names, rows, rows, _unseen(unseen, model, model), tuple(flights))
+    report(0.9, "flight by flight")
+    fitted = search.fit
+    trimmed = _trimmed(fitted, flights, bare, chosen)
+    stds = np.array([one.std for one in trimmed])
+    words = (
+        f"wrenchgap calibrate: {', '.join(chosen)} together, healthy flights, below {data.records[0].cutoff_hz:g} Hz"
+    )
+    added = addition(model, bare, chosen, flights, data, _with_std(fitted, stds), words)
+    end = held_out(data, bare, chosen, fitted)
+    before, after = _by_flight(data, start), _by_flight(data, end)
+    tested = _unseen(unseen, model, added.model)
+    return Calibration(model, added, tried, trimmed, names, before, after, tested, tuple(flights))
+
+
+def _reason(name: str, model: Model, flights: Sequence[OpenFlight]) -> Untried | None:
+    """Why an effect is not trimmed on these flights: it cannot be, or nothing says that it is open."""
+    records = [r for f in flights for r in f.records]
+    known = find(name).known(model.vehicle)
+    if known is not None:
+        return Untried(name, Lack.KNOWN, known)
+    if name == "thrust_curve" and model.command is None:
+        return Untried(name, Lack.KNOWN, "logs of this vehicle have rotor speeds or a wrench: no [command]")
+    if name == "inertia" and model.vehicle.tolerances.inertia is None:
+        return Untried(name, Lack.KNOWN, "the model file gives the inertia without a tolerance")
+    return inapplicable(name, model, records) or unexcited(name, model, records)
+
+
+class _Search:
+    """Stepwise choice of effects by what they do on held-out time."""
+
+    def __init__(self, data: Dataset, model: Model, report: Callable[[float, str], None]) -> None:
+        self.data, self.model, self.report = data, model, report
+        self.fit = fit(data, model, ())
+        self.left = held_out(data, model, (), self.fit)
+        self.t: dict[str, float] = {}
+        self.single: set[str] = set()
+        self.steps = 0
+
+    def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
+        """The effects that help, in the order in which they were found."""
+        kept: list[str] = []
+        ahead = list(names)
+        while ahead:
+            best = self._best(kept, ahead)
+            if best is None:
+                break
+            kept, ahead = [*kept, best], [n for n in ahead if n != best]
+            self._refit(kept)
+            kept = self._pruned(kept)
+        return tuple(kept)
+
+    def _refit(self, kept: Sequence[str]) -> None:
+        self.fit = fit(self.data, self.model, kept, start=self.fit)
+        self.left = held_out(self.data, self.model, kept, self.fit)
+
+    def _best(self, kept: Sequence[str], ahead: Sequence[str]) -> str | None:
+        """The effect that helps most beside those that are kept, None where none does."""
+        found: list[tuple[float, str]] = []
+        for name in ahead:
+            self.steps += 1
+            self.report(0.9 * (1.0 - 0.97**self.steps), f"trying {name}")
+            try:
+                one = fit(self.data, self.model, [*kept, name], base=self.fit)
+            except FitError:
+                continue
+            left = held_out(self.data, self.model, [*kept, name], one, exact=False)
+            gain = contrast(self.data, self.left, left)
+            self.t[name] = gain.t
+            if not significant(gain.t):
+                continue
+            if self._holds([*kept, name], one, kept):
+                self.single.discard(name)
+                found.append((gain.difference, name))
+            else:
+                self.single.add(name)
+        return max(found)[1] if found else None
+
+    def _holds(self, names: Sequence[str], one: Fit, kept: Sequence[str]) -> bool:
+        """Whether it helps on whole flights that were left out, on most of them and in sum; true of one flight."""
+        flight = self.data.flight
+        if flight.max() == 0:
+            return True
+        before = held_out(self.data, self.model, kept, self.fit, groups=flight)
+        after = held_out(self.data, self.model, names, one, groups=flight)
+        gains = [contrast_of(self.data, flight == f, before, after) for f in range(int(flight.max()) + 1)]
+        return sum(gains) > 0.0 and 2 * sum(g > 0.0 for g in gains) > len(gains)
+
+    def _pruned(self, kept: list[str]) -> list[str]:
+        """Without what the last one made superfluous."""
+        for name in kept[:-1]:
+            rest = [n for n in kept if n != name]
+            one = fit(self.data, self.model, rest, start=self.fit)
+            gain = contrast(self.data, held_out(self.data, self.model, rest, one), self.left)
+            self.t[name] = gain.t
+            if not significant(gain.t):
+                self._refit(rest)
+                return self._pruned(rest)
+        return kept
+
+
+def contrast_of(data: Dataset, rows: Array, before: Array, after: Array) -> float:
+    """By how much the mean square of two residuals (K, 6) falls on some rows, each axis in its own scale."""
+    known = data.measured_axes
+    old, new = (np.mean(r[rows][:, known] ** 2, axis=0) for r in (before, after))
+    return float(np.sum((old - new) / np.maximum(np.sqrt(old * new), 1e-30)))
+
+
+def _tried(name: str, chosen: Sequence[str], search: _Search, reason: Untried | None) -> Tried:
+    if reason is not None:
+        return Tried(name, Fate.UNTRIED, None, reason)
+    fate = Fate.KEPT if name in chosen else Fate.ONE_FLIGHT if name in search.single else Fate.NO_HELP
+    return Tried(name, fate, search.t.get(name))
+
+
+def _trimmed(fitted: Fit, flights: Sequence[OpenFlight], model: Model, chosen: Sequence[str]) -> tuple[Trimmed, ...]:
+    """Every parameter with its scatter between flights in its standard deviation."""
+    rows: dict[tuple[str, str], ParameterTrend] = {}
+    if len(flights) > 1:
+        rows = {(p.effect, p.name): p for p in trend(flights, model, chosen).parameters}
+    tolerance = model.vehicle.tolerances.mass
+    out = []
+    for (effect, p), value, std in zip(fitted.parameters, fitted.theta, fitted.std, strict=True):
+        row = rows.get((effect, p.name))
+        scatter = None if row is None else scatter_of(row.values, row.errors)
+        more = 0.0 if scatter is None else scatter * np.sqrt(1.0 + 1.0 / len(flights))
+        weighed = tolerance / model.vehicle.body.mass if tolerance and effect == "thrust_scale" else 0.0
+        whole = float(np.sqrt(std**2 + more**2 + weighed**2))
+        values = np.empty(0) if row is None else row.values
+        out.append(Trimmed(effect, p.name, p.unit, float(value), whole, scatter, values))
+    return tuple(out)
+
+
+def scatter_of(values: Array, errors: Array) -> float:
+    """By how much flights differ (n,), one standard deviation, beyond what each is uncertain by itself (n,)."""
+    beyond = float(np.var(values, ddof=1) - np.mean(errors**2))
+    return float(np.sqrt(max(beyond, 0.0)))
+
+
+def _with_std(fitted: Fit, stds: Array) -> Fit:
+    """The fit with these standard deviations, correlations kept."""
+    factor = stds / np.maximum(fitted.std, 1e-300)
+    at, effects = 0, []
+    for effect in fitted.effects:
+        size = len(effect.theta)
+        effects.append(replace(effect, std=stds[at : at + size]))
+        at += size
+    return replace(fitted, effects=tuple(effects), covariance=fitted.covariance * np.outer(factor, factor))
+
+
+def _by_flight(data: Dataset, left: Array) -> Array:
+    """Rms (n, 6) of a residual (K, 6) on each flight."""
+    return np.array([rms(left[data.flight == f]) for f in range(int(data.flight.max()) + 1)])
+
+
+def _unseen(flights: Sequence[OpenFlight], given: Model, calibrated: Model) -> tuple[tuple[str, Array, Array], ...]:
+    """Name, rms before and after (6,), of flights that were not fitted; each keeps a bias of its own."""
+    out = []
+    for one in flights:
+        data = dataset_of([one], given)
+        before, after = (rms(fit(data, m, ()).residual) for m in (given, calibrated))
+        hidden = ~data.measured_axes
+        before[hidden], after[hidden] = np.nan, np.nan
+        out.append((one.records[0].flight, before, after))
+    return tuple(out)

@@ -1,0 +1,112 @@
+"""From what an autopilot sends to a motor to its thrust: a curve over the command, and what the battery does to it.
+
+With u = (command - range_0) / (range_1 - range_0), or the command as it is logged in a bench table, rotor r makes
+
+    T = f(u) (V / V_0)^k   [N]        or turns with        Omega = g(u) (V / V_0)^k   [rad/s]
+
+f and g are a polynomial or a bench table, k = 0 where nothing is said of the battery. All other code sees the speed
+
+    Omega_r = sqrt(T / c_f,r),
+
+at which the nominal rotor (`plant.actuation`) makes that thrust: where no speed is known it is a name for the thrust.
+A model factor is a polynomial, T = T_max [f u^2 + (1 - f) u].
+Sources: that form is PX4's THR_MDL_FAC and ArduPilot's MOT_THST_EXPO (both projects' parameter references); thrust
+with the power of voltage: a motor's speed in proportion to voltage at a given duty, and thrust to its square.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.vehicle import Vehicle
+
+CommandUnit = Literal["normalised", "pwm"]
+"""A share of full throttle, or a pulse width [us]."""
+Gives = Literal["thrust", "speed"]
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomial:
+    """c_0 + c_1 u + c_2 u^2 + ..., `coefficients` from the constant on, in N or rad/s."""
+
+    coefficients: Array
+
+    def __call__(self, u: Array, voltage: Array | None) -> Array:
+        """Values (N, R) at u (N, R)."""
+        return np.asarray(np.polynomial.polynomial.polyval(u, self.coefficients))
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Measured points: `command` (K,) in the log's unit, `value` (K,) in N or rad/s, `voltage` (K,) [V] or None.
+
+    Linear between commands, and between the voltages at which curves were measured; held at both ends.
+    """
+
+    command: Array
+    value: Array
+    voltage: Array | None = None
+
+    def __call__(self, command: Array, voltage: Array | None) -> Array:
+        """Values (N, R) at commands (N, R) and voltages (N,); at the mean of the bench's where none is known."""
+        if self.voltage is None:
+            return _interpolated(command, self.command, self.value)
+        levels = np.unique(self.voltage)
+        curves = np.stack(
+            [_interpolated(command, self.command[mine], self.value[mine]) for mine in self.voltage == levels[:, None]]
+        )
+        at = np.full(len(command), levels.mean()) if voltage is None else np.clip(voltage, levels[0], levels[-1])
+        upper = np.clip(np.searchsorted(levels, at), 1, len(levels) - 1) if len(levels) > 1 else np.zeros(len(at), int)
+        lower = np.maximum(upper - 1, 0)
+        step = np.maximum(levels[upper] - levels[lower], 1e-12)
+        share = ((at - levels[lower]) / step)[:, None] if len(levels) > 1 else np.zeros((len(at), 1))
+        rows = np.arange(len(at))
+        return np.asarray((1.0 - share) * curves[lower, rows] + share * curves[upper, rows])
+
+
+def _interpolated(at: Array, known: Array, values: Array) -> Array:
+    order = np.argsort(known)
+    return np.interp(at, known[order], values[order])
+
+
+@dataclass(frozen=True, eq=False)
+class CommandCurve:
+    """What a model file says of its logs' rotor commands: their unit, and the curve to thrust or speed.
+
+    `ends` are the commands at u = 0 and u = 1. `voltage` are V_0 [V] and k, None where the battery changes nothing or
+    nothing is known of it. `source` says in words where the curve comes from.
+    """
+
+    unit: CommandUnit
+    gives: Gives
+    law: Polynomial | Bench
+    ends: tuple[float, float] = (0.0, 1.0)
+    voltage: tuple[float, float] | None = None
+    source: str = ""
+
+    def speeds(self, command: Array, voltage: Array | None, vehicle: Vehicle) -> Array:
+        """Rotor speeds (N, R) [rad/s] of commands (N, R), at voltages (N,) [V] where they are known."""
+        _, rotors = vehicle.geometry()
+        low, high = self.ends
+        at = command if isinstance(self.law, Bench) else np.maximum((command - low) / (high - low), 0.0)
+        made = np.maximum(self.law(at, voltage), 0.0)
+        if self.voltage is not None and voltage is not None:
+            nominal, exponent = self.voltage
+            made = made * ((voltage / nominal) ** exponent)[:, None]
+        return made if self.gives == "speed" else np.asarray(np.sqrt(made / rotors.c_f))
+
+    @property
+    def uses_voltage(self) -> bool:
+        """Whether the battery's voltage changes anything."""
+        measured = isinstance(self.law, Bench) and self.law.voltage is not None and np.ptp(self.law.voltage) > 0.0
+        return bool(measured) or (self.voltage is not None and self.voltage[1] != 0.0)
+
+    def beyond(self, command: Array) -> float:
+        """Share of commands that lie outside a bench table, where its ends are held."""
+        if not isinstance(self.law, Bench):
+            return 0.0
+        return float(np.mean((command < self.law.command.min()) | (command > self.law.command.max())))

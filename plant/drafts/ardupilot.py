@@ -1,0 +1,88 @@
+"""A vehicle from ArduPilot's parameters: frame, motors, IMU; out of a parameter file or a log.
+
+The parameters name a frame (FRAME_CLASS, FRAME_TYPE: `plant.drafts.frames`) and no lengths, so the arm has to be said.
+Motor outputs are pulse widths: u = 0 at MOT_PWM_MIN + MOT_SPIN_MIN (MAX - MIN), u = 1 at MOT_SPIN_MAX likewise; thrust
+goes with MOT_THST_EXPO u^2 + (1 - MOT_THST_EXPO) u, which is MOT_THST_HOVER in hover. INS_POS1_* are in x forward, y
+right, z down. Source: ArduPilot parameter reference and "Motor Thrust Scaling" (ardupilot.org).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Said
+from wrenchgap.plant.drafts.frames import ardupilot_frame, rotors_of
+from wrenchgap.plant.drafts.px4 import flipped
+
+Parameters = Mapping[str, float]
+USUAL = {
+    "MOT_PWM_MIN": 1000.0,
+    "MOT_PWM_MAX": 2000.0,
+    "MOT_SPIN_MIN": 0.15,
+    "MOT_SPIN_MAX": 0.95,
+    "MOT_THST_EXPO": 0.65,
+    "MOT_THST_HOVER": 0.35,
+}
+"""ArduPilot's defaults."""
+
+
+def read_parameters(path: Path) -> dict[str, float]:
+    """Of a parameter file: `NAME,VALUE` or `NAME VALUE` a line, # begins a comment. Raises ModelError in one line."""
+    found: dict[str, float] = {}
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read as parameters: {error.strerror}") from None
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            found[words[0].upper()] = float(words[1])
+        except (IndexError, ValueError):
+            raise ModelError(f"{path}, line {number}: got {line.strip()!r}, expected NAME,VALUE") from None
+    return found
+
+
+def rotors_from(parameters: Parameters, arm: float | None, where: str) -> tuple[RotorDraft, ...]:
+    """The rotors of the frame that the parameters name; empty where they name none. ModelError without an arm."""
+    if "FRAME_CLASS" not in parameters:
+        return ()
+    kind, shape = parameters["FRAME_CLASS"], parameters.get("FRAME_TYPE", 1.0)
+    frame = ardupilot_frame(kind, shape, where)
+    if arm is None:
+        raise ModelError(
+            f"{where}: the frame is {frame} (FRAME_CLASS, FRAME_TYPE), and its size is not among the parameters; "
+            "measure from the middle to a motor and say --arm METRES"
+        )
+    return rotors_of(frame, arm, f"frame {frame} of FRAME_CLASS, FRAME_TYPE; --arm {arm:g}")
+
+
+def imu_of(parameters: Parameters) -> Said | None:
+    """The first IMU's place, INS_POS1_*."""
+    if "INS_POS1_X" not in parameters:
+        return None
+    at = flipped(*(parameters.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"))
+    return Said(at, "INS_POS1_X, _Y, _Z" + ("" if any(at) else ", which are ArduPilot's default"), assumed=not any(at))
+
+
+def command_of(parameters: Parameters) -> CommandDraft:
+    """[command] for pulse widths."""
+
+    def read(name: str) -> tuple[float, bool]:
+        return float(parameters.get(name, USUAL[name])), name not in parameters
+
+    (low, _), (high, unknown), (idle, _), (full, _) = (
+        read(f"MOT_{name}") for name in ("PWM_MIN", "PWM_MAX", "SPIN_MIN", "SPIN_MAX")
+    )
+    (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER")
+    ends = [low + share * (high - low) for share in (idle, full)]
+    keys = {
+        "unit": Said("pwm", "motor outputs of RCOU [us]"),
+        "range": Said(ends, "MOT_PWM_MIN, _MAX, MOT_SPIN_MIN, _MAX", assumed=unknown),
+        "factor": Said(factor, "MOT_THST_EXPO" + (", ArduPilot's default" if curve else ""), assumed=curve),
+    }
+    words = f"hovering at MOT_THST_HOVER = {hover:.3g}" + (", ArduPilot's default" if still else "")
+    return CommandDraft(keys, hover=Said(hover, words, assumed=still))

@@ -1,0 +1,189 @@
+"""A vehicle from MJCF or URDF, compiled by MuJoCo (mujoco.readthedocs.io), which knows defaults, includes and units.
+
+Of a URDF meshes are left out before it is compiled, since they carry no mass there, and the root gets a link above it:
+what MuJoCo makes of a root link differs between its versions. Rotors of MJCF are actuators on sites: `gear` (0, 0, g,
+0, 0, q) is a thrust g u along the site's z axis and a torque q u about it, so kappa = |q / g|; the rotor turns against
+the torque.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.drafts.draft import Draft, Said
+from wrenchgap.plant.drafts.motor_plugins import motors_of
+from wrenchgap.plant.drafts.tree import Joint, Link, Motor, draft_of
+
+MEMBERS = ("visual", "collision")
+WORLD = "wrenchgap_world"
+"""Name of the link that stands in for the world in a URDF."""
+COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12", "discardvisual": "true"}
+"""Bodies keep their names; those without mass (frames) become too light to matter."""
+NOTHING = 1e-7
+"""Mass of a body [kg] below which it is one of those."""
+
+
+def from_mjcf(path: Path) -> Draft:
+    """A draft of a MuJoCo model. Raises ModelError, in one line, for what MuJoCo cannot compile."""
+    mujoco = _mujoco(path)
+    model = _compiled(path, lambda: mujoco.MjModel.from_xml_path(str(path)))
+    links = _links(mujoco, model, path)
+    numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
+    motors = _actuators(mujoco, model, numbers, links)
+    return draft_of(path.stem, path.name, links, motors, "MJCF")
+
+
+def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
+    """A draft of a URDF. Raises ModelError, in one line, for what MuJoCo cannot compile."""
+    mujoco = _mujoco(path)
+    text = ElementTree.tostring(_held(document, path), encoding="unicode")
+    model = _compiled(path, lambda: mujoco.MjModel.from_xml_string(text))
+    links = _links(mujoco, model, path)
+    named = {**{one.name: k for k, one in enumerate(links)}, **{one.joint_name: k for k, one in enumerate(links)}}
+    found = motors_of(document)
+    return draft_of(path.stem, path.name, links, {named[n]: m for n, m in found.items() if n in named}, "URDF")
+
+
+def _mujoco(path: Path) -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise ModelError(f"{path}: reading URDF and MJCF needs `pip install wrenchgap[mujoco]`") from None
+    return mujoco
+
+
+def _compiled(path: Path, make: Any) -> Any:
+    try:
+        return make()
+    except (ValueError, RuntimeError) as error:
+        said = " ".join(str(error).split())
+        raise ModelError(f"{path.name}: MuJoCo cannot compile it: {said}") from None
+
+
+def _held(document: ElementTree.Element, path: Path) -> ElementTree.Element:
+    """The URDF without meshes, its root link below one that stands in for the world."""
+    for link in document.iter("link"):
+        for member in [child for child in link if child.tag in MEMBERS]:
+            link.remove(member)
+    children = {child.get("link") for joint in document.iter("joint") if (child := joint.find("child")) is not None}
+    roots = [name for link in document.findall("link") if (name := link.get("name")) not in children and name]
+    if len(roots) != 1:
+        raise ModelError(f"{path.name}: got {len(roots)} root links ({', '.join(roots) or 'none'}), expected one")
+    for old in document.findall("mujoco"):
+        document.remove(old)
+    ElementTree.SubElement(ElementTree.SubElement(document, "mujoco"), "compiler", COMPILER)
+    ElementTree.SubElement(document, "link", {"name": WORLD})
+    joint = ElementTree.SubElement(document, "joint", {"name": "wrenchgap_held", "type": "fixed"})
+    ElementTree.SubElement(joint, "parent", {"link": WORLD})
+    ElementTree.SubElement(joint, "child", {"link": roots[0]})
+    return document
+
+
+def _root(mujoco: Any, model: Any, path: Path) -> int:
+    """The body that flies: the heaviest of those that hang on the world."""
+    candidates = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
+    if not candidates:
+        raise ModelError(f"{path.name}: has no body that could fly")
+    root = max(candidates, key=lambda b: float(model.body_subtreemass[b]))
+    below = [b for b in range(1, model.nbody) if model.body_parentid[b] == root]
+    return below[0] if mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, root) == WORLD and below else root
+
+
+def _subtree(model: Any, root: int) -> list[int]:
+    kept = [root]
+    for body in range(root + 1, model.nbody):
+        if int(model.body_parentid[body]) in kept:
+            kept.append(body)
+    return kept
+
+
+def _links(mujoco: Any, model: Any, path: Path) -> list[Link]:
+    """All bodies of what flies, the root first, in the root's frame and at rest."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    root = _root(mujoco, model, path)
+    bodies = _subtree(model, root)
+    origin, turned = data.xpos[root].copy(), data.xmat[root].reshape(3, 3).copy()
+    out = []
+    for body in bodies:
+        frame, principal = data.xmat[body].reshape(3, 3), turned.T @ data.ximat[body].reshape(3, 3)
+        mass = float(model.body_mass[body])
+        joint, axis, limits, name = _joint(mujoco, model, data, body, turned) if body != root else _FIXED
+        out.append(
+            Link(
+                mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body_{body}",
+                bodies.index(int(model.body_parentid[body])) if body != root else -1,
+                turned.T @ (data.xpos[body] - origin),
+                turned.T @ frame,
+                mass if mass > NOTHING else 0.0,
+                turned.T @ (data.xipos[body] - origin),
+                principal @ np.diag(model.body_inertia[body]) @ principal.T if mass > NOTHING else np.zeros((3, 3)),
+                *(joint, axis, limits, name),
+            )
+        )
+    return out
+
+
+Joined = tuple[Joint, "np.ndarray[Any, Any] | None", tuple[float, float], str]
+_FIXED: Joined = ("fixed", None, (-math.inf, math.inf), "")
+
+
+def _joint(mujoco: Any, model: Any, data: Any, body: int, turned: Any) -> Joined:
+    """How a body is joined to its parent: its first joint."""
+    if not model.body_jntnum[body]:
+        return _FIXED
+    joint = int(model.body_jntadr[body])
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or ""
+    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+        return "other", None, (-math.inf, math.inf), name
+    axis = turned.T @ data.xaxis[joint]
+    if not model.jnt_limited[joint]:
+        return "turning", axis, (-math.inf, math.inf), name
+    low, high = (float(v) for v in model.jnt_range[joint])
+    return "hinge", axis, (low, high), name
+
+
+def _actuators(mujoco: Any, model: Any, numbers: dict[int, int], links: list[Link]) -> dict[int, Motor]:
+    """Actuators on sites as rotors: a body of its own for each, by which `draft_of` finds its place."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found: dict[int, Motor] = {}
+    root = next(body for body, k in numbers.items() if k == 0)
+    origin, turned = data.xpos[root], data.xmat[root].reshape(3, 3)
+    for number in range(model.nu):
+        if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_SITE:
+            continue
+        gear, site = model.actuator_gear[number], int(model.actuator_trnid[number, 0])
+        body = int(model.site_bodyid[site])
+        if body not in numbers or abs(gear[2]) < 1e-12 or np.any(np.abs(gear[:2]) > 1e-12):
+            continue
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or f"actuator {number}"
+        frame = turned.T @ data.site_xmat[site].reshape(3, 3)
+        hub = turned.T @ (data.site_xpos[site] - origin)
+        links.append(Link(name, numbers[body], hub, frame, 0.0, hub, np.zeros((3, 3))))
+        found[len(links) - 1] = _motor(model, number, name, np.sign(gear[2]) * frame[:, 2], hub)
+    return found
+
+
+def _motor(model: Any, number: int, name: str, direction: Any, hub: Any) -> Motor:
+    gear = model.actuator_gear[number]
+    ratio = float(gear[5] / abs(gear[2]))
+    told = f"gear of actuator {name}"
+    most = float(abs(gear[2]) * np.abs(model.actuator_ctrlrange[number]).max())
+    gain = float(model.actuator_gainprm[number, 0])
+    limited = bool(model.actuator_ctrllimited[number])
+    return Motor(
+        spin=Said(-1 if ratio * np.sign(gear[2]) > 0.0 else 1, told) if ratio else None,
+        kappa=Said(abs(ratio), told) if ratio else None,
+        thrust_max=Said(most * gain, f"ctrlrange and {told}") if limited and most * gain > 0.0 else None,
+        number=number,
+        position=hub,
+        direction=direction,
+    )

@@ -1,0 +1,117 @@
+"""A vehicle from PX4's parameters: CA_ROTOR* and what belongs to them.
+
+PX4's body frame is x forward, y right, z down, so (x, y, z) there is (x, -y, -z) in B. CA_ROTORn_PX, _PY, _PZ [m] are
+from the centre of mass, _AX, _AY, _AZ is the direction of the thrust (0, 0, -1: up), _KM the torque per thrust [m],
+positive for a rotor that turns counter-clockwise about its thrust. CT is relative to u^2 and 6.5 wherever nobody set
+it, so it is not taken for newtons.
+
+The motor command u of `actuator_motors` is what PX4 takes for a share of full thrust where THR_MDL_FAC is set: it sends
+the ESCs the root of f s^2 + (1 - f) s = u. With THR_MDL_FAC = 0 it sends u itself, and thrust goes rather with u^2.
+Source: PX4 parameter reference and "Control Allocation" (docs.px4.io).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Said
+
+Parameters = Mapping[str, float]
+MULTIROTORS = {0: "multirotor", 7: "motors in all directions", 8: "multirotor with tilt"}
+"""CA_AIRFRAME of what rotors alone carry."""
+HOVER = 0.5
+"""MPC_THR_HOVER where nobody set it."""
+KM, CT = 0.05, 6.5
+"""CA_ROTOR*_KM and _CT where nobody set them."""
+
+
+def flipped(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """From PX4's body frame (forward, right, down) to B (forward, left, up)."""
+    return (float(x), -float(y) + 0.0, -float(z) + 0.0)
+
+
+def has_geometry(parameters: Parameters) -> bool:
+    """Whether the parameters describe rotors: firmware since 1.13."""
+    return "CA_ROTOR_COUNT" in parameters and int(parameters["CA_ROTOR_COUNT"]) > 0
+
+
+def rotors_of(parameters: Parameters, where: str) -> tuple[RotorDraft, ...]:
+    """Rotors as CA_ROTOR* have them, empty without such parameters; ModelError for one without a direction."""
+    if not has_geometry(parameters):
+        return ()
+    return tuple(_rotor(parameters, number, where) for number in range(int(parameters["CA_ROTOR_COUNT"])))
+
+
+def _rotor(parameters: Parameters, number: int, where: str) -> RotorDraft:
+    name = f"CA_ROTOR{number}"
+
+    def read(key: str, default: float = 0.0) -> float:
+        return float(parameters.get(f"{name}_{key}", default))
+
+    axis = np.array(flipped(read("AX"), read("AY"), read("AZ", -1.0)))
+    length = float(np.linalg.norm(axis))
+    if length < 1e-6:
+        raise ModelError(
+            f"{where}: {name}_AX, _AY, _AZ are all zero, so the rotor has no direction; set them and log anew"
+        )
+    km = read("KM", KM)
+    usual = abs(abs(km) - KM) < 1e-6
+    words = f"{name}_KM = {km:.4g}" + (", which is PX4's default" if usual else "")
+    return RotorDraft(
+        Said(flipped(read("PX"), read("PY"), read("PZ")), f"{name}_PX, _PY, _PZ; forward, left, up"),
+        Said(tuple((axis / length + 0.0).tolist()), f"{name}_AX, _AY, _AZ"),
+        Said(1 if km >= 0.0 else -1, f"{name}_KM {'positive' if km >= 0.0 else 'negative'}"),
+        kappa=Said(abs(km), words, assumed=usual) if km else None,
+        name=f"M{number + 1}",
+    )
+
+
+def imu_of(parameters: Parameters) -> Said | None:
+    """The IMU's place, EKF2_IMU_POS_*."""
+    if "EKF2_IMU_POS_X" not in parameters:
+        return None
+    at = flipped(*(parameters.get(f"EKF2_IMU_POS_{axis}", 0.0) for axis in "XYZ"))
+    words = "EKF2_IMU_POS_X, _Y, _Z" + ("" if any(at) else ", which are PX4's default")
+    return Said(at, words, assumed=not any(at))
+
+
+def com_of(parameters: Parameters) -> Said | None:
+    """PX4 gives rotors from the centre of mass."""
+    return Said((0.0, 0.0, 0.0), "CA_ROTOR* are from the centre of mass") if has_geometry(parameters) else None
+
+
+def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft:
+    """[command] for `actuator_motors`, or for pulse widths where `unit` is "pwm" (older firmware)."""
+    factor = float(parameters.get("THR_MDL_FAC", 0.0))
+    keys = {"unit": Said(unit, "actuator_motors: 0 to 1" if unit == "normalised" else "actuator_outputs [us]")}
+    if unit == "pwm":
+        low, high = (float(parameters.get(f"PWM_{end}", usual)) for end, usual in (("MIN", 1000.0), ("MAX", 2000.0)))
+        keys["range"] = Said([low, high], "PWM_MIN, PWM_MAX", assumed="PWM_MIN" not in parameters)
+        shape = Said(factor or 1.0, "THR_MDL_FAC" if factor else "THR_MDL_FAC is 0: thrust with the square", not factor)
+    elif factor > 0.0:
+        shape = Said(0.0, f"THR_MDL_FAC = {factor:.3g}: PX4 commands shares of thrust")
+    else:
+        shape = Said(1.0, "THR_MDL_FAC is 0: thrust with the square of the command", assumed=True)
+    hover = float(parameters.get("MPC_THR_HOVER", HOVER))
+    said = "" if hover != HOVER and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
+    share = hover if shape.value == 0.0 else float(shape.value) * hover**2 + (1.0 - float(shape.value)) * hover
+    words = f"hovering at MPC_THR_HOVER = {hover:.3g}{said}"
+    return CommandDraft({**keys, "factor": shape}, hover=Said(share, words, assumed=bool(said)))
+
+
+def notes_of(parameters: Parameters, where: str) -> tuple[str, ...]:
+    """What a user should know of these parameters."""
+    found = []
+    kind = int(parameters.get("CA_AIRFRAME", 0))
+    if kind not in MULTIROTORS:
+        found.append(f"{where}: CA_AIRFRAME is {kind}, no multirotor: wings and control surfaces are not in the model.")
+    tilting = [k for k in parameters if re.fullmatch(r"CA_ROTOR\d+_TILT", k) and parameters[k]]
+    if tilting:
+        found.append(
+            f"{where}: {', '.join(sorted(tilting))} say that rotors tilt; they are fixed in the model: edit it."
+        )
+    return tuple(found)

@@ -1,0 +1,185 @@
+"""A vehicle from Gazebo's SDF: links, joints and motor plugins of its first model. Decision: docs/decisions/0021.
+
+A pose is x y z roll pitch yaw, of a link in the model, of a joint in its child, of an inertial in its link, unless
+`relative_to` names another frame. Included models are not fetched. Source: sdformat.org, specification 1.4 to 1.12.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.drafts.draft import Draft
+from wrenchgap.plant.drafts.motor_plugins import motors_of
+from wrenchgap.plant.drafts.tree import Joint, Link, draft_of
+
+Pose = tuple[Array, Array]
+"""Position (3,) [m] and rotation (3, 3) of a frame in another."""
+HERE: Pose = (np.zeros(3), np.eye(3))
+FULL_TURN = 1e3
+"""Limits of a joint [rad] beyond which it turns without limit."""
+
+
+def from_sdf(path: Path, document: Element) -> Draft:
+    """A draft of the first model. Raises ModelError, in one line, for what is no model or lacks what it names."""
+    model = document if document.tag == "model" else next(document.iter("model"), None)
+    if model is None:
+        raise ModelError(f"{path.name}: holds no <model>")
+    where = path.name
+    notes = []
+    if next(model.iter("include"), None) is not None:
+        notes.append(f"{where}: models that it includes are not in: write it out with `gz sdf -p` if they carry mass.")
+    elements = {str(link.get("name")): link for link in model.findall("link")}
+    if not elements:
+        raise ModelError(f"{where}: model {model.get('name')} has no <link>")
+    joints = {_child(joint, where): joint for joint in model.findall("joint")}
+    poses = _poses(model, where)
+    ordered = _from_root(list(elements), joints, where)
+    inverse = _inverse(poses[ordered[0]])
+    links = [_link(n, elements[n], joints.get(n), ordered, poses, inverse, where) for n in ordered]
+    named = {n: k for k, n in enumerate(ordered)} | {str(j.get("name")): ordered.index(c) for c, j in joints.items()}
+    motors = {named[n]: m for n, m in motors_of(document).items() if n in named}
+    made = draft_of(str(model.get("name") or path.stem), where, links, motors, "SDF")
+    return Draft(**{**vars(made), "notes": (*made.notes, *notes)})
+
+
+def _child(joint: Element, where: str) -> str:
+    child = (joint.findtext("child") or "").strip()
+    if not child:
+        raise ModelError(f"{where}: joint {joint.get('name')} has no <child>")
+    return child
+
+
+def _numbers(text: str | None, count: int, what: str) -> Array:
+    try:
+        values = np.array((text or "").split(), dtype=float)
+    except ValueError:
+        values = np.empty(0)
+    if values.shape != (count,) or not np.all(np.isfinite(values)):
+        raise ModelError(f"{what}: got {text!r}, expected {count} numbers")
+    return values
+
+
+def _pose(element: Element | None, what: str) -> Pose:
+    if element is None or not (element.text or "").strip():
+        return HERE
+    if element.get("rotation_format") == "quat_xyzw":
+        values = _numbers(element.text, 7, f"{what}: pose")
+        return values[:3], Rotation.from_quat(values[3:]).as_matrix()
+    values = _numbers(element.text, 6, f"{what}: pose")
+    degrees = element.get("degrees") == "true"
+    return values[:3], Rotation.from_euler("xyz", values[3:], degrees=degrees).as_matrix()
+
+
+def _after(first: Pose, second: Pose) -> Pose:
+    """A frame given in a second one that is given in a first."""
+    return first[0] + first[1] @ second[0], first[1] @ second[1]
+
+
+def _inverse(pose: Pose) -> Pose:
+    return -pose[1].T @ pose[0], pose[1].T
+
+
+def _poses(model: Element, where: str) -> dict[str, Pose]:
+    """Poses of all links, joints and frames in the model's frame."""
+    given: dict[str, tuple[str, Pose]] = {}
+    for kind in ("link", "joint", "frame"):
+        for element in model.findall(kind):
+            name, at = str(element.get("name")), element.find("pose")
+            usual = {"joint": (element.findtext("child") or "").strip(), "frame": element.get("attached_to") or ""}
+            relative = (at.get("relative_to") if at is not None else None) or usual.get(kind, "")
+            given[name] = (relative, _pose(at, f"{where}: {kind} {name}"))
+    done: dict[str, Pose] = {"": HERE, "__model__": HERE, "world": HERE}
+
+    def resolved(name: str, waiting: tuple[str, ...] = ()) -> Pose:
+        if name not in done:
+            if name not in given or name in waiting:
+                raise ModelError(f"{where}: the frame {name!r} is {'circular' if name in waiting else 'not there'}")
+            relative, pose = given[name]
+            done[name] = _after(resolved(relative, (*waiting, name)), pose)
+        return done[name]
+
+    for name in given:
+        resolved(name)
+    return done
+
+
+def _from_root(names: list[str], joints: dict[str, Element], where: str) -> list[str]:
+    """The names of links from the root on, parents first."""
+    parents = {c: (j.findtext("parent") or "").strip() for c, j in joints.items()}
+    roots = [n for n in names if parents.get(n, "world") in ("world", "")]
+    if not roots:
+        raise ModelError(f"{where}: every link has a parent; expected one root")
+    below: dict[str, list[str]] = {}
+    for name in names:
+        below.setdefault(parents.get(name, ""), []).append(name)
+    out: list[str] = []
+    ahead = [roots[0]]
+    while ahead:
+        name = ahead.pop(0)
+        out.append(name)
+        ahead += [n for n in below.get(name, []) if n not in out]
+    missing = [n for n in names if n not in out]
+    if missing:
+        raise ModelError(f"{where}: {', '.join(missing)} hang on no joint from {roots[0]}; join them")
+    return out
+
+
+def _link(
+    name: str,
+    element: Element,
+    joint: Element | None,
+    ordered: list[str],
+    poses: dict[str, Pose],
+    inverse: Pose,
+    where: str,
+) -> Link:
+    place = _after(inverse, poses[name])
+    mass, centre, inertia = _inertial(element, place, f"{where}: link {name}")
+    joined: tuple[Joint, Array | None, tuple[float, float]] = ("fixed", None, (-np.inf, np.inf))
+    parent, called = -1, ""
+    if joint is not None and name != ordered[0]:
+        parent = ordered.index((joint.findtext("parent") or "").strip())
+        called = str(joint.get("name"))
+        joined = _joined(joint, _after(inverse, poses[called])[1], f"{where}: joint {called}")
+    kind, axis, limits = joined
+    return Link(name, parent, *place, mass, centre, inertia, kind, axis, limits, called)
+
+
+def _inertial(element: Element, place: Pose, what: str) -> tuple[float, Array, Array]:
+    """Mass, centre and inertia about it, in the root's frame; SDF's default is a kilogram, which is refused."""
+    inertial = element.find("inertial")
+    if inertial is None:
+        return 0.0, place[0], np.zeros((3, 3))
+    at = _after(place, _pose(inertial.find("pose"), what))
+    mass = float(_numbers(inertial.findtext("mass"), 1, f"{what}: mass")[0])
+    values = {}
+    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        text = inertial.findtext(f"inertia/{key}")
+        if text is None and key[1] == key[2]:
+            raise ModelError(f"{what}: inertia has no <{key}>")
+        values[key] = 0.0 if text is None else float(_numbers(text, 1, f"{what}: {key}")[0])
+    v = values
+    own = np.array([[v["ixx"], v["ixy"], v["ixz"]], [v["ixy"], v["iyy"], v["iyz"]], [v["ixz"], v["iyz"], v["izz"]]])
+    return mass, at[0], at[1] @ own @ at[1].T
+
+
+def _joined(joint: Element, rotation: Array, what: str) -> tuple[Joint, Array | None, tuple[float, float]]:
+    kind = joint.get("type") or ""
+    if kind == "fixed":
+        return "fixed", None, (-np.inf, np.inf)
+    if kind not in ("revolute", "continuous"):
+        return "other", None, (-np.inf, np.inf)
+    axis = rotation @ _numbers(joint.findtext("axis/xyz") or "0 0 1", 3, f"{what}: axis")
+    axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+    low, high = (
+        float(_numbers(joint.findtext(f"axis/limit/{end}") or usual, 1, f"{what}: limit")[0])
+        for end, usual in (("lower", "-1e16"), ("upper", "1e16"))
+    )
+    free = kind == "continuous" or max(-low, high) > FULL_TURN
+    return ("turning" if free else "hinge"), axis, (-np.inf, np.inf) if free else (low, high)

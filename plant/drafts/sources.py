@@ -1,0 +1,178 @@
+"""From whatever describes a vehicle to a draft of its model: a log, parameters, a robot description, answers."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from wrenchgap import flight
+from wrenchgap.flight.errors import LogError, ModelError, UsageError
+from wrenchgap.flight.flight import Flight
+from wrenchgap.plant.drafts import ardupilot, compiled, px4, sdf
+from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said
+from wrenchgap.plant.drafts.frames import rotors_of
+from wrenchgap.plant.drafts.level import levelled
+
+KINDS = ".ulg (PX4), .bin or .param (ArduPilot), .urdf, .sdf, .xml (MuJoCo)"
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the user says: `mass` [kg] with its tolerance, `frame` and `arm` [m], `radius` [m] and `thrust_max` [N]."""
+
+    name: str | None = None
+    mass: float | None = None
+    mass_tolerance: float | None = None
+    frame: str | None = None
+    arm: float | None = None
+    radius: float | None = None
+    thrust_max: float | None = None
+
+
+def drafted(source: Path | None, given: Given) -> Draft:
+    """What a source says of a vehicle, with what the user says over it; `finished` completes it.
+
+    Raises UsageError for a source of a kind that is not read, ModelError and LogError for one that says nothing.
+    """
+    _check(given)
+    if source is None:
+        return _over(Draft(given.name or "vehicle", "your answers"), given)
+    if source.is_dir():
+        raise UsageError(f"--from {source}: is a folder; expected a file: {KINDS}")
+    if not source.is_file():
+        raise UsageError(f"--from {source}: no such file; expected {KINDS}")
+    readers: dict[str, Callable[[Path, Given], Draft]] = {
+        ".ulg": _ulog,
+        ".bin": _ardupilot,
+        ".param": _ardupilot,
+        ".params": _ardupilot,
+        ".parm": _ardupilot,
+        ".urdf": _xml,
+        ".sdf": _xml,
+        ".world": _xml,
+        ".xml": _xml,
+        ".mjcf": _xml,
+    }
+    reader = readers.get(source.suffix.lower())
+    if source.suffix.lower() == ".xacro":
+        raise UsageError(f"--from {source}: a macro; expand it first, `xacro {source.name} > {source.stem}.urdf`")
+    if reader is None:
+        raise UsageError(f"--from {source}: is of a kind that is not read; expected {KINDS}")
+    return reader(source, given)
+
+
+def _check(given: Given) -> None:
+    options = {"--mass": given.mass, "--mass-tolerance": given.mass_tolerance, "--arm": given.arm}
+    options |= {"--rotor-radius": given.radius, "--thrust-max": given.thrust_max}
+    for option, value in options.items():
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise UsageError(f"{option} {value:g}: expected a positive number")
+    if given.frame is not None and given.arm is None:
+        raise UsageError(f"--frame {given.frame}: say its size too, --arm METRES from the middle to a motor")
+
+
+def _over(draft: Draft, given: Given) -> Draft:
+    """The draft with what the user says in place of what the source says."""
+    rotors = draft.rotors
+    if given.frame is not None and given.arm is not None:
+        rotors = rotors_of(given.frame, given.arm, f"--frame {given.frame} --arm {given.arm:g}")
+    if given.radius is not None:
+        said = Said(given.radius, "--rotor-radius")
+        rotors = tuple(replace(r, radius=said) for r in rotors)
+    mass = draft.mass
+    if given.mass is not None:
+        mass = Said(given.mass, "--mass", tolerance=given.mass_tolerance)
+    inertia = draft.inertia
+    if given.mass is not None and draft.mass is not None and inertia is not None:
+        share = given.mass / float(draft.mass.value)
+        scaled = np.asarray(inertia.value) * share
+        words = f"{inertia.source}, times {share:.4g} for --mass"
+        inertia = Said(tuple(map(tuple, scaled.tolist())), words, inertia.assumed)
+    command = draft.command
+    if given.thrust_max is not None:
+        full = Said(given.thrust_max, "--thrust-max")
+        rotors = tuple(replace(r, thrust_max=full) for r in rotors)
+        command = None if command is None else replace(command, thrust_max=full)
+    return replace(draft, name=given.name or draft.name, rotors=rotors, mass=mass, inertia=inertia, command=command)
+
+
+def _ulog(source: Path, given: Given) -> Draft:
+    from wrenchgap.flight.formats.ulog import parameters
+
+    known, flown, notes = parameters(source), *_flown(source)
+    unit = "normalised" if px4.has_geometry(known) else "pwm"
+    if flown is not None and flown.actuators is not None and flown.actuators.unit != "rad/s":
+        unit = flown.actuators.unit
+    draft = Draft(
+        source.stem,
+        source.name,
+        _as_many(px4.rotors_of(known, source.name), flown),
+        com=px4.com_of(known),
+        imu_position=px4.imu_of(known),
+        command=px4.command_of(known, unit),
+        notes=(*px4.notes_of(known, source.name), *notes),
+    )
+    return _level(_over(draft, given), flown)
+
+
+def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[RotorDraft, ...]:
+    """The rotors, where the log commands as many of them."""
+    if flown is None or flown.actuators is None or not rotors or not flown.actuators.rotor_speed.shape[1]:
+        return rotors
+    sent = flown.actuators.rotor_speed.shape[1]
+    if sent != len(rotors):
+        raise ModelError(f"{flown.path.name}: CA_ROTOR_COUNT is {len(rotors)}, {sent} motors are commanded")
+    return rotors
+
+
+def _ardupilot(source: Path, given: Given) -> Draft:
+    from wrenchgap.flight.formats import dataflash
+
+    log = source.suffix.lower() == ".bin"
+    known = dataflash.parameters(source) if log else ardupilot.read_parameters(source)
+    flown, notes = _flown(source) if log else (None, ())
+    rotors = () if given.frame else ardupilot.rotors_from(known, given.arm, source.name)
+    draft = Draft(
+        source.stem,
+        source.name,
+        rotors,
+        imu_position=ardupilot.imu_of(known),
+        command=ardupilot.command_of(known),
+        notes=notes,
+    )
+    return _level(_over(draft, given), flown)
+
+
+def _level(draft: Draft, flown: Flight | None) -> Draft:
+    """The draft with the level of its curve from the flight, unless it was said."""
+    said = draft.command is None or draft.command.thrust_max is not None
+    return draft if flown is None or said else levelled(draft, flown)
+
+
+def _flown(source: Path) -> tuple[Flight | None, tuple[str, ...]]:
+    """The flight of a log, None and the reason where it cannot be opened: its parameters may do."""
+    try:
+        return flight.load(source), ()
+    except (LogError, UsageError) as error:
+        return None, (f"the flight itself could not be read ({error}); parameters only.",)
+
+
+def _xml(source: Path, given: Given) -> Draft:
+    try:
+        document = ElementTree.parse(source).getroot()
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{source.name}: is not XML: {error}") from None
+    except OSError as error:
+        raise ModelError(f"{source}: cannot be read: {error.strerror}") from None
+    kind = document.tag
+    if kind == "robot":
+        return _over(compiled.from_urdf(source, document), given)
+    if kind in ("sdf", "model"):
+        return _over(sdf.from_sdf(source, document), given)
+    if kind == "mujoco":
+        return _over(compiled.from_mjcf(source), given)
+    raise ModelError(f"{source.name}: begins with <{kind}>, expected <robot> (URDF), <sdf> or <mujoco>")

@@ -1,0 +1,140 @@
+"""The text of a model file of a draft: every number with a comment that says where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said
+
+COMMENT = 58
+"""Column at which comments begin."""
+ALIKE = 1e-6
+"""Distance [m] below which two rotors are above one another."""
+SHARED = ("c_f", "kappa", "radius", "speed_max")
+"""Numbers that rotors usually have in common."""
+
+
+def text_of(draft: Draft, headline: Sequence[str]) -> str:
+    """TOML of a finished draft; `headline` are lines for its top."""
+    lines = [*(f"# {line}" for line in headline), "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
+    for key in ("mass", "inertia", "com", "imu_position"):
+        lines.append(_line(key, _told(getattr(draft, key)), getattr(draft, key)))
+    lines += ["", *_shared(draft.rotors)]
+    for group in _arms(draft.rotors):
+        lines += ["", *_arm(draft.rotors, group)]
+    lines += _command(draft)
+    if draft.topics:
+        lines += ["", "[topics]", *(f"{role} = {_text(topic)}" for role, topic in draft.topics.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _command(draft: Draft) -> list[str]:
+    command = draft.command
+    if command is None:
+        return []
+    lines = ["", "[command]"]
+    for key, said in command.keys.items():
+        lines.append(_line(key, _text(said.value) if isinstance(said.value, str) else _value(said.value), said))
+    if command.thrust_max is not None:
+        full = command.thrust_max
+        lines += [_line("thrust_max", _value(full.value), full), f"source = {_text(full.source)}"]
+    return lines
+
+
+def _text(value: str) -> str:
+    return str(tomlkit.string(value).as_string())
+
+
+def _value(value: Any) -> str:
+    if np.ndim(value):
+        return f"[{', '.join(_value(v) for v in value)}]"
+    text = f"{float(value):.6g}"
+    return text if any(c in text for c in ".en") else f"{text}.0"
+
+
+def _told(said: Said) -> str:
+    value = _value(said.value)
+    return value if said.tolerance is None else f"{{ value = {value}, tolerance = {_value(said.tolerance)} }}"
+
+
+def _line(key: str, value: str, said: Said) -> str:
+    return f"{key} = {value}".ljust(COMMENT) + f"  # {_words(said)}"
+
+
+def _words(said: Said) -> str:
+    return f"ASSUMED: {said.source}" if said.assumed else said.source
+
+
+def _alike(rotors: Sequence[RotorDraft], key: str) -> bool:
+    return len({_value(getattr(r, key).value) for r in rotors}) == 1
+
+
+def _shared(rotors: Sequence[RotorDraft]) -> list[str]:
+    """[vehicle.arm] and [vehicle.rotor]: what all have in common."""
+    lines = [] if any(r.tilt for r in rotors) else ["[vehicle.arm]", "tilts = false", ""]
+    common = [key for key in SHARED if _alike(rotors, key)]
+    lines += ["[vehicle.rotor]"] if common else []
+    for key in common:
+        said = getattr(rotors[0], key)
+        lines.append(_line(key, _value(said.value), said))
+    return lines
+
+
+def _arms(rotors: Sequence[RotorDraft]) -> list[list[int]]:
+    """Rotors by arm, in their order: those that are above one another and follow one another share one."""
+    groups: list[list[int]] = []
+    for r, rotor in enumerate(rotors):
+        last = rotors[groups[-1][-1]] if groups else None
+        if last is not None and _coaxial(last, rotor):
+            groups[-1].append(r)
+        else:
+            groups.append([r])
+    return groups
+
+
+def _coaxial(first: RotorDraft, second: RotorDraft) -> bool:
+    away = np.subtract(second.position_B.value, first.position_B.value)
+    along = np.asarray(first.direction_B.value)
+    same = np.linalg.norm(np.subtract(second.direction_B.value, along)) < ALIKE
+    height = float(away @ along)
+    return bool(same and abs(height) > ALIKE and np.linalg.norm(away - height * along) < ALIKE)
+
+
+def _arm(rotors: Sequence[RotorDraft], group: Sequence[int]) -> list[str]:
+    """[[vehicle.arms]] of the rotors `group`; the hub point is in their middle."""
+    first = rotors[group[0]]
+    hubs = np.array([rotors[r].position_B.value for r in group])
+    middle, along = hubs.mean(axis=0), np.asarray(first.direction_B.value)
+    lines = ["[[vehicle.arms]]", _line("position", _value(middle + 0.0), first.position_B)]
+    if not np.allclose(along, (0.0, 0.0, 1.0)):
+        lines.append(_line("thrust_direction", _value(along), first.direction_B))
+    lines += _tilting(first, rotors, middle)
+    own = [key for key in SHARED if not _alike(rotors, key)]
+    rows = []
+    for r, hub in zip(group, hubs, strict=True):
+        rotor, offset = rotors[r], float((hub - middle) @ along)
+        row = [f"name = {_text(rotor.name)}"] if rotor.name else []
+        row += [f"spin = {int(rotor.spin.value)}", *([f"offset = {_value(offset)}"] if abs(offset) > ALIKE else [])]
+        rows.append(", ".join([*row, *(f"{key} = {_value(getattr(rotor, key).value)}" for key in own)]))
+    said = [f"spin: {_words(first.spin)}", *(f"{key}: {_words(getattr(first, key))}" for key in own)]
+    return [*lines, *_rotor_lines(rows, "; ".join(said))]
+
+
+def _tilting(first: RotorDraft, rotors: Sequence[RotorDraft], middle: Any) -> list[str]:
+    """Whether and how an arm tilts."""
+    if first.tilt is not None:
+        limits = (("min", first.tilt.low), ("max", first.tilt.high))
+        known = [f"tilt_{end}_deg = {_value(np.degrees(angle))}" for end, angle in limits if np.isfinite(angle)]
+        return [f"tilt_axis = {_value(first.tilt.axis_B)}", *known]
+    fixed = ["tilts = false"] if any(r.tilt for r in rotors) else []
+    return fixed + (["tilt_axis = [1.0, 0.0, 0.0]"] if np.hypot(*middle[:2]) <= 1e-9 else [])
+
+
+def _rotor_lines(rows: Sequence[str], words: str) -> list[str]:
+    if len(rows) == 1:
+        return [f"rotors = [{{ {rows[0]} }}]".ljust(COMMENT) + f"  # {words}"]
+    return [f"rotors = [  # {words}", *(f"  {{ {row} }}," for row in rows), "]"]

@@ -1,0 +1,146 @@
+"""A vehicle from a tree of bodies: what robot descriptions (URDF, SDF, MJCF) have in common.
+
+Everything is in the frame of the root body at rest, which is B: x forward, y left, z up (REP 103). Mass properties are
+those of all bodies together,
+
+    m = sum m_i,   c = sum m_i c_i / m,   J = sum [J_i + m_i (|d_i|^2 I - d_i d_i^T)],   d_i = c_i - c
+
+(parallel axes). Rotors are what a motor plugin or an actuator names, else leaf bodies on joints that turn without
+limit. An arm tilts where a joint with limits lies between a rotor and the root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said, Tilt
+
+Joint = Literal["fixed", "hinge", "turning", "other"]
+"""How a body is joined to its parent: not, by a hinge with limits, by one without, otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """One body: frame (`position` (3,), `rotation` (3, 3)), mass properties about its own centre, and its joint.
+
+    All in the frame of the root; `parent` is the index of another body, -1 of the root. `axis` (3,) is the joint's,
+    `limits` [rad] those of a hinge.
+    """
+
+    name: str
+    parent: int
+    position: Array
+    rotation: Array
+    mass: float
+    centre: Array
+    inertia: Array
+    joint: Joint = "fixed"
+    axis: Array | None = None
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    joint_name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Motor:
+    """What a plugin or an actuator says of a rotor; where it sits if that is not its link's frame."""
+
+    spin: Said | None = None
+    kappa: Said | None = None
+    c_f: Said | None = None
+    speed_max: Said | None = None
+    thrust_max: Said | None = None
+    number: int | None = None
+    position: Array | None = None
+    direction: Array | None = None
+
+
+def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int, Motor], kind: str) -> Draft:
+    """A draft of bodies, the root first. `motors` are known rotors by the index of their body, `kind` the format."""
+    rows = sorted(motors, key=lambda k: (motors[k].number is None, motors[k].number or 0, k))
+    notes = []
+    if not rows:
+        rows = turning(links)
+        if rows:
+            notes.append(
+                f"{origin}: names no motors; the {len(rows)} bodies that turn without limit are taken for rotors, in "
+                "the order of the file."
+            )
+    if not rows:
+        raise ModelError(
+            f"{origin}: no rotors found among {len(links)} bodies: neither motor plugins, actuators on sites, nor "
+            "joints that turn without limit; describe them by hand in a model file (docs/model-file.md)"
+        )
+    mass, centre, inertia = together(links)
+    if mass <= 0.0:
+        raise ModelError(f"{origin}: the bodies have no mass; say what the vehicle weighs with --mass KG and --frame")
+    words = f"{len(links)} bodies of the {kind}"
+    rotors = tuple(_rotor(k, number, links, motors.get(k, Motor()), kind) for number, k in enumerate(rows))
+    return Draft(
+        name,
+        origin,
+        rotors,
+        mass=Said(mass, f"sum of {words}"),
+        inertia=Said(tuple(map(tuple, inertia.tolist())), f"{words} about their centre of mass, joints at rest"),
+        com=Said(tuple(centre.tolist()), words),
+        notes=tuple(notes),
+    )
+
+
+def together(links: Sequence[Link]) -> tuple[float, Array, Array]:
+    """Mass [kg], centre (3,) [m] and inertia (3, 3) [kg m^2] about it of all bodies."""
+    masses = np.array([one.mass for one in links])
+    mass = float(masses.sum())
+    centres = np.array([one.centre for one in links])
+    centre = masses @ centres / mass if mass > 0.0 else np.zeros(3)
+    inertia = np.zeros((3, 3))
+    for one in links:
+        d = one.centre - centre
+        inertia += one.inertia + one.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return mass, np.asarray(centre), inertia
+
+
+def turning(links: Sequence[Link]) -> list[int]:
+    """Leaf bodies on joints that turn without limit."""
+    parents = {one.parent for one in links}
+    return [k for k, one in enumerate(links) if one.joint == "turning" and k not in parents]
+
+
+def _rotor(index: int, number: int, links: Sequence[Link], motor: Motor, kind: str) -> RotorDraft:
+    link = links[index]
+    position = link.position if motor.position is None else motor.position
+    direction = _direction(link) if motor.direction is None else motor.direction
+    turn = Said(1 if number % 2 == 0 else -1, f"the {kind} does not say; taken in turn, check every one", assumed=True)
+    where = f"{link.name} of the {kind}"
+    return RotorDraft(
+        Said(tuple((np.round(position, 9) + 0.0).tolist()), where),
+        Said(tuple((np.round(direction, 9) + 0.0).tolist()), where),
+        motor.spin or turn,
+        kappa=motor.kappa,
+        c_f=motor.c_f,
+        speed_max=motor.speed_max,
+        thrust_max=motor.thrust_max,
+        name=link.name,
+        tilt=_tilt(index, links, direction),
+    )
+
+
+def _direction(link: Link) -> Array:
+    """A rotor pushes along the z axis of its body, as Gazebo's motors do."""
+    return np.asarray(link.rotation[:, 2])
+
+
+def _tilt(index: int, links: Sequence[Link], direction: Array) -> Tilt | None:
+    """The nearest hinge with limits between a rotor and the root that turns its thrust."""
+    at = index if links[index].joint != "turning" else links[index].parent
+    while at >= 0:
+        link = links[at]
+        if link.joint == "hinge" and link.axis is not None and abs(float(link.axis @ direction)) < 1e-3:
+            return Tilt(np.round(link.axis, 9) + 0.0, *link.limits)
+        at = link.parent
+    return None

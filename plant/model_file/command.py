@@ -1,0 +1,175 @@
+"""The table [command] of a model file: what the rotor commands in its logs are, and the curve to thrust or speed."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tomlkit
+from pydantic import AfterValidator, BeforeValidator, model_validator
+
+from wrenchgap.flight.errors import ModelError
+from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
+from wrenchgap.plant.reader import Number, Positive, Table, Text, broken, expected, text_of, toml
+
+GRAM_FORCE, RPM = 9.80665e-3, np.pi / 30.0
+COLUMNS = {
+    "thrust": ("thrust", 1.0),
+    "thrust_g": ("thrust", GRAM_FORCE),
+    "speed": ("speed", 1.0),
+    "rpm": ("speed", RPM),
+}
+"""Columns of a bench table with what was measured: what it is, and one of its units in N or rad/s."""
+LAWS = ("thrust_max", "thrust", "speed", "table")
+
+
+def _unit(value: str) -> str:
+    if value not in ("normalised", "pwm"):
+        raise ValueError
+    return value
+
+
+Numbers = Annotated[tuple[Number, ...], expected("a list of numbers")]
+Unit = Annotated[str, AfterValidator(_unit), expected('"normalised" (0 to 1) or "pwm" (pulse widths in us)')]
+Ends = Annotated[tuple[Number, Number], expected("two numbers: the commands at no and at full throttle")]
+
+
+class BenchTable(Table):
+    """A bench table by columns, all of one length."""
+
+    command: Numbers
+    thrust: Numbers | None = None
+    thrust_g: Numbers | None = None
+    speed: Numbers | None = None
+    rpm: Numbers | None = None
+    voltage: Numbers | None = None
+
+    @model_validator(mode="after")
+    def _columns(self) -> BenchTable:
+        measured = [name for name in COLUMNS if getattr(self, name) is not None]
+        if len(measured) != 1:
+            raise broken(f"got {' and '.join(measured) or 'neither'}, expected one column of {', '.join(COLUMNS)}")
+        given = {name: getattr(self, name) for name in ("command", *measured, "voltage")}
+        lengths = {name: len(values) for name, values in given.items() if values is not None}
+        if len(set(lengths.values())) != 1 or lengths["command"] < 2:
+            said = ", ".join(f"{n} of {name}" for name, n in lengths.items())
+            raise broken(f"got {said}; expected as many of each, two or more")
+        return self
+
+    def made(self) -> tuple[str, Bench]:
+        """What it gives, and the points."""
+        name = next(name for name in COLUMNS if getattr(self, name) is not None)
+        gives, factor = COLUMNS[name]
+        voltage = None if self.voltage is None else np.array(self.voltage)
+        return gives, Bench(np.array(self.command), factor * np.array(getattr(self, name)), voltage)
+
+
+class VoltageTable(Table):
+    """What the battery does: thrust (or speed) goes with (V / nominal)^exponent."""
+
+    nominal: Positive
+    exponent: Number
+
+
+def _bench(value: Any) -> Any:
+    if isinstance(value, str):
+        raise broken(f"{value}: a bench table is found beside the model file; load the model by its path")
+    return value
+
+
+class CommandTable(Table):
+    """The whole table: a unit and one law."""
+
+    unit: Unit
+    range: Ends | None = None
+    thrust_max: Positive | None = None
+    factor: Number | None = None
+    thrust: Numbers | None = None
+    speed: Numbers | None = None
+    table: Annotated[BenchTable, BeforeValidator(_bench)] | None = None
+    voltage: VoltageTable | None = None
+    source: Text = ""
+
+    @model_validator(mode="after")
+    def _one_law(self) -> CommandTable:
+        given = [name for name in LAWS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise broken(f"got {' and '.join(given) or 'no curve'}, expected one of {', '.join(LAWS)}")
+        if self.factor is not None and (self.thrust_max is None or not 0.0 <= self.factor <= 1.0):
+            raise broken(f"factor: got {self.factor:g}, expected 0 to 1, beside thrust_max")
+        if self.unit == "pwm" and self.range is None and self.table is None:
+            raise broken("range: is missing; expected the pulse widths at no and at full throttle, e.g. [1000, 2000]")
+        if self.range is not None and self.range[0] == self.range[1]:
+            raise broken(f"range: got {list(self.range)}, expected two different commands")
+        return self
+
+    def made(self) -> CommandCurve:
+        """The curve."""
+        gives, law = self._law()
+        unit: CommandUnit = "pwm" if self.unit == "pwm" else "normalised"
+        voltage = None if self.voltage is None else (self.voltage.nominal, self.voltage.exponent)
+        ends = (0.0, 1.0) if self.range is None else self.range
+        return CommandCurve(unit, "speed" if gives == "speed" else "thrust", law, ends, voltage, self.source)
+
+    def _law(self) -> tuple[str, Polynomial | Bench]:
+        if self.table is not None:
+            return self.table.made()
+        if self.thrust_max is not None:
+            f = self.factor or 0.0
+            return "thrust", Polynomial(self.thrust_max * np.array([0.0, 1.0 - f, f]))
+        name = "speed" if self.thrust is None else "thrust"
+        return name, Polynomial(np.array(getattr(self, name), dtype=float))
+
+
+def table_of(curve: CommandCurve) -> dict[str, Any]:
+    """The table of a curve that was made in code."""
+    out: dict[str, Any] = {"unit": curve.unit, "range": list(curve.ends)}
+    if isinstance(curve.law, Bench):
+        rows = {"command": curve.law.command.tolist(), curve.gives: curve.law.value.tolist()}
+        out["table"] = rows | ({} if curve.law.voltage is None else {"voltage": curve.law.voltage.tolist()})
+    else:
+        out[curve.gives] = curve.law.coefficients.tolist()
+    if curve.voltage is not None:
+        out["voltage"] = dict(zip(("nominal", "exponent"), curve.voltage, strict=True))
+    return out | ({"source": curve.source} if curve.source else {})
+
+
+def with_bench(text: str, folder: Path) -> str:
+    """The text of a model file with a bench table that lies in a file beside it put in its place.
+
+    So a model that is written elsewhere still has it, and a bench table that was changed is noticed.
+    """
+    if "[command]" not in text and "command" not in toml(text):
+        return text
+    document = tomlkit.parse(text)
+    named = document.get("command", {})
+    if not isinstance(named, dict) or not isinstance(named.get("table"), str):
+        return text
+    file = str(named["table"])
+    rows = tomlkit.inline_table()
+    rows.update(read_bench(folder / file))
+    named["table"] = rows
+    named.setdefault("source", f"bench table {Path(file).name}")
+    return tomlkit.dumps(document)
+
+
+def read_bench(path: Path) -> dict[str, list[float]]:
+    """Columns of a bench table (.csv): `command`, one of `COLUMNS`, and perhaps `voltage`. Raises ModelError."""
+    lines = list(csv.DictReader(text_of(path, "as a bench table").splitlines(), skipinitialspace=True))
+    heads = [h.strip() for h in (lines[0] if lines else {}) if h is not None]
+    wanted = ("command", *COLUMNS, "voltage")
+    if "command" not in heads or not set(heads) <= set(wanted):
+        raise ModelError(
+            f"{path}: got the columns {', '.join(heads) or 'none'}, expected command, one of {', '.join(COLUMNS)}, and "
+            "perhaps voltage"
+        )
+    out: dict[str, list[float]] = {head: [] for head in heads}
+    for number, line in enumerate(lines, 2):
+        for head, value in line.items():
+            try:
+                out[head.strip()].append(float(value))
+            except (TypeError, ValueError, AttributeError):
+                raise ModelError(f"{path}, line {number}: got {value!r} as {head}, expected a number") from None
+    return out

@@ -1,0 +1,70 @@
+"""What a user may call to make a model and to look at one; the rest of what may be called is in `replay.api`."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+
+from wrenchgap.learn.data.opening import Flights, listed
+from wrenchgap.learn.identify import calibrate as calibrating
+from wrenchgap.learn.identify.add import Addition, model_of
+from wrenchgap.learn.identify.calibrate import Calibration
+from wrenchgap.plant import model_file
+from wrenchgap.plant.drafts.asking import Ask, asked, with_spins
+from wrenchgap.plant.drafts.draft import assumed, finished
+from wrenchgap.plant.drafts.sheet import Sheet
+from wrenchgap.plant.drafts.sources import Given as Given
+from wrenchgap.plant.drafts.sources import drafted
+from wrenchgap.plant.drafts.text import text_of
+from wrenchgap.plant.model import Model
+
+
+def sheet(model: Model) -> Sheet:
+    """A model to look at: prints what was understood, draws the top view."""
+    return Sheet(model)
+
+
+def draft_model(
+    source: str | Path | None, *, given: Given | None = None, command: str = "", ask: Ask | None = None
+) -> Sheet:
+    """A model of what a log, parameters or a robot description say, and of what is `given`; of answers, with `ask`.
+
+    Nothing is written. Raises UsageError, ModelError or LogError, in one line, for what is missing or cannot be read.
+    """
+    path, said = None if source is None else Path(source), given or Given()
+    found = drafted(path, said)
+    if ask is not None:
+        said = Given(**asked(asdict(said), found, ask))  # type: ignore[arg-type]
+        found = with_spins(drafted(path, said), ask)
+    found = finished(found)
+    words = command or shlex.join(["wrenchgap", "model", "new", *(["--from", str(path)] if path else [])])
+    origin = found.origin if path is None else f"{found.origin} (SHA-256 {sha256(path.read_bytes()).hexdigest()})"
+    headline = (
+        f"Drafted by wrenchgap {model_file.tool_version()} on {datetime.now(UTC):%Y-%m-%d} from {origin}",
+        f"with `{words}`.",
+        "Every number says where it comes from; what is marked ASSUMED nobody said: replace it where you know better.",
+    )
+    return Sheet(model_file.loads(text_of(found, headline)), tuple(assumed(found)), found.notes)
+
+
+def save_draft(drawn: Sheet, path: str | Path, *, force: bool = False) -> Sheet:
+    """Write the model file of a draft; raises UsageError where it exists without `force`."""
+    return replace(drawn, model=model_file.save(drawn.model, Path(path), force=force))
+
+
+def calibrate(
+    flights: Flights,
+    model: Model | Addition,
+    *,
+    validate: Flights = (),
+    progress: Callable[[float, str], None] | None = None,
+) -> Calibration:
+    """A model trimmed on healthy flights: what helps on held-out time is changed, and nothing else.
+
+    `validate` flights are tested on and never fitted. `.model` is the calibrated one.
+    """
+    return calibrating.calibrate(listed(flights), model_of(model), unseen=listed(validate), progress=progress)

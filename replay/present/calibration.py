@@ -1,0 +1,141 @@
+"""A calibration: what was trimmed, by how much, how flights differ, and what that did on held-out time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.markup import escape
+
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.identify.calibrate import Calibration, Fate, Tried
+from wrenchgap.replay.present.addition import differences, effects_json, limits, trial_json, verdict
+from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, unit, unmeasured
+from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, table
+
+FATES = {
+    Fate.KEPT: "kept",
+    Fate.NO_HELP: "no help on held-out time",
+    Fate.ONE_FLIGHT: "helps within flights, not on flights left out whole",
+    Fate.UNTRIED: "not tried",
+}
+LEGEND = (
+    "+-: one standard deviation; has the scatter between flights, and of the thrust the mass's tolerance   scatter: by "
+    "how much flights differ beyond their own errors"
+)
+
+
+def parts(found: Calibration) -> list[Part]:
+    """The summary, what was considered, values, the error before and after, notes."""
+    out: list[Part] = [Line(text, "bold") for text in summary(found)]
+    out += [Line(), considered(found)]
+    if found.added is not None:
+        out += [values(found), Line(LEGEND + "\n", "dim")]
+        if (trial := found.added.trial) is not None:
+            rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
+            behind = f"filtered at {found.flights[0].records[0].cutoff_hz:g} Hz"
+            out.append(before_after(f"on held-out time of these flights, {behind}", rows, trial.fall))
+        if len(found.names) > 1:
+            out.append(by_flight("each flight, on its held-out time", found.names, found.before, found.after))
+        if found.unseen:
+            names, before, after = zip(*found.unseen, strict=True)
+            out.append(by_flight("flights that were not fitted", names, np.array(before), np.array(after)))
+        out += note_lines(limits(found.added), "warning")
+    return [*out, *note_lines(notes(found))]
+
+
+def summary(found: Calibration) -> list[str]:
+    """What was changed and what it brought, in a sentence or two."""
+    count = f"{len(found.names)} flight{'s' if len(found.names) > 1 else ''}"
+    if found.added is None:
+        return [f"Nothing helps on held-out time of {count}: {found.given.name} stays as it is."]
+    told = f"Calibrated on {count}: {', '.join(found.effects)}."
+    return [told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}."]
+
+
+def considered(found: Calibration) -> Part:
+    """One row for each effect: what became of it, with t on held-out time."""
+    out = table("what was considered", "effect", "", "t", left=2)
+    for one in found.tried:
+        out.add_row(escape(one.effect), escape(_fate(one)), number(one.t, 2))
+    return out
+
+
+def _fate(one: Tried) -> str:
+    return FATES[one.fate] if one.reason is None else f"{FATES[one.fate]}: {one.reason.reason}"
+
+
+def values(found: Calibration) -> Part:
+    """One row for each parameter."""
+    out = table(f"effects of {found.model.name}", "effect", "parameter", "value", "+-", "scatter", "unit", left=2)
+    out.columns[-1].justify = "left"
+    last = ""
+    for p in found.trimmed:
+        first, last = p.effect if p.effect != last else "", p.effect
+        name = escape(label(p.name, found.model.vehicle))
+        out.add_row(escape(first), name, number(p.value, 4), number(p.std, 2), number(p.scatter, 2), unit(p.unit))
+    return out
+
+
+def by_flight(title: str, names: Any, before: Array, after: Array) -> Part:
+    """Two rows for each flight."""
+    out = table(title, "flight", "rms", *UNIT_HEADS, left=2)
+    for name, old, new in zip(names, before, after, strict=True):
+        out.add_row(escape(str(name)), "before", *row(old))
+        out.add_row("", "after", *row(new))
+    return out
+
+
+def notes(found: Calibration) -> list[str]:
+    """What was assumed, what only a balance says, what readers repaired."""
+    own = []
+    if found.given.vehicle.tolerances.mass is None:
+        own.append(
+            "The model file gives the mass without a tolerance: thrust, mass and inertia scaled together change "
+            "nothing that an IMU sees, so the thrust is as sure as the mass. Weigh it, and write the mass as "
+            "{ value = ..., tolerance = ... }."
+        )
+    if len(found.names) == 1:
+        own.append("One flight does not show by how much flights differ: later ones may by more than these intervals.")
+    if found.added is not None and found.added.between_flights is not None:
+        own.append(differences(found.added.between_flights))
+    return [*own, *sentences([*found.given.notes, *(note for f in found.flights for note in f.notes)])]
+
+
+def to_json(found: Calibration) -> dict[str, Any]:
+    """The body of the `calibrate` schema."""
+    added = found.added
+    return {
+        "summary": summary(found),
+        "flights": list(found.names),
+        "axes": list(AXES),
+        "unmeasured": unmeasured(np.sum([r.noise for f in found.flights for r in f.records], axis=0)),
+        "cutoff_hz": found.flights[0].records[0].cutoff_hz,
+        "effects": effects_json(found.model.snapshot),
+        "tried": [
+            {
+                "effect": one.effect,
+                "fate": one.fate,
+                "t": one.t,
+                "lack": None if one.reason is None else one.reason.lack,
+                "reason": None if one.reason is None else one.reason.reason,
+            }
+            for one in found.tried
+        ],
+        "parameters": [vars(p) for p in found.trimmed],
+        "rms_before": found.before,
+        "rms_after": found.after,
+        "unseen": [{"flight": n, "rms_before": b, "rms_after": a} for n, b, a in found.unseen],
+        "held_out": None if added is None or added.trial is None else trial_json(added.trial),
+        "between_flights": None if added is None else added.between_flights,
+        "at_bound": [] if added is None else list(added.fit.at_bound),
+        "notes": [*([] if added is None else limits(added)), *notes(found)],
+    }
+
+
+def to_frame(found: Calibration) -> pd.DataFrame:
+    """One row for each parameter: effect, name, unit, value, std, scatter."""
+    keys = ("effect", "name", "unit", "value", "std", "scatter")
+    return pd.DataFrame([{key: getattr(p, key) for key in keys} for p in found.trimmed], columns=list(keys))

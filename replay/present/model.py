@@ -1,0 +1,151 @@
+"""A model as a sheet: mass properties, rotors, the command curve, effects, what was assumed; as JSON and as a table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.markup import escape
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.command_curve import CommandCurve
+from wrenchgap.plant.drafts.sheet import Sheet
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.replay.present.addition import effects_json
+from wrenchgap.replay.present.figures.vehicle import hubs
+from wrenchgap.replay.present.numbers import number, quantity
+from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
+
+ROTOR_LEGEND = "x forward, y left, z up, from the body origin   turns: seen against the thrust, so from above"
+STEPS = 400
+"""Commands at which the curve is looked at for hover's."""
+
+
+def parts(sheet: Sheet) -> list[Part]:
+    """What was understood, what was assumed."""
+    model = sheet.model
+    out: list[Part] = [Line(line) for line in overview(model)]
+    if model.vehicle.has_rotors:
+        out += [Line(), rotor_table(model.vehicle), Line(ROTOR_LEGEND, "dim")]
+    if model.effects:
+        out += [Line(), parameters(model.snapshot, f"effects of {model.name}", model.vehicle)]
+    out += [Line(), *note_lines(sheet.assumed, "assumed")] if sheet.assumed else []
+    return [*out, *note_lines([*sheet.notes, *model.notes])]
+
+
+def overview(model: Model) -> list[str]:
+    """Mass properties, what full thrust is, and the curve of commands, a line each."""
+    vehicle, body, told = model.vehicle, model.vehicle.body, model.vehicle.tolerances
+    moments = np.diag(body.inertia)
+    share = "" if told.inertia is None else f" +-{100.0 * float(np.max(np.diag(told.inertia) / moments)):.2g} %"
+    mass = quantity(body.mass, "kg") + ("" if told.mass is None else f" +-{quantity(told.mass, 'kg', 2)}")
+    lines = [
+        f"{vehicle.name}: {mass}; moments of inertia {', '.join(number(m) for m in moments)} kg m^2{share}",
+        f"centre of mass at {_place(body.com_B)}, IMU at {_place(vehicle.imu_position_B)}",
+    ]
+    if vehicle.has_rotors:
+        lines.append(f"full thrust is {number(full_thrust(vehicle), 2)} times the weight")
+    if model.command is not None:
+        lines.append(f"rotor commands: {_curve(model.command)}; hover at {_hover(model)}")
+    return lines
+
+
+def _place(at: Array) -> str:
+    return f"({', '.join(number(1e3 * v) for v in at)}) mm"
+
+
+def _curve(curve: CommandCurve) -> str:
+    ends = "" if curve.ends == (0.0, 1.0) else f" from {curve.ends[0]:g} to {curve.ends[1]:g}"
+    battery = ", with the battery's voltage" if curve.uses_voltage else ""
+    origin = f" ({curve.source})" if curve.source else ""
+    return f"{curve.unit}{ends}, by a curve to {curve.gives}{battery}{origin}"
+
+
+def full_thrust(vehicle: Vehicle) -> float:
+    """Thrust of all rotors at their highest speed, over the weight."""
+    _, rotors = vehicle.geometry()
+    return float(np.sum(rotors.c_f * rotors.speed_max**2) / (vehicle.body.mass * GRAVITY))
+
+
+def hover_command(model: Model) -> float | None:
+    """Command at which equal rotors, all up, carry the weight; None where no command does."""
+    curve, vehicle = model.command, model.vehicle
+    if curve is None or not vehicle.has_rotors:
+        return None
+    arms, rotors = vehicle.geometry()
+    low, high = curve.ends
+    table = getattr(curve.law, "command", None)
+    commands = np.linspace(low, high, STEPS) if table is None else np.linspace(table.min(), table.max(), STEPS)
+    speeds = curve.speeds(np.repeat(commands[:, None], len(rotors), 1), None, vehicle)
+    lift = (rotors.c_f * speeds**2) @ np.abs(arms.normal_B[rotors.arm, 2])
+    carried = np.flatnonzero(lift >= vehicle.body.mass * GRAVITY)
+    return float(commands[carried[0]]) if carried.size else None
+
+
+def _hover(model: Model) -> str:
+    at = hover_command(model)
+    if at is None:
+        return "no command: the curve never carries the weight"
+    return f"{at:.0f} us" if at > 10.0 else f"{100.0 * at:.0f} % of full throttle"
+
+
+def _rows(vehicle: Vehicle) -> list[dict[str, Any]]:
+    _, rotors = vehicle.geometry()
+    places = hubs(vehicle)
+    return [
+        {
+            "rotor": vehicle.rotor_name(r),
+            **dict(zip("xyz", places[r].tolist(), strict=True)),
+            "spin": int(rotors.spin[r]),
+            "c_f": float(rotors.c_f[r]),
+            "kappa": float(rotors.kappa[r]),
+            "radius": float(rotors.radius[r]),
+            "thrust_max": float(rotors.c_f[r] * rotors.speed_max[r] ** 2),
+        }
+        for r in range(len(rotors))
+    ]
+
+
+def rotor_table(vehicle: Vehicle) -> Part:
+    """One row for each rotor."""
+    heads = ("rotor", "x [mm]", "y [mm]", "z [mm]", "turns", "full thrust [N]", "kappa [mm]", "radius [mm]")
+    rows = [
+        (
+            escape(row["rotor"]),
+            *(number(1e3 * row[axis]) for axis in "xyz"),
+            "counter-clockwise" if row["spin"] > 0 else "clockwise",
+            number(row["thrust_max"]),
+            *(number(1e3 * row[key]) for key in ("kappa", "radius")),
+        )
+        for row in _rows(vehicle)
+    ]
+    return plain("rotors, in the order of logged commands", heads, rows)
+
+
+def to_json(sheet: Sheet) -> dict[str, Any]:
+    """The body of the `model` schema."""
+    model, body, told = sheet.model, sheet.model.vehicle.body, sheet.model.vehicle.tolerances
+    curve = model.command
+    return {
+        "name": model.vehicle.name,
+        "mass": body.mass,
+        "inertia": body.inertia,
+        "com": body.com_B,
+        "imu_position": model.vehicle.imu_position_B,
+        "tolerances": vars(told),
+        "rotors": _rows(model.vehicle) if model.vehicle.has_rotors else [],
+        "full_thrust_over_weight": full_thrust(model.vehicle) if model.vehicle.has_rotors else None,
+        "command": None
+        if curve is None
+        else {"unit": curve.unit, "gives": curve.gives, "source": curve.source, "hover": hover_command(model)},
+        "effects": effects_json(model.snapshot),
+        "assumed": list(sheet.assumed),
+        "notes": [*sheet.notes, *model.notes],
+    }
+
+
+def to_frame(sheet: Sheet) -> pd.DataFrame:
+    """One row for each rotor."""
+    return pd.DataFrame(_rows(sheet.model.vehicle) if sheet.model.vehicle.has_rotors else [])

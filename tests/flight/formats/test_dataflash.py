@@ -1,0 +1,162 @@
+"""An ArduPilot log gives the flight that was flown, whatever ArduPilot's frames, units and letters."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.dataflash import parameters
+
+SECONDS = 6.0
+SERVOS = {"SERVO1_FUNCTION": 34, "SERVO2_FUNCTION": 33, "SERVO3_FUNCTION": 0, "MOT_THST_EXPO": 0.65}
+
+
+def at_rate(rate):
+    return np.arange(0.0, SECONDS, 1.0 / rate)
+
+
+def micro(time):
+    return np.round(1e6 * (30.0 + np.asarray(time)))
+
+
+def sensors(log, climb, rate=200):
+    time = at_rate(rate)
+    seen = climb(time)
+    for instance, factor in ((0, 1.0), (1, 0.5)):
+        columns = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+        numbers = (factor * column for column in (*seen.gyro.T, *seen.accelerometer.T))
+        log.add("IMU", "QBffffff", columns, micro(time), np.full(len(time), instance), *numbers, instance="I")
+
+
+def estimate(log, climb, quaternions=True):
+    time, slow = at_rate(50), at_rate(10)
+    seen = climb(time)
+    pitch, zero = np.degrees(seen.pitch), 0.0 * time
+    columns = "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw"
+    log.add("ATT", "QcccccC", columns, micro(time), zero, zero, pitch, pitch, zero, zero)
+    if quaternions:
+        zero = np.zeros(len(time))
+        log.add("XKQ", "QBffff", "TimeUS,C,Q1,Q2,Q3,Q4", micro(time), zero, *seen.q.T, instance="C")
+    moved = climb(slow)
+    columns = "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,PN,PE,PD"
+    angles, core = np.zeros((3, len(slow))), np.zeros(len(slow))
+    log.add("XKF1", "QBccCffffff", columns, micro(slow), core, *angles, *moved.v_ned.T, *moved.ned.T, instance="C")
+
+
+def commands(log):
+    time = at_rate(100)
+    one = np.ones(len(time))
+    log.add("RATE", "Qffff", "TimeUS,ROut,POut,YOut,AOut", micro(time), 0.1 * one, 0.2 * one, 0.3 * one, 0.45 * one)
+    pulses = (1400 * one, 1500 * one, 900 * one)
+    log.add("RCOU", "QHHH", "TimeUS,C1,C2,C3", micro(time), *pulses)
+    log.add("BAT", "QBf", "TimeUS,Inst,Volt", micro(time), 0 * one, 15.8 * one, instance="Inst")
+    for instance, rpm in ((0, 6000), (1, 6600)):
+        log.add(
+            "ESC",
+            "QBi",
+            "TimeUS,Instance,RPM",
+            micro(time + 1e-3 * instance),
+            instance * one,
+            rpm * one,
+            instance="Instance",
+        )
+
+
+@pytest.fixture(params=[True, False], ids=["units said", "no units"])
+def log(autopilots, request):
+    log = autopilots.Dataflash(SERVOS, units=request.param)
+    sensors(log, autopilots.Climb)
+    estimate(log, autopilots.Climb)
+    commands(log)
+    return log
+
+
+@pytest.fixture
+def found(log, tmp_path):
+    return flight.load(log.save(tmp_path / "climb.bin"))
+
+
+def seen_at(found, series, autopilots):
+    return autopilots.Climb(series.time + found.start_ns * 1e-9 - 30.0)
+
+
+def test_pitching_up_heading_north_and_climbing(found, autopilots):
+    seen = seen_at(found, found.odometry, autopilots)
+    nose = so3.rotate(found.odometry.quat_EB, np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(nose[:, 1:], np.stack((np.cos(seen.pitch), np.sin(seen.pitch)), 1), atol=1e-6)
+    np.testing.assert_allclose(found.odometry.position_E[:, 1], seen.ned[:, 0], atol=3e-4)
+    np.testing.assert_allclose(found.odometry.position_E[:, 2], -seen.ned[:, 2], atol=3e-4)
+    np.testing.assert_allclose(found.odometry.velocity_E[:, 2], -seen.v_ned[:, 2], atol=0.02)
+    assert not any("is in frame" in note for note in found.notes)
+
+
+def test_the_first_imu_plays_the_role_in_forward_left_up(found, autopilots):
+    seen = seen_at(found, found.imu, autopilots)
+    assert found.imu.topic == "/ardupilot/imu"
+    np.testing.assert_allclose(found.imu.omega_B[:, 1], -seen.gyro[:, 1], atol=1e-6)
+    np.testing.assert_allclose(found.imu.specific_force_B[:, 2], -seen.accelerometer[:, 2], atol=1e-5)
+    assert np.median(found.imu.specific_force_B[:, 2]) > 8.0
+
+
+def test_angles_serve_where_there_are_no_quaternions(autopilots, tmp_path):
+    log = autopilots.Dataflash()
+    sensors(log, autopilots.Climb)
+    estimate(log, autopilots.Climb, quaternions=False)
+    found = flight.load(log.save(tmp_path / "log.bin"))
+    seen = seen_at(found, found.odometry, autopilots)
+    nose = so3.rotate(found.odometry.quat_EB, np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(nose[:, 2], np.sin(seen.pitch), atol=2e-4)  # hundredths of a degree
+
+
+def test_commands_speeds_battery_and_parameters(log, found, tmp_path):
+    np.testing.assert_allclose(found.commanded.wrench_B[5], [0, 0, 0.45, 0.1, -0.2, -0.3], rtol=1e-6)
+    assert found.commanded.unit == "normalised"
+    assert found.actuators.unit == "pwm"
+    np.testing.assert_array_equal(found.actuators.rotor_speed[0], [1500.0, 1400.0])  # SERVO2 is motor 1
+    path = log.save(tmp_path / "again.bin")
+    measured = flight.load(path, {"rotor_speed": "/ardupilot/esc_measured"}).actuators
+    np.testing.assert_allclose(measured.rotor_speed[3], [200 * np.pi, 220 * np.pi])
+    assert measured.unit == "rad/s"
+    np.testing.assert_allclose(found.battery.voltage, 15.8, rtol=1e-6)
+    assert parameters(path)["SERVO1_FUNCTION"] == 34
+    assert parameters(path)["MOT_THST_EXPO"] == pytest.approx(0.65)
+    with pytest.raises(LogError, match="not in SI"):
+        flight.in_si(found)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.3, 0.9999])
+def test_a_log_that_was_cut(log, tmp_path, share):
+    path = log.save(tmp_path / "log.bin")
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    found, complaint = opened(path)
+    assert "\n" not in complaint
+    assert len(found.imu.time) > 30 if found else share < 0.01
+
+
+def test_flipped_bytes_never_end_in_a_traceback(log, tmp_path):
+    whole, rng = log.save(tmp_path / "log.bin").read_bytes(), np.random.default_rng(7)
+    for number in range(40):
+        spoilt = bytearray(whole)
+        reach = 2000 if number % 2 else len(spoilt)  # the formats stand at the beginning
+        for place in rng.integers(3, reach, 20):
+            spoilt[place] = rng.integers(256)
+        path = tmp_path / "spoilt.bin"
+        path.write_bytes(spoilt)
+        assert "\n" not in opened(path)[1]
+
+
+def test_without_pymavlink_one_line_names_the_extra(log, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymavlink.DFReader", None)
+    with pytest.raises(LogError, match=r"pip install 'wrenchgap\[ardupilot\]'"):
+        flight.load(log.save(tmp_path / "log.bin"))
+
+
+def opened(path):
+    """The flight and "", or None and the complaint."""
+    try:
+        return flight.load(path), ""
+    except LogError as error:
+        return None, str(error)

@@ -1,0 +1,143 @@
+"""Tables with a header become flights, in the units that the header states; nothing is guessed in silence."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from wrenchgap import flight
+from wrenchgap.flight.errors import LogError
+
+
+def columns(logs, time, degrees=False):
+    motion, out = logs.Motion(time), {}
+    for i, axis in enumerate("xyz"):
+        rate = motion.omega_B[:, i]
+        out |= {f"gyro_{axis} [deg/s]": np.degrees(rate)} if degrees else {f"gyro_{axis}": rate}
+        out[f"acc_{axis}"] = motion.specific_force_B[:, i]
+        out[f"pos_{axis}"] = motion.position_E[:, i]
+        out[f"v{axis}"] = motion.velocity_E[:, i]
+    out |= {f"q{axis}": motion.quat_EB[:, i] for i, axis in enumerate("wxyz")}
+    return out | {f"motor_{i + 1}": 500.0 + i + 0.0 * time for i in (2, 0, 1)}  # in no order
+
+
+@pytest.fixture
+def time():
+    return np.arange(0, 4.0, 0.01)
+
+
+def agrees(found, logs, time):
+    motion = logs.Motion(time)
+    np.testing.assert_allclose(found.imu.time, time, atol=1e-7)
+    np.testing.assert_allclose(found.imu.omega_B, motion.omega_B, atol=1e-9)
+    np.testing.assert_allclose(found.imu.specific_force_B, motion.specific_force_B, atol=1e-9)
+    np.testing.assert_allclose(found.odometry.quat_EB, motion.quat_EB, atol=1e-9)
+    np.testing.assert_allclose(found.odometry.velocity_E, motion.velocity_E, atol=1e-9)
+    np.testing.assert_allclose(found.actuators.rotor_speed[0], [500.0, 501.0, 502.0])
+
+
+@pytest.mark.parametrize(("name", "scale"), [("t", 1.0), ("time [ms]", 1e3), ("timestamp_us", 1e6), ("TimeNS", 1e9)])
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_times_and_rates_in_their_units(logs, time, tmp_path, name, scale, form):
+    frame = pd.DataFrame({name: time * scale} | columns(logs, time, degrees=True))
+    path = tmp_path / f"log.{form}"
+    frame.to_csv(path, index=False) if form == "csv" else frame.to_parquet(path)
+    agrees(flight.load(path), logs, time)
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_a_time_without_a_unit_is_read_by_its_step_and_a_note_says_so(logs, time, tmp_path, scale, unit):
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"time": np.round(time * scale, 6)} | columns(logs, time)).to_csv(path, index=False)
+    found = flight.load(path)
+    agrees(found, logs, time)
+    assert any("no unit" in note and f"time_{unit}" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("first", [1.7e9, 1.7e12, 1.7e15, 1.7e18])
+def test_times_since_1970(logs, time, tmp_path, first):
+    path = tmp_path / "log.csv"
+    stamps = np.round(first * (1.0 + time / 1.7e9)).astype(np.int64) if first > 2e9 else first + time
+    pd.DataFrame({"time": stamps} | columns(logs, time)).to_csv(path, index=False)
+    found = flight.load(path)
+    assert abs(found.start_ns - 1.7e18) < 1e9
+    np.testing.assert_allclose(found.imu.time[-1], time[-1], atol=1e-3)
+
+
+def test_dates_semicolons_commas_comments_and_a_byte_order_mark(logs, time, tmp_path):
+    frame = pd.DataFrame({"timestamp": pd.to_datetime(time, unit="s", origin="2024-05-01")} | columns(logs, time))
+    path = tmp_path / "log.csv"
+    text = frame.to_csv(index=False, sep=";", decimal=",")
+    path.write_text("﻿# flown on Monday, by hand\n" + text, encoding="utf-8")
+    agrees(flight.load(path), logs, time)
+
+
+def test_topics_of_different_rates_share_a_table_with_empty_cells(logs, time, tmp_path):
+    frame = pd.DataFrame({"t_s": time} | columns(logs, time))
+    slow = [name for name in frame if name.startswith(("pos", "q", "v"))]
+    frame.loc[np.arange(len(frame)) % 5 != 0, slow] = np.nan
+    path = tmp_path / "log.csv"
+    frame.to_csv(path, index=False)
+    found = flight.load(path)
+    assert len(found.imu.time) == 400
+    assert len(found.odometry.time) == 80
+    assert not found.odometry.dropped
+
+
+def test_mapping_by_hand(logs, time, tmp_path):
+    given = columns(logs, time)
+    renamed = {"t": time} | {f"c{i}_{'abcdefghijklmnopqrst'[i]}": values for i, values in enumerate(given.values())}
+    path = tmp_path / "log.csv"
+    pd.DataFrame(renamed).to_csv(path, index=False)
+    order = list(given)
+    place = [order.index(f"{kind}_{axis}") for kind in ("gyro", "acc") for axis in "xyz"]
+    found = flight.load(path, {"imu": f"/table.data[{','.join(map(str, place))}]"})
+    np.testing.assert_allclose(found.imu.omega_B, logs.Motion(time).omega_B, atol=1e-9)
+
+
+def test_roll_pitch_and_yaw(time, tmp_path):
+    frame = pd.DataFrame({"t_s": time, "roll_deg": 0.0 * time, "pitch_deg": 0 * time, "yaw_deg": 90.0 + 0 * time})
+    for axis in "xyz":
+        frame[axis] = np.sin(time)
+    path = tmp_path / "log.csv"
+    frame.to_csv(path, index=False)
+    nose = flight.so3.rotate(flight.load(path).odometry.quat_EB[0], np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(nose, [0.0, 1.0, 0.0], atol=1e-9)
+
+
+def test_normalised_and_pwm_commands(time, tmp_path):
+    for name, value, unit in (("motor", 0.4, "normalised"), ("pwm", 1500.0, "pwm"), ("motor", 400.0, "rad/s")):
+        path = tmp_path / "log.csv"
+        pd.DataFrame({"t": time} | {f"{name}_{i}": value + 0 * time for i in range(4)}).to_csv(path, index=False)
+        assert flight.load(path).actuators.unit == unit
+
+
+def test_damaged_cells_lines_and_times_are_counted(logs, time, tmp_path):
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"t": time} | columns(logs, time)).to_csv(path, index=False)
+    lines = path.read_text().splitlines()
+    lines[50] = lines[50].replace(lines[50].split(",")[3], "oops", 1)
+    lines[60] += ",1,2,3"
+    lines[70] = "," + lines[70].split(",", 1)[1]
+    lines[80], lines[90] = lines[90], lines[80]
+    path.write_text("\n".join(lines)[:-30])
+    notes = " ".join(flight.load(path).notes)
+    for words in ("hold no number", "more cells than the header", "have no time", "put in order"):
+        assert words in notes, words
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"1,2,3\n4,5,6\n", "no header line"),
+        (b"a,b,c\n1,2,3\n", "no column of times"),
+        (b"time,gyro_x\n", "holds no message"),
+        (b"PAR1garbage", "not a readable Parquet"),
+        (b"time,a\n" + bytes(range(128, 256)), "no topic plays a role|holds no message"),
+    ],
+)
+def test_no_flight_in_one_line(content, words, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=words) as caught:
+        flight.load(path)
+    assert "\n" not in str(caught.value)

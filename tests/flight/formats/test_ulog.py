@@ -1,0 +1,263 @@
+"""A PX4 log gives the flight that was flown, whatever PX4's frames, units and habits."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from wrenchgap import flight
+from wrenchgap.flight import so3
+from wrenchgap.flight.derivative import angular_velocity
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats.ulog import parameters
+from wrenchgap.replay.cli.main import app
+
+SECONDS = 6.0
+STAMP = "uint64_t timestamp"
+
+
+def micro(time):
+    return np.round(1e6 * (5.0 + np.asarray(time))).astype(int)
+
+
+def at_rate(rate):
+    return np.arange(0.0, SECONDS, 1.0 / rate)
+
+
+def combined(log, climb, rate=250):
+    """Means over the interval before the stamp, which here are the values in its middle."""
+    time = at_rate(rate)
+    seen = climb(time - 0.5 / rate)
+    fields = f"{STAMP};float[3] gyro_rad;uint32_t gyro_integral_dt;int32_t accelerometer_timestamp_relative"
+    columns = {"timestamp": micro(time), "gyro_rad": seen.gyro, "accelerometer_m_s2": seen.accelerometer}
+    columns |= {"gyro_integral_dt": np.full(len(time), round(1e6 / rate))}
+    columns |= {"accelerometer_timestamp_relative": np.zeros(len(time), int)}
+    log.topic("sensor_combined", f"{fields};float[3] accelerometer_m_s2", columns)
+
+
+def estimate(log, climb, valid=True, jump=0.0):
+    fast, slow = at_rate(100), at_rate(10)
+    log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": micro(fast), "q": climb(fast).q})
+    fields = f"{STAMP};float x;float y;float z;float vx;float vy;float vz;bool xy_valid;bool z_valid"
+    fields += ";float[2] delta_xy;uint8_t xy_reset_counter"
+    seen, late = climb(slow), slow >= 3.0
+    columns = dict(zip(("x", "y", "z"), (seen.ned + np.outer(late, [jump, -jump, 0.0])).T, strict=True))
+    columns |= dict(zip(("vx", "vy", "vz"), seen.v_ned.T, strict=True))
+    columns |= {"timestamp": micro(slow), "xy_valid": np.full(len(slow), valid), "z_valid": np.full(len(slow), valid)}
+    columns |= {"delta_xy": np.tile([jump, -jump], (len(slow), 1)), "xy_reset_counter": late.astype(int)}
+    log.topic("vehicle_local_position", fields, columns)
+
+
+def commands(log):
+    time = at_rate(50)
+    thrust, torque = np.zeros((len(time), 3)), np.tile([0.1, 0.2, 0.3], (len(time), 1))
+    thrust[:, 2] = -0.4 - 0.1 * np.sin(time)
+    log.topic("vehicle_thrust_setpoint", f"{STAMP};float[3] xyz", {"timestamp": micro(time), "xyz": thrust})
+    log.topic("vehicle_torque_setpoint", f"{STAMP};float[3] xyz", {"timestamp": micro(time), "xyz": torque})
+    motors = np.full((len(time), 6), np.nan)
+    motors[10:, :4] = [0.41, 0.42, 0.43, 0.44]
+    log.topic("actuator_motors", f"{STAMP};float[6] control", {"timestamp": micro(time), "control": motors})
+
+
+def opened(path):
+    """The flight and "", or None and the complaint."""
+    try:
+        return flight.load(path), ""
+    except LogError as error:
+        return None, str(error)
+
+
+@pytest.fixture
+def log(autopilots):
+    log = autopilots.Ulog({"CA_ROTOR_COUNT": 4, "CA_ROTOR0_PX": 0.15, "PWM_MAIN_FUNC1": 102, "PWM_MAIN_FUNC2": 101})
+    combined(log, autopilots.Climb)
+    estimate(log, autopilots.Climb)
+    commands(log)
+    return log
+
+
+@pytest.fixture
+def found(log, tmp_path):
+    return flight.load(log.save(tmp_path / "climb.ulg"))
+
+
+def test_pitching_up_heading_north_and_climbing(found, autopilots):
+    seen = autopilots.Climb(found.odometry.time + found.start_ns * 1e-9 - 5.0)
+    nose = so3.rotate(found.odometry.quat_EB, np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(nose[:, 0], 0.0, atol=1e-6)
+    np.testing.assert_allclose(nose[:, 1], np.cos(seen.pitch), atol=1e-6)
+    np.testing.assert_allclose(nose[:, 2], np.sin(seen.pitch), atol=1e-6)
+    np.testing.assert_allclose(found.odometry.position_E[:, 1], seen.ned[:, 0], atol=2e-4)
+    np.testing.assert_allclose(found.odometry.position_E[:, 2], -seen.ned[:, 2], atol=2e-4)
+    assert found.odometry.position_E[-1, 2] > 2.0
+    np.testing.assert_allclose(found.odometry.velocity_E[:, 1], seen.v_ned[:, 0], atol=0.01)
+    np.testing.assert_allclose(found.odometry.velocity_E[:, 2], -seen.v_ned[:, 2], atol=0.01)
+    assert not any("is in frame" in note for note in found.notes)
+
+
+def test_the_imu_is_that_of_the_motion_and_of_the_middle_of_its_interval(found):
+    time = found.odometry.time
+    rate = angular_velocity(time, found.odometry.quat_EB)[20:-20]
+    gyro = np.stack([np.interp(time, found.imu.time, column) for column in found.imu.omega_B.T], 1)[20:-20]
+    np.testing.assert_allclose(gyro, rate, atol=3e-3)
+    force = np.stack([np.interp(time, found.imu.time, column) for column in found.imu.specific_force_B.T], 1)
+    up_E = so3.rotate(found.odometry.quat_EB, force)
+    velocity = found.odometry.velocity_E
+    acceleration = np.gradient(velocity, time, axis=0)
+    np.testing.assert_allclose(up_E[20:-20, 0], acceleration[20:-20, 0], atol=1e-3)
+    np.testing.assert_allclose(up_E.mean(axis=0)[2], 9.81 + (velocity[-1, 2] - velocity[0, 2]) / time[-1], atol=0.05)
+    seen = found.start_ns * 1e-9 - 5.0
+    expected = -0.4 * 2.3 * np.cos(2.3 * (found.imu.time + seen))
+    np.testing.assert_allclose(found.imu.omega_B[:, 1], expected, atol=1e-6)
+
+
+def test_commands_are_normalised_and_say_so(found):
+    assert found.commanded.unit == "normalised"
+    assert np.all(found.commanded.wrench_B[:, 2] > 0.29)  # up
+    np.testing.assert_allclose(found.commanded.wrench_B[0, 3:], [0.1, -0.2, -0.3], rtol=1e-6)
+    assert found.actuators.unit == "normalised"
+    np.testing.assert_allclose(found.actuators.rotor_speed[0], 0.0)  # disarmed
+    np.testing.assert_allclose(found.actuators.rotor_speed[-1], [0.41, 0.42, 0.43, 0.44], rtol=1e-6)
+    with pytest.raises(LogError, match=r"not in SI.*wrenchgap model new --from"):
+        flight.in_si(found)
+
+
+def test_parameters_dropouts_and_what_became_of_the_topics_are_said(log, tmp_path):
+    path = log.dropout(120).dropout(80).save(tmp_path / "log.ulg")
+    assert parameters(path)["CA_ROTOR_COUNT"] == 4
+    assert parameters(path)["CA_ROTOR0_PX"] == pytest.approx(0.15)
+    notes = " ".join(flight.load(path).notes)
+    assert "2 dropouts: the logger lost 0.20 s" in notes
+    assert "/px4/odometry from vehicle_attitude + vehicle_local_position" in notes
+
+
+def test_jumps_of_the_estimator_are_taken_back(autopilots, tmp_path):
+    paths = []
+    for jump in (0.0, 7.5):
+        log = autopilots.Ulog()
+        combined(log, autopilots.Climb)
+        estimate(log, autopilots.Climb, jump=jump)
+        paths.append(log.save(tmp_path / f"{jump}.ulg"))
+    calm, jumped = map(flight.load, paths)
+    np.testing.assert_allclose(jumped.odometry.position_E, calm.odometry.position_E, atol=1e-5)
+    assert any("1 jump(s)" in note for note in jumped.notes)
+
+
+def test_no_position_is_no_odometry(autopilots, tmp_path):
+    log = autopilots.Ulog()
+    combined(log, autopilots.Climb)
+    estimate(log, autopilots.Climb, valid=False)
+    found = flight.load(log.save(tmp_path / "log.ulg"))
+    assert found.odometry is None
+    assert any("never knew its position" in note for note in found.notes)
+
+
+def test_outputs_are_ordered_by_the_motors_that_they_serve_and_speeds_are_in_rad_s(autopilots, tmp_path):
+    log = autopilots.Ulog({"PWM_MAIN_FUNC1": 102, "PWM_MAIN_FUNC2": 101, "PWM_MAIN_FUNC3": 301})
+    combined(log, autopilots.Climb)
+    time = at_rate(50)
+    pulses = np.tile([1200.0, 1100.0, 1500.0, 0.0], (len(time), 1))
+    log.topic("actuator_outputs", f"{STAMP};float[4] output", {"timestamp": micro(time), "output": pulses})
+    report = {"esc_report": f"{STAMP};int32_t esc_rpm;uint8_t actuator_function;uint8_t[3] _padding0"}
+    rows = [(t, t, 6000, 102, 0, 0, 0, t, 6600, 101, 0, 0, 0, t, 0, 0, 0, 0, 0) for t in micro(time).tolist()]
+    log.nested("esc_status", f"{STAMP};esc_report[3] esc", report, "Q" + 3 * "QiB3B", rows)
+    path = log.save(tmp_path / "log.ulg")
+    found = flight.load(path)
+    assert found.actuators.unit == "pwm"
+    np.testing.assert_array_equal(found.actuators.rotor_speed[0], [1100.0, 1200.0])
+    measured = flight.load(path, {"rotor_speed": "/px4/esc_measured"}).actuators
+    assert measured.unit == "rad/s"
+    np.testing.assert_allclose(measured.rotor_speed[0], [220 * np.pi, 200 * np.pi])
+
+
+def test_a_gyroscope_and_an_accelerometer_of_their_own_rates_meet_at_the_slower_one(autopilots, tmp_path):
+    log = autopilots.Ulog()
+    for name, rate in (("vehicle_angular_velocity", 400), ("vehicle_acceleration", 100)):
+        time = at_rate(rate)
+        seen = autopilots.Climb(time)
+        values = seen.gyro if "angular" in name else seen.accelerometer
+        stamps = {"timestamp": micro(time + 0.003), "timestamp_sample": micro(time)}  # sent later than sampled
+        log.topic(name, f"{STAMP};uint64_t timestamp_sample;float[3] xyz", stamps | {"xyz": values})
+    found = flight.load(log.save(tmp_path / "log.ulg"))
+    seen = autopilots.Climb(found.imu.time + found.start_ns * 1e-9 - 5.0)
+    assert 1.0 / found.imu.period == pytest.approx(100.0)
+    inner = slice(2, -2)
+    np.testing.assert_allclose(found.imu.omega_B[inner, 1], -seen.gyro[inner, 1], atol=2e-4)
+    np.testing.assert_allclose(found.imu.specific_force_B[inner, 2], -seen.accelerometer[inner, 2], atol=1e-5)
+
+
+def test_increments_of_angle_and_velocity(autopilots, tmp_path):
+    log, time, interval = autopilots.Ulog(), at_rate(200), 0.005
+    before, after = autopilots.Climb(time - interval), autopilots.Climb(time)
+    turned = np.zeros((len(time), 3))
+    turned[:, 1] = after.pitch - before.pitch
+    gained = interval * autopilots.Climb(time - interval / 2).accelerometer
+    columns = {
+        "timestamp": micro(time),
+        "timestamp_sample": micro(time),
+        "delta_angle": turned,
+        "delta_velocity": gained,
+    }
+    columns |= {name: np.full(len(time), 5000) for name in ("delta_angle_dt", "delta_velocity_dt")}
+    fields = f"{STAMP};uint64_t timestamp_sample;float[3] delta_angle;float[3] delta_velocity"
+    log.topic("vehicle_imu", f"{fields};uint32_t delta_angle_dt;uint32_t delta_velocity_dt", columns)
+    found = flight.load(log.save(tmp_path / "log.ulg"))
+    middle = autopilots.Climb(found.imu.time + found.start_ns * 1e-9 - 5.0)
+    np.testing.assert_allclose(found.imu.omega_B[:, 1], -middle.gyro[:, 1], atol=1e-4)
+    np.testing.assert_allclose(found.imu.specific_force_B[:, 2], -middle.accelerometer[:, 2], atol=1e-4)
+
+
+def test_old_firmware_and_a_vehicle_that_was_never_armed(autopilots, tmp_path):
+    log = autopilots.Ulog()
+    combined(log, autopilots.Climb)
+    time = at_rate(50)
+    control = np.tile([0.1, 0.2, 0.3, 0.0], (len(time), 1))
+    log.topic("actuator_controls_0", f"{STAMP};float[4] control", {"timestamp": micro(time), "control": control})
+    found = flight.load(log.save(tmp_path / "log.ulg"))
+    np.testing.assert_allclose(found.commanded.wrench_B[0], [0, 0, 0, 0.1, -0.2, -0.3], rtol=1e-6)
+    assert any("no powered flight" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.02, 0.3, 0.7, 0.999])
+def test_a_log_that_was_cut_gives_what_is_left_or_one_line(log, tmp_path, share):
+    path = log.save(tmp_path / "log.ulg")
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    found, complaint = opened(path)
+    assert "\n" not in complaint
+    assert len(found.imu.time) > 30 if found else share < 0.01
+
+
+def test_flipped_bytes_never_end_in_a_traceback(log, tmp_path):
+    whole = log.save(tmp_path / "log.ulg").read_bytes()
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        spoilt = bytearray(whole)
+        for place in rng.integers(7, len(spoilt), 30):
+            spoilt[place] = rng.integers(256)
+        path = tmp_path / "spoilt.ulg"
+        path.write_bytes(spoilt)
+        assert "\n" not in opened(path)[1]
+
+
+def test_without_pyulog_one_line_names_the_extra(log, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    with pytest.raises(LogError, match=r"pip install 'wrenchgap\[px4\]'"):
+        flight.load(log.save(tmp_path / "log.ulg"))
+
+
+def test_the_commands_of_the_page_do_what_it_says(log, tmp_path, monkeypatch):
+    """Those of docs/px4.md that read, and need no model: `inspect` and `convert`."""
+    monkeypatch.chdir(tmp_path)
+    log.save(tmp_path / "flight.ulg")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "px4.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\s+wrenchgap ((?:inspect|convert) (?!.* -m ).*)$", page, re.MULTILINE)
+    assert len(lines) >= 2
+    for line in lines:
+        done = CliRunner().invoke(app, shlex.split(line, comments=True), prog_name="wrenchgap")
+        assert done.exit_code == 0, done.output
+    found = flight.load(tmp_path / "flight.mcap")
+    np.testing.assert_allclose(found.imu.omega_B, flight.load(tmp_path / "flight.ulg").imu.omega_B)

@@ -1,0 +1,177 @@
+"""A model trimmed on flights of an engine that shares nothing with the fit: what was wrong is found, nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from benchmarks.hidden_effects.engine import fly
+from wrenchgap.learn.identify.calibrate import Fate, scatter_of
+from wrenchgap.plant import model_file
+from wrenchgap.plant.vehicle import Tolerances
+
+MODEL = wg.load_model("tilt_hexarotor")
+MISSING, LOADING = 0.05, 3.0e-4
+"""Density that is missing; how differently the battery goes in from flight to flight, one sigma [m]."""
+MEAN = np.array((0.003, -0.004))
+SECONDS = 8.0
+
+
+def flown(seed, x, y, missing=MISSING):
+    hidden = {"com_offset": {"x": x, "y": y}, "thin_air": {"missing": missing}}
+    flight, _ = fly(list(hidden), list(hidden.values()), "train", SECONDS, seed=seed)
+    return replace(flight, path=flight.path.with_name(f"flight{seed}{flight.path.suffix}"))
+
+
+@pytest.fixture(scope="module")
+def season(once):
+    def made():
+        rng = np.random.default_rng(3)
+        places = MEAN + LOADING * rng.normal(size=(4, 2))
+        return places, [flown(k, *xy) for k, xy in enumerate(places)]
+
+    return once("calibration season", made)
+
+
+@pytest.fixture(scope="module")
+def calibrated(season):
+    flights = wg.open_flights(season[1], MODEL)
+    return wg.calibrate(flights[:3], MODEL, validate=flights[3])
+
+
+def value(found, effect, name):
+    return next(p for p in found.trimmed if (p.effect, p.name) == (effect, name))
+
+
+def fate(found, effect):
+    return next(t.fate for t in found.tried if t.effect == effect)
+
+
+def test_thrust_and_centre_of_mass_are_found_and_what_is_right_stays(calibrated, season):
+    assert {"thrust_scale", "com_offset"} <= set(calibrated.effects)
+    assert {"drag_torque", "imu_misalignment", "imu_lever_arm"}.isdisjoint(calibrated.effects)
+    assert value(calibrated, "thrust_scale", "scale").value == pytest.approx(-MISSING, abs=0.004)
+    for k, axis in enumerate("xy"):
+        one = value(calibrated, "com_offset", axis)
+        assert one.value == pytest.approx(season[0][:3, k].mean(), abs=4e-4)
+
+
+def test_intervals_have_the_scatter_between_flights(calibrated, season):
+    """The next flight's centre of mass lies within three of them, and they are no narrower than what was loaded."""
+    for k, axis in enumerate("xy"):
+        one = value(calibrated, "com_offset", axis)
+        spread = season[0][:3, k].std(ddof=1)
+        assert one.scatter == pytest.approx(spread, rel=0.35)
+        assert one.std > one.scatter
+        assert abs(one.value - season[0][3, k]) < 3.0 * one.std
+    written = calibrated.model.effect("com_offset")
+    assert written.std[0] == pytest.approx(value(calibrated, "com_offset", "x").std)
+
+
+def test_held_out_error_and_an_unseen_flight_improve(calibrated):
+    assert calibrated.added.trial.change < -0.9
+    assert calibrated.added.trial.t > 3.0
+    ((name, before, after),) = calibrated.unseen
+    assert name not in calibrated.names
+    assert np.all(after[3:5] < 0.4 * before[3:5])
+    assert after[2] < 0.2 * before[2]
+    assert np.all(calibrated.after[:, 2] < 0.2 * calibrated.before[:, 2])
+
+
+def test_provenance_says_from_where(calibrated):
+    source = calibrated.model.effect("com_offset").provenance
+    assert source.method.startswith("wrenchgap calibrate: ")
+    assert [sha for _, sha in source.logs] == [f.flight.content_hash for f in calibrated.flights]
+    assert source.version == model_file.tool_version()
+    assert source.fitted.endswith("Z")
+
+
+def test_a_second_calibration_starts_anew_and_ends_alike(calibrated, season):
+    again = wg.calibrate(wg.open_flights(season[1][:3], calibrated.model), calibrated.model)
+    assert set(again.effects) == set(calibrated.effects)
+    first, second = (value(found, "thrust_scale", "scale").value for found in (calibrated, again))
+    assert second == pytest.approx(first, abs=1e-3)
+    assert abs(again.added.trial.change) < 0.2
+
+
+def test_a_loading_that_one_flight_alone_has_is_no_calibration():
+    """Two flights with centres of mass on either side: each block shows its own, and the mean is no one's."""
+    flights = wg.open_flights([flown(11, 0.004, 0.0, 0.0), flown(12, -0.004, 0.0, 0.0)], MODEL)
+    found = wg.calibrate(flights, MODEL)
+    if "com_offset" in found.effects:
+        one = value(found, "com_offset", "x")
+        assert abs(one.value) < one.std
+        assert one.scatter > 3e-3
+
+
+def test_nothing_is_changed_where_nothing_is_wrong():
+    """An engine whose servos and arms are too quick and too light to matter."""
+    flight, _ = fly("none", None, "train", 12.0, seed=8, crisp=True)
+    found = wg.calibrate(wg.open_flights(flight, MODEL), MODEL)
+    material = [p for p in found.trimmed if p.unit != "s" and abs(p.value) > 3.0 * p.std]
+    assert material == []
+
+
+def test_a_weighed_mass_sets_what_the_thrust_is_as_sure_as(season):
+    told = replace(MODEL, vehicle=replace(MODEL.vehicle, tolerances=Tolerances(mass=0.04)))
+    flights = wg.open_flights(season[1][:1], told)
+    found = wg.calibrate(flights, told)
+    assert value(found, "thrust_scale", "scale").std > 0.04 / told.vehicle.body.mass
+    assert value(found, "thrust_scale", "scale").scatter is None
+
+
+def test_an_inertia_that_the_file_is_not_sure_of_is_fitted():
+    """0.01 kg m^2 more about every axis than the model has, told to 30 %; the mass is weighed, the servos are quick."""
+    flight, _ = fly("inertia", {"sx": 0.005, "sy": 0.005, "sz": 0.005}, "train", 12.0, seed=5, crisp=True)
+    moments = np.diag(MODEL.vehicle.body.inertia)
+    told = Tolerances(mass=0.005, inertia=0.3 * np.sqrt(np.outer(moments, moments)))
+    model = replace(MODEL, vehicle=replace(MODEL.vehicle, tolerances=told))
+    found = wg.calibrate(wg.open_flights(flight, model), model)
+    assert fate(found, "inertia") is Fate.KEPT
+    for axis in ("xx", "yy", "zz"):
+        one = value(found, "inertia", axis)
+        assert abs(one.value - 0.01) < 3.0 * one.std
+        assert one.value == pytest.approx(0.01, abs=0.001)
+    plain = wg.calibrate(wg.open_flights(flight, MODEL), MODEL)
+    assert fate(plain, "inertia") is Fate.UNTRIED
+
+
+FULL = 12.0
+"""Thrust of one rotor at full throttle [N], as the engine's vehicle has it."""
+
+
+def as_throttle(flight, factor):
+    """What an ESC with the curve FULL (f u^2 + (1 - f) u) was sent, by the root of it."""
+    sent = flight.actuators
+    share = 7.2e-6 * sent.rotor_speed**2 / FULL
+    u = (
+        np.sqrt(share)
+        if factor == 1.0
+        else (factor - 1 + np.sqrt((1 - factor) ** 2 + 4 * factor * share)) / (2 * factor)
+    )
+    return replace(flight, commanded=None, desired=None, actuators=replace(sent, rotor_speed=u, unit="normalised"))
+
+
+def with_curve(level, factor):
+    text = f'{MODEL.text}\n[command]\nunit = "normalised"\nthrust_max = {level}\nfactor = {factor}\n'
+    return model_file.loads(text)
+
+
+def test_a_wrong_curve_is_found_on_healthy_flights():
+    """The model takes the ESC for a square with 8 % more thrust; the vehicle's curve has a factor of 0.6."""
+    flight = as_throttle(fly("none", None, "train", 12.0, seed=2)[0], 0.6)
+    wrong = with_curve(1.08 * FULL, 1.0)
+    found = wg.calibrate(wg.open_flights(flight, wrong), wrong)
+    assert {"thrust_scale", "thrust_curve"} & set(found.effects)
+    assert found.added.trial.change < -0.9
+    right = with_curve(FULL, 0.6)
+    best = np.array(wg.compare(wg.open_flights(flight, right), right).to_json()["models"][0]["rms"])
+    assert np.all(found.added.trial.after < 1.5 * best + 0.01)
+
+
+def test_scatter_is_what_goes_beyond_the_errors():
+    rng = np.random.default_rng(0)
+    values = 0.3 * rng.normal(size=4000) + 0.4 * rng.normal(size=4000)
+    assert scatter_of(values, np.full(4000, 0.3)) == pytest.approx(0.4, rel=0.05)
+    assert scatter_of(np.array([1.0, 1.1, 0.9]), np.full(3, 1.0)) == 0.0

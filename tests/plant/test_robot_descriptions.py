@@ -1,0 +1,235 @@
+"""URDF, SDF and MJCF of one vehicle become one model: masses, moments, arms and rotors computed by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant import model_file
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.drafts.draft import finished
+from wrenchgap.plant.drafts.sources import Given, drafted
+from wrenchgap.plant.drafts.text import text_of
+from wrenchgap.plant.state import Commands
+
+HULL, MOTOR, ARM, HEIGHT = 1.0, 0.05, 0.2, 0.03
+J_HULL = (0.004, 0.005, 0.006)
+SITES = ((ARM, -ARM, 1), (-ARM, ARM, 1), (ARM, ARM, -1), (-ARM, -ARM, -1))
+"""x, y and turning of the rotors."""
+MASS = HULL + 4 * MOTOR
+CENTRE = 4 * MOTOR * HEIGHT / MASS
+
+
+def inertia():
+    """Point masses on a hull, about the common centre (Steiner by hand, axis by axis)."""
+    own = np.array(J_HULL) + HULL * CENTRE**2 * np.array([1, 1, 0])
+    up = HEIGHT - CENTRE
+    return own + 4 * MOTOR * np.array([ARM**2 + up**2, ARM**2 + up**2, 2 * ARM**2])
+
+
+def plugin(number, turn):
+    way = "ccw" if turn > 0 else "cw"
+    return f"""<plugin name="m{number}" filename="gz-sim-multicopter-motor-model-system">
+      <jointName>rotor_{number}_joint</jointName><linkName>rotor_{number}</linkName>
+      <turningDirection>{way}</turningDirection><maxRotVelocity>1000.0</maxRotVelocity>
+      <motorConstant>8.5e-06</motorConstant><momentConstant>0.016</momentConstant>
+      <motorNumber>{number}</motorNumber></plugin>"""
+
+
+TINY = "<inertia ixx='1e-12' iyy='1e-12' izz='1e-12' ixy='0' ixz='0' iyz='0'/>"
+
+
+def urdf(plugins=True):
+    """The hull has a mesh that is not there, as meshes in package:// are."""
+    xx, yy, zz = J_HULL
+    parts = [
+        f"""<link name="base"><inertial><mass value="{HULL}"/>
+        <inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>
+        <visual><geometry><mesh filename="package://nowhere/hull.stl"/></geometry></visual></link>"""
+    ]
+    for number, (x, y, turn) in enumerate(SITES):
+        parts.append(
+            f"""<link name="rotor_{number}"><inertial><mass value="{MOTOR}"/>{TINY}</inertial></link>
+            <joint name="rotor_{number}_joint" type="continuous"><parent link="base"/><child link="rotor_{number}"/>
+            <origin xyz="{x} {y} {HEIGHT}"/><axis xyz="0 0 1"/></joint>"""
+        )
+        if plugins:
+            parts.append(f"<gazebo>{plugin(number, turn)}</gazebo>")
+    return f"<?xml version='1.0'?><robot name='quad'>{''.join(parts)}</robot>"
+
+
+def sdf():
+    """The whole model is moved and turned in its world, and rotors are given in the hull's frame."""
+    xx, yy, zz = J_HULL
+    parts = [
+        f"""<link name="base"><pose>1 2 3 0 0 0.7</pose><inertial><mass>{HULL}</mass>
+        <inertia><ixx>{xx}</ixx><iyy>{yy}</iyy><izz>{zz}</izz></inertia></inertial></link>"""
+    ]
+    for number, (x, y, turn) in enumerate(SITES):
+        parts.append(
+            f"""<link name="rotor_{number}"><pose relative_to="base">{x} {y} {HEIGHT} 0 0 0</pose><inertial>
+            <mass>{MOTOR}</mass><inertia><ixx>1e-12</ixx><iyy>1e-12</iyy><izz>1e-12</izz></inertia></inertial></link>
+            <joint name="rotor_{number}_joint" type="revolute"><parent>base</parent><child>rotor_{number}</child>
+            <axis><xyz>0 0 1</xyz><limit><lower>-1e16</lower><upper>1e16</upper></limit></axis></joint>
+            {plugin(number, turn)}"""
+        )
+    return f"<?xml version='1.0'?><sdf version='1.9'><model name='quad'>{''.join(parts)}</model></sdf>"
+
+
+def mjcf():
+    """Motors are bodies of the hull; actuators push on sites and pull their drag torque along."""
+    xx, yy, zz = J_HULL
+    bodies = "".join(
+        f"""<body name="motor_{k}" pos="{x} {y} {HEIGHT}">
+        <inertial pos="0 0 0" mass="{MOTOR}" diaginertia="1e-9 1e-9 1e-9"/><site name="s{k}"/></body>"""
+        for k, (x, y, _) in enumerate(SITES)
+    )
+    motors = "".join(
+        f'<motor name="M{k + 1}" site="s{k}" gear="0 0 1 0 0 {-0.016 * turn}" ctrllimited="true" ctrlrange="0 8.5"/>'
+        for k, (_, _, turn) in enumerate(SITES)
+    )
+    return f"""<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="base" pos="0 0 1" euler="0 0 30">
+    <freejoint/><inertial pos="0 0 0" mass="{HULL}" diaginertia="{xx} {yy} {zz}"/>{bodies}</body></worldbody>
+    <actuator>{motors}</actuator></mujoco>"""
+
+
+FORMS = {"quad.urdf": urdf, "quad.sdf": sdf, "quad.xml": mjcf}
+
+
+def read(tmp_path, name, text, given=None):
+    path = Path(tmp_path) / name
+    path.write_text(text)
+    return drafted(path, given or Given())
+
+
+def model_of(draft):
+    return model_file.loads(text_of(finished(draft), ["a test"]))
+
+
+@pytest.fixture(params=FORMS)
+def model(request, tmp_path):
+    return model_of(read(tmp_path, request.param, FORMS[request.param]()))
+
+
+def test_mass_properties_are_those_of_all_bodies(model):
+    body = model.vehicle.body
+    assert body.mass == pytest.approx(MASS, rel=1e-5)
+    assert body.com_B == pytest.approx([0.0, 0.0, CENTRE], abs=1e-7)
+    assert np.diag(body.inertia) == pytest.approx(inertia(), rel=1e-5)
+
+
+def test_rotors_are_where_they_are_and_turn_as_they_do(model):
+    arms, rotors = model.vehicle.geometry()
+    assert arms.position_B == pytest.approx(np.array([(x, y, HEIGHT) for x, y, _ in SITES]), abs=1e-6)
+    assert rotors.spin.tolist() == [turn for _, _, turn in SITES]
+    assert rotors.kappa == pytest.approx(np.full(4, 0.016))
+    assert not arms.tilts.any()
+
+
+def test_full_thrust_and_its_torque_are_those_of_the_description(model):
+    """8.5 N of the first rotor, 8.5e-6 times 1000 squared or the limit of its actuator, and 0.016 m times it."""
+    _, rotors = model.vehicle.geometry()
+    speeds = np.array([[rotors.speed_max[0], 0.0, 0.0, 0.0]])
+    wrench = nominal_wrench(model.vehicle, Commands(np.zeros((1, 6)), np.zeros((1, 4)), speeds))[0]
+    assert wrench[2] == pytest.approx(8.5, rel=1e-5)
+    assert wrench[5] == pytest.approx(-0.016 * 8.5, rel=1e-5)
+
+
+def test_mujoco_itself_agrees_with_the_torque_of_its_actuator(tmp_path):
+    """The generalised force of the first motor on the free hull, from MuJoCo."""
+    mujoco = pytest.importorskip("mujoco")
+    compiled = mujoco.MjModel.from_xml_string(mjcf())
+    data = mujoco.MjData(compiled)
+    data.ctrl[0] = 8.5
+    mujoco.mj_forward(compiled, data)
+    force = data.qfrc_actuator[:6]
+    assert force[2] == pytest.approx(8.5)
+    assert force[5] == pytest.approx(-0.016 * 8.5)
+
+
+def test_without_plugins_turning_joints_are_taken_and_what_is_assumed_is_said(tmp_path):
+    draft = finished(read(tmp_path, "quad.urdf", urdf(plugins=False)))
+    assert len(draft.rotors) == 4
+    assert all(r.spin.assumed for r in draft.rotors)
+    assert any("names no motors" in note for note in draft.notes)
+
+
+def test_a_weighed_mass_scales_what_the_description_says(tmp_path):
+    model = model_of(read(tmp_path, "quad.sdf", sdf(), Given(mass=2 * MASS, mass_tolerance=0.01)))
+    assert model.vehicle.body.mass == pytest.approx(2 * MASS)
+    assert np.diag(model.vehicle.body.inertia) == pytest.approx(2 * inertia(), rel=1e-5)
+    assert model.vehicle.tolerances.mass == 0.01
+
+
+def test_an_arm_on_a_hinge_tilts(tmp_path):
+    """A hinge with limits along x between hull and rotor."""
+    text = urdf().replace("</robot>", "")
+    text += (
+        """<link name="arm"><inertial><mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0"
+    iyz="0"/></inertial></link><joint name="tilt" type="revolute"><parent link="base"/><child link="arm"/>
+    <origin xyz="0.3 0 0"/><axis xyz="1 0 0"/><limit lower="-1.0" upper="1.2" effort="1" velocity="1"/></joint>
+    <link name="rotor_4"><inertial><mass value="0.05"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0"
+    iyz="0"/></inertial></link><joint name="rotor_4_joint" type="continuous"><parent link="arm"/><child link="rotor_4"/>
+    <axis xyz="0 0 1"/></joint>"""
+        + f"<gazebo>{plugin(4, 1)}</gazebo></robot>"
+    )
+    arms, _ = model_of(read(tmp_path, "quad.urdf", text)).vehicle.geometry()
+    assert arms.tilts.tolist() == [False, False, False, False, True]
+    assert arms.axis_B[4] == pytest.approx([1.0, 0.0, 0.0])
+    assert (arms.tilt_min[4], arms.tilt_max[4]) == pytest.approx((-1.0, 1.2), abs=1e-5)
+
+
+def test_coaxial_rotors_share_an_arm(tmp_path):
+    x, y, _ = SITES[0]
+    below = f"""<link name="rotor_4"><inertial><mass value="0.05"/>{TINY}</inertial></link>
+    <joint name="rotor_4_joint" type="continuous"><parent link="base"/><child link="rotor_4"/>
+    <origin xyz="{x} {y} {HEIGHT - 0.1}"/><axis xyz="0 0 1"/></joint>"""
+    text = (
+        urdf().replace("</robot>", "")
+        + below
+        + f"<gazebo>{plugin(0, -1).replace('rotor_0', 'rotor_4')}</gazebo></robot>"
+    )
+    arms, rotors = model_of(read(tmp_path, "quad.urdf", text)).vehicle.geometry()
+    assert len(arms) == 4
+    assert rotors.arm.tolist() == [0, 0, 1, 2, 3]
+    assert rotors.offset[:2] == pytest.approx([0.05, -0.05], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.urdf", "<robot", "a.urdf: is not XML"),
+        ("a.xml", "<html/>", "begins with <html>, expected <robot>"),
+        ("a.urdf", "<robot name='x'><link name='a'/><link name='b'/></robot>", "got 2 root links"),
+        ("a.sdf", "<sdf version='1.9'><world name='w'/></sdf>", "holds no <model>"),
+        (
+            "a.sdf",
+            sdf().replace(f"<mass>{HULL}</mass>", "<mass>heavy</mass>"),
+            "link base: mass: got 'heavy', expected 1",
+        ),
+        ("a.sdf", sdf().replace("<parent>base</parent>", "<parent>nix</parent>", 1), "hang on no joint from base"),
+        ("a.sdf", sdf().replace('relative_to="base"', 'relative_to="nix"', 1), "the frame 'nix' is not there"),
+        ("a.xml", "<mujoco><worldbody><body><geom size='0'/></body></worldbody></mujoco>", "MuJoCo cannot compile it"),
+        ("a.xml", "<mujoco><worldbody/></mujoco>", "has no body that could fly"),
+    ],
+)
+def test_what_is_broken_is_told_in_one_line(tmp_path, name, text, message):
+    with pytest.raises(ModelError, match=message) as caught:
+        finished(read(tmp_path, name, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_hull_without_rotors_is_refused(tmp_path):
+    text = "<sdf version='1.9'><model name='box'><link name='base'/></model></sdf>"
+    with pytest.raises(ModelError, match="no rotors found among 1 bodies"):
+        read(tmp_path, "a.sdf", text)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("a.xacro", "expand it first"), ("a.png", "is of a kind that is not read")]
+)
+def test_other_files_are_refused_with_the_remedy(tmp_path, name, message):
+    (tmp_path / name).write_text("")
+    with pytest.raises(UsageError, match=message):
+        drafted(tmp_path / name, Given())
