@@ -95,7 +95,8 @@ def _messages(path: Path, only: str | None = None) -> tuple[dict[str, Columns], 
     reader = required("pymavlink.DFReader", "ardupilot", "ArduPilot .bin logs", path)
     try:
         with silenced():
-            log = reader.DFReader_binary(str(path))
+            # its clock is not needed, and it would look for a GPS through the whole of a log that has none
+            log = type("Index", (reader.DFReader_binary,), {"init_clock": lambda self: None})(str(path))
     except Exception as error:  # a damaged log makes pymavlink raise many kinds
         raise LogError(f"{path}: not a readable dataflash log ({one_line(error) or type(error).__name__})") from error
     data = np.memmap(path, dtype=np.uint8, mode="r")

@@ -12,6 +12,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,9 @@ DEEPEST = 8
 """Messages within messages, at most: a definition may be recursive."""
 LONGEST = 256
 """Numbers of an array, at most: a picture is no signal."""
+
+MOST = 2000
+"""Names of fields, at most: a recursive type has no end of them."""
 
 Value = float | list[float]
 
@@ -165,7 +169,7 @@ def encoded(channel: Channel) -> Encoded:
             schema = json.loads(channel.definition or "{}")
         except (ValueError, RecursionError):
             schema = {}
-        return JsonMessages(channel, list(_schema_fields(schema)))
+        return JsonMessages(channel, list(islice(_schema_fields(schema), MOST)))
     return _protobuf(channel)
 
 
@@ -182,6 +186,6 @@ def _protobuf(channel: Channel) -> ProtobufMessages:
         for file in files.file:
             pool.Add(file)
         kind = pool.FindMessageTypeByName(channel.type)
-        return ProtobufMessages(channel, list(_described(kind)), kind=factory.GetMessageClass(kind))
+        return ProtobufMessages(channel, list(islice(_described(kind), MOST)), kind=factory.GetMessageClass(kind))
     except Exception as error:  # of a damaged description protobuf raises many kinds
         raise UndecodableError(f"its description of {channel.type} cannot be read: {one_line(error)}") from error

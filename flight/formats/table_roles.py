@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -122,7 +123,8 @@ class _Known:
 
     def words(self) -> list[str]:
         """One sentence on units, one on columns that are not known, and what else was noticed."""
-        said = [f"{name} {unit}" for name, unit in self.units.items() if unit]
+        spelled = {name: re.sub(r" (?=[sh])", "/", unit) for name, unit in self.units.items()}
+        said = [f"{name} {unit}" for name, unit in spelled.items() if unit]
         bare = [name for name, unit in self.units.items() if not unit and "orientation" not in name]
         parts = [f"as the header states: {', '.join(said)}"] if said else []
         parts += [f"taken as SI, as none is stated: {', '.join(bare)}"] if bare else []

@@ -11,12 +11,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import pandas as pd
-import pyarrow
-import pyarrow.parquet
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
@@ -25,6 +22,9 @@ from wrenchgap.flight.formats.merging import Stamps
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 from wrenchgap.flight.formats.table_roles import from_columns
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DELIMITERS = ",;\t|"
 SUFFIXES = (".csv", ".tsv", ".txt")
@@ -52,6 +52,8 @@ class CsvReader(TableReader):
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its header tells."""
+        import pandas as pd  # here and below: others need not wait for it
+
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:
             lines = [file.readline() for _ in range(100)]
         skipped = next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), 0)
@@ -87,6 +89,10 @@ class ParquetReader(TableReader):
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its columns' names tell."""
+        import pandas as pd
+        import pyarrow
+        import pyarrow.parquet
+
         try:
             frame = pyarrow.parquet.read_table(self.path).to_pandas()
         except (pyarrow.ArrowException, OSError, ValueError) as error:
@@ -132,6 +138,8 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
 
 def _numeric(header: str, column: Any) -> tuple[Columns, int]:
     """A column as numbers, a column of lists as several; and how many cells that are not empty hold none."""
+    import pandas as pd
+
     if column.dtype == object and len(column) and isinstance(column.iloc[0], list | tuple | np.ndarray):
         width = len(column.iloc[0])
         if not all(np.ndim(cell) == 1 and len(cell) == width for cell in column):
@@ -147,6 +155,8 @@ def _numeric(header: str, column: Any) -> tuple[Columns, int]:
 
 def _stamps(column: Any, unit: str, header: str) -> tuple[Stamps, Any, str]:
     """Times [ns], where they are known (N,), and how they were read."""
+    import pandas as pd
+
     numbers = None if pd.api.types.is_datetime64_any_dtype(column) else pd.to_numeric(column, errors="coerce")
     if numbers is None or numbers.notna().sum() < 0.5 * len(column):
         dates = pd.to_datetime(column, errors="coerce", utc=True).astype("datetime64[ns, UTC]")
