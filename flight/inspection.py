@@ -109,7 +109,7 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
         (table.log_time_ns if table.header_ns is None else table.header_ns) * 1e-9 - table.log_time_ns[0] * 1e-9
     )
     gaps = gaps_of(time)
-    several = len(time) > 2 and time[-1] > time[0]
+    several = len(time) > 2 and nominal_period(time) > 0.0  # damaged logs repeat one stamp
     clock = _relation(table)
     series = [] if flight is None else flight.series().values()
     return TopicReport(

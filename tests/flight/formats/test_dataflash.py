@@ -160,3 +160,12 @@ def opened(path):
         return flight.load(path), ""
     except LogError as error:
         return None, str(error)
+
+
+def test_messages_that_share_one_stamp_have_no_rate(autopilots, tmp_path):
+    log = autopilots.Dataflash()
+    sensors(log, autopilots.Climb)
+    times = np.concatenate((np.full(400, 31e6), [32e6]))
+    log.add("MODE", "QB", "TimeUS,Mode", times, np.zeros(401))
+    seen = flight.inspect(log.save(tmp_path / "log.bin"))
+    assert {topic.topic: topic.rate for topic in seen.topics}["MODE"] is None
