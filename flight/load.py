@@ -20,6 +20,7 @@ from wrenchgap.flight.flight import (
     ActuatorSeries,
     Array,
     Flight,
+    ImuSeries,
     OdometrySeries,
     ReferenceSeries,
     Series,
@@ -38,6 +39,8 @@ ABSURD = 1e12
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
     "imu": tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
+    "gyroscope": ("x", "y", "z"),
+    "accelerometer": ("x", "y", "z"),
     "pose": (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw")),
     "twist": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
     "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
@@ -81,8 +84,8 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
             "`wrenchgap inspect`"
         )
     sources = assignment.sources
-    used = {source.topic: log.tables[source.topic] for source in sources.values()}
-    motion = [sources[part].topic for part in ("imu", "pose", "twist") if part in sources]
+    used = {source.topic: _stamped(log.tables[source.topic], source) for source in sources.values()}
+    motion = [sources[part].topic for part in ("imu", "gyroscope", "pose", "twist") if part in sources]
     timing = one_clock(used, motion)
     builder = _Builder(log, assignment, timing, axis_names(unmeasured))
     if not builder.parts:
@@ -95,7 +98,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         commanded=builder.one("commanded", slice(None)),
         desired=builder.one("desired", slice(None)),
         actuators=builder.actuators(),
-        imu=builder.one("imu", slice(3), slice(3, None)),
+        imu=builder.imu(),
         odometry=builder.odometry(),
         reference=builder.reference(),
         battery=builder.one("battery", 0),
@@ -103,6 +106,13 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return replace(flight, notes=notes), timing
+
+
+def _stamped(table: Table, source: Source) -> Table:
+    """The table with its stamps in nanoseconds, where the user said in which unit they are."""
+    if table.header_ns is None or source.meaning.stamp == 1.0:
+        return table
+    return replace(table, header_ns=np.round(table.header_ns * source.meaning.stamp).astype(np.int64))
 
 
 @dataclass
@@ -138,6 +148,7 @@ class _Builder:
         source = self.assignment.sources[name]
         table = self.log.tables[source.topic]
         values = vector(table, source, PART_QUANTITY[name], str(self.log.path))
+        values = source.meaning.applied(PART_QUANTITY[name], values)
         if name == "imu":
             self.unmeasured = {**not_estimated(table, source), **dict.fromkeys(self.declared, Why.DECLARED)}
             values = values.copy()
@@ -186,6 +197,21 @@ class _Builder:
     def _made(self, kind: type[AnySeries], topic: str, part: _Part, *values: Array | None) -> AnySeries:
         time = self._seconds(part.stamps)
         return kind(topic, time, *values, gaps=gaps_of(time), dropped=part.dropped)
+
+    def imu(self) -> ImuSeries | None:
+        """Gyroscope and accelerometer, of one topic or, where the user named two, at the stamps of the gyroscope."""
+        whole, gyro, accel = (self.parts.get(name) for name in ("imu", "gyroscope", "accelerometer"))
+        if gyro is None and accel is None:
+            return None if whole is None else self.one("imu", slice(3), slice(3, None))  # type: ignore[no-any-return]
+        main = gyro or whole or accel
+        assert main is not None
+        unknown = np.full((len(main.stamps), 3), np.nan)
+        omega = main.values[:, :3] if main is not accel else unknown
+        force = self._at(main, accel) if accel is not None else main.values[:, 3:] if main is whole else None
+        if force is None:
+            force = unknown if whole is None else self._at(main, replace(whole, values=whole.values[:, 3:]))
+        topics = self._topics(*(part for part in ("imu", "gyroscope", "accelerometer") if part in self.parts))
+        return self._made(ImuSeries, topics, main, omega, force)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
@@ -252,15 +278,17 @@ class _Builder:
         topic = twist.source.topic
         in_body = "Odometry" in self.log.tables[topic].type
         time = self._seconds(pose.stamps)
+        meant = twist.source.meaning
         linear, angular = values[:, :3], values[:, 3:]
         velocity_E = omega = None
         if np.isfinite(linear).all():
             truth = smooth(time, pose.values[:, :3], derivative=1)
-            readings = {frame: so3.rotate(quat, linear), "E": linear}
+            readings = {frame: so3.rotate(quat, linear @ meant.body("velocity").T), "E": linear @ meant.world.T}
             velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, frame if in_body else "E")
         if np.isfinite(angular).all():
             truth = angular_velocity(time, quat)
-            readings = {frame: angular, "E": so3.rotate_inverse(quat, angular)}
+            turned = angular @ meant.body("rate").T
+            readings = {frame: turned, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
             # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
             omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
         return velocity_E, omega

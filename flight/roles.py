@@ -13,6 +13,12 @@ Overrides: `{"imu": "/my/imu"}`. The topic may be followed by a field and by col
     commanded=/debug.data[0:6]             force x y z, torque x y z
     desired=none                           nobody plays this role
 
+What the numbers mean stands behind it: a factor, and words for units, axes and stamps (`flight.meaning`):
+
+    rotor_speed=/esc.rpm*0.10472           everything times a factor
+    imu=/imu:frd,g                         axes forward-right-down, accelerometer in g
+    gyroscope=/gyro  accelerometer=/acc    one role from two topics: parts of `imu` that are only played when asked
+
 Columns of a vector that is taken from an array: wrench = force, torque; imu = angular velocity, specific force;
 pose = position x y z, quaternion x y z w; twist and acceleration = linear, angular.
 """
@@ -21,18 +27,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
+from wrenchgap.flight.meaning import NUMBER, Meaning, meaning
 from wrenchgap.flight.topic_names import TYPES, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
     "desired": ("desired",),
     "actuators": ("tilt", "rotor_speed"),
-    "imu": ("imu",),
+    "imu": ("imu", "gyroscope", "accelerometer"),
     "odometry": ("pose", "twist"),
     "reference": ("reference_pose", "reference_twist", "reference_acceleration"),
     "battery": ("battery",),
@@ -45,6 +52,8 @@ PART_QUANTITY: dict[str, str] = {
     "tilt": "tilt",
     "rotor_speed": "rotor_speed",
     "imu": "imu",
+    "gyroscope": "gyroscope",
+    "accelerometer": "accelerometer",
     "pose": "pose",
     "twist": "twist",
     "reference_pose": "pose",
@@ -52,6 +61,11 @@ PART_QUANTITY: dict[str, str] = {
     "reference_acceleration": "acceleration",
     "battery": "voltage",
 }
+
+ASKED = ("gyroscope", "accelerometer")
+"""Parts that nobody plays without being asked: what they say goes before the `imu`."""
+ASKED_FIELDS = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
+"""Where an Imu message has them."""
 
 SPEED_FIELDS = ("motor_speed", "motor_speeds", "rotor_speed", "rotor_speeds", "angular_velocities")
 """Array fields by which a custom type is recognised as rotor speeds, e.g. RotorS' mav_msgs/MotorSpeed."""
@@ -65,12 +79,13 @@ class Source:
     field: str
     columns: tuple[int, ...] | None = None
     asked: bool = False  # the field was named by the user and does not follow from the type
+    meaning: Meaning = Meaning()
 
     def __str__(self) -> str:
         """As in an override."""
         field = f".{self.field}" if self.asked else ""
         columns = "" if self.columns is None else f"[{','.join(map(str, self.columns))}]"
-        return f"{self.topic}{field}{columns}"
+        return f"{self.topic}{field}{columns}{self.meaning}"
 
 
 @dataclass(frozen=True)
@@ -103,7 +118,7 @@ def merged_topics(
 ) -> dict[str, str]:
     """`topics`, after those entries of `preferred` that this log can follow: its topic is there, or none is wanted."""
     followed = {
-        role: value for role, value in (preferred or {}).items() if _is_none(value) or parse_source(value)[0] in tables
+        role: value for role, value in (preferred or {}).items() if _is_none(value) or parse_source(value).topic in tables
     }
     return followed | dict(topics or {})
 
@@ -127,7 +142,7 @@ def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None
     named = _overrides(topics or {}, tables, where)
     proposer = _Proposer(tables, {part: source for part, source in named.items() if source is not None})
     for part in PART_QUANTITY:
-        if part not in named:
+        if part not in named and part not in ASKED:
             proposer.choose(part)
     proposer.one_wrench(closed=set(named))
     return Assignment(
@@ -204,16 +219,31 @@ def _offered(table: Table, part: str) -> str | None:
 
 
 def _topic_of(value: str) -> str:
-    return re.split(r"[.\[]", value, maxsplit=1)[0]
+    return re.split(r"[.\[*:]", value, maxsplit=1)[0]
 
 
-def parse_source(value: str) -> tuple[str, str | None, tuple[int, ...] | None]:
-    """Split `/topic.field[columns]`; raises `UsageError` where it is not of this form."""
-    match = re.fullmatch(r"([^.\[\]]+)(?:\.([\w.]+))?(?:\[([\d,:\s]+)\])?", value.strip())
+@dataclass(frozen=True)
+class Said:
+    """An override in its pieces: `/topic.field[columns]*factor:words`."""
+
+    topic: str
+    field: str | None
+    columns: tuple[int, ...] | None
+    factor: float
+    words: str
+
+
+def parse_source(value: str) -> Said:
+    """Split `/topic.field[columns]*factor:words`; raises `UsageError` where it is not of this form."""
+    form = rf"([^.\[\]*:]+)(?:\.([\w.]+))?(?:\[([\d,:\s]+)\])?(?:\*({NUMBER}))?(?::(.+))?"
+    match = re.fullmatch(form, value.strip())
     if match is None:
-        raise UsageError(f"topic {value!r}: expected /topic, /topic.field, /topic[0:6] or /topic[3,2,1,0]")
-    topic, place, columns = match.groups()
-    return topic, place, None if columns is None else _columns(columns, value)
+        raise UsageError(
+            f"topic {value!r}: expected /topic, /topic.field, /topic[0:6] or /topic[3,2,1,0], with *FACTOR or :WORDS "
+            "behind it, as in /imu:frd,g"
+        )
+    topic, place, columns, factor, words = match.groups()
+    return Said(topic, place, None if columns is None else _columns(columns, value), float(factor or 1.0), words or "")
 
 
 def _columns(text: str, value: str) -> tuple[int, ...]:
@@ -237,7 +267,7 @@ def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: st
         if role not in ROLE_PARTS and role not in PART_QUANTITY:
             valid = ", ".join(dict.fromkeys((*ROLES, *PART_QUANTITY)))
             raise UsageError(f"topic mapping {role}={value}: no role is called {role!r}; roles: {valid}")
-        parts = ROLE_PARTS.get(role, (role,))
+        parts = tuple(part for part in ROLE_PARTS.get(role, (role,)) if part == role or part not in ASKED)
         if _is_none(value):
             named |= dict.fromkeys(parts)
             continue
@@ -249,20 +279,23 @@ def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: st
                 f"{tables[topic].problem or 'it holds no ' + ' or '.join(PART_QUANTITY[p] for p in parts)}; "
                 f"for an array name field and columns, as in {role}={topic}.data[0:6]"
             )
-        named |= found
+        said = parse_source(value)
+        meant = meaning(said.words, said.factor, value, [PART_QUANTITY[part] for part in found])
+        named |= {part: replace(source, meaning=meant) for part, source in found.items()}
     return named
 
 
 def _named_source(
     value: str, part: str, tables: Mapping[str, Table], where: str, parts: tuple[str, ...]
 ) -> Source | None:
-    topic, place, columns = parse_source(value)
+    said = parse_source(value)
+    topic, place, columns = said.topic, said.field, said.columns
     if topic not in tables:
         raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
     table = tables[topic]
     asked = place is not None
     if place is None:
-        place = _offered(table, part)
+        place = _offered(table, part) if part not in ASKED else _vector_field(table, part)
     if place is None:
         place = _array_field(table, columns, parts)
     if place is None:
@@ -274,6 +307,14 @@ def _named_source(
     if not any(name == place or name.startswith(f"{place}.") for name in table.columns) and place:
         raise LogError(f"{where}: {topic} has no field {place!r}; fields: {', '.join(table.columns)}")
     return Source(topic, place, columns, asked)
+
+
+def _vector_field(table: Table, part: str) -> str | None:
+    """The three numbers of a gyroscope or an accelerometer: of an Imu, or the one vector of another message."""
+    for place in (ASKED_FIELDS[part], "vector", "vector3", ""):
+        if all((f"{place}.{axis}" if place else axis) in table.columns for axis in "xyz"):
+            return place
+    return None
 
 
 def _array_field(table: Table, columns: tuple[int, ...] | None, parts: tuple[str, ...]) -> str | None:

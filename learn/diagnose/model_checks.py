@@ -70,7 +70,7 @@ def _with_topics_of(
     if model is None or not model.topics:
         return plain
     have = {topic.topic for topic in plain.topics}
-    preferred = {role: text for role, text in model.topics.items() if parse_source(text)[0] in have}
+    preferred = {role: text for role, text in model.topics.items() if parse_source(text).topic in have}
     wanted = {**preferred, **topics}
     return flight.inspect(path, wanted, unmeasured=unmeasured) if wanted != dict(topics) else plain
 

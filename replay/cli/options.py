@@ -17,7 +17,8 @@ from typer.core import TyperCommand
 T = TypeVar("T")
 
 ROLES = (
-    *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "odometry", "pose", "twist"),
+    *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "gyroscope", "accelerometer"),
+    *("odometry", "pose", "twist"),
     *("reference", "reference_pose", "reference_twist", "reference_acceleration", "battery"),
 )
 """What a topic can be mapped to: roles and their parts (`flight.roles`)."""
@@ -88,7 +89,7 @@ Topics = Annotated[
     typer.Option(
         "--topic",
         metavar="ROLE=/TOPIC",
-        help="Say which topic plays a role, e.g. imu=/my/imu or tilt=/servo[0:6]; repeat for more.",
+        help="Which topic plays a role and what it means, e.g. imu=/my/imu:frd,g or tilt=/servo[0:6]; repeat for more.",
         autocompletion=complete_topics,
     ),
 ]
