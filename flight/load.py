@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
@@ -64,7 +65,7 @@ def load(
     Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
     understood.
     """
-    return build(*assigned(path, topics, preferred), unmeasured)[0]
+    return checked(*build(*assigned(path, topics, preferred), unmeasured))
 
 
 def assigned(
@@ -105,7 +106,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     )
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
-    return replace(flight, notes=notes), timing
+    return replace(flight, notes=notes, mapping=assignment.as_topics()), timing
 
 
 def _stamped(table: Table, source: Source) -> Table:

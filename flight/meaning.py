@@ -66,7 +66,8 @@ TURNING = ("force", "torque", "gyro", "accel", "attitude", "velocity", "rate")
 """Vectors that have the body's axes."""
 ALL_UNITS = ", ".join([*UNITS, *STAMPS])
 EXPECTED = (
-    f"expected words out of frd, ned, wxyz, inverse, axes=-yxz, roll=DEG, pitch=DEG, yaw=DEG, VECTOR*FACTOR, {ALL_UNITS}"
+    "expected words out of frd, ned, wxyz, inverse, axes=-yxz, roll=DEG, pitch=DEG, yaw=DEG, VECTOR*FACTOR, "
+    f"{ALL_UNITS}"
 )
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 

@@ -71,6 +71,9 @@ SPEED_FIELDS = ("motor_speed", "motor_speeds", "rotor_speed", "rotor_speeds", "a
 """Array fields by which a custom type is recognised as rotor speeds, e.g. RotorS' mav_msgs/MotorSpeed."""
 
 
+AS_IT_IS = Meaning()
+
+
 @dataclass(frozen=True)
 class Source:
     """Where a part's numbers come from: a topic, a field of its messages, and columns of that field (None: all)."""
@@ -79,7 +82,7 @@ class Source:
     field: str
     columns: tuple[int, ...] | None = None
     asked: bool = False  # the field was named by the user and does not follow from the type
-    meaning: Meaning = Meaning()
+    meaning: Meaning = AS_IT_IS
 
     def __str__(self) -> str:
         """As in an override."""
@@ -117,9 +120,8 @@ def merged_topics(
     topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None, tables: Mapping[str, Table]
 ) -> dict[str, str]:
     """`topics`, after those entries of `preferred` that this log can follow: its topic is there, or none is wanted."""
-    followed = {
-        role: value for role, value in (preferred or {}).items() if _is_none(value) or parse_source(value).topic in tables
-    }
+    wanted = (preferred or {}).items()
+    followed = {role: value for role, value in wanted if _is_none(value) or parse_source(value).topic in tables}
     return followed | dict(topics or {})
 
 

@@ -10,9 +10,14 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.flight.check import Check, Finding, TimeLeftOut, accepted_names, accepting, stop_where_bad
+from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Array, Flight, Gap, Samples
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
+from wrenchgap.learn.data.checks import against_model, rates
+from wrenchgap.learn.data.checks.limits import possible
+from wrenchgap.learn.data.checks.records import of_records
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, low_pass, prepare
 from wrenchgap.plant.model import Model
@@ -32,6 +37,8 @@ class OpenFlight:
 
     `flown` are the parts of the stretches in which the vehicle was in the air, `records` what was made of each of them.
     `left_out` are the times [s] that are not used although the log has them: on the ground, or not asked for.
+    `checks` are what was asked of it (docs/checks.md). Notes are sentences, a `Finding` of each check, and a
+    `TimeLeftOut` of each of those times.
     """
 
     flight: Flight
@@ -39,7 +46,8 @@ class OpenFlight:
     flown: tuple[Samples, ...]
     records: tuple[Record, ...]
     left_out: tuple[Gap, ...]
-    notes: tuple[str, ...]
+    notes: tuple[object, ...]
+    checks: tuple[Check, ...] = ()
 
 
 Flights = OpenFlight | Sequence[OpenFlight]
@@ -63,12 +71,19 @@ def opened(
     rate_hz: float | None = None,
     between: tuple[float, float] | None = None,
     incomplete: bool = False,
+    accept: Sequence[str] = (),
+    gate: bool = True,
 ) -> OpenFlight:
     """A flight in memory as `open_flights` gives it; `rate_hz` is that of the records (default as `prepare`).
 
     With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
+
+    With `gate` a check that is bad and not among the names `accept` raises LogError.
     """
+    asked = _Asked(found.path.name, accepted_names(accept), gate)
+    found, unlikely = possible(checked(found), model)
+    asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz)))
     played, notes = _commanded(found, incomplete)
     # Without commands there is no clock, nor without the IMU where there is one.
     needed = ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))
@@ -77,7 +92,9 @@ def opened(
     except LogError as error:
         if not incomplete:
             raise
-        return OpenFlight(found, (), (), (), _outside(between), (*found.notes, *notes, f"no measured wrench: {error}"))
+        told = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
+        return OpenFlight(found, (), (), (), _outside(between), told, asked.checks)
+    asked.pass_(against_model(played, model, resampled.samples))
     within = _within(resampled.samples, between, found)
     parts, left_out, grounded = _airborne_parts(within, resampled.samples, model.vehicle)
     flown, records, short = [], [], []
@@ -95,10 +112,39 @@ def opened(
             records.append(made)
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else _never_flew(found, model))
-    notes = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
-    notes += _notes(found, grounded, records)
-    missing, told = (*_outside(between), *left_out), tuple(dict.fromkeys(notes))
-    return OpenFlight(found, resampled.samples, tuple(flown), tuple(records), missing, told)
+    asked.pass_(of_records(found, records, model))
+    told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
+    told += [*_notes(found, grounded, records), *asked.findings(found), *_times(found, between, left_out)]
+    missing = (*_outside(between), *left_out)
+    parts_flown = resampled.samples, tuple(flown), tuple(records)
+    return OpenFlight(found, *parts_flown, missing, tuple(dict.fromkeys(told)), asked.checks)
+
+
+@dataclass
+class _Asked:
+    """The checks of a flight as they come; the first bad one that is not accepted stops."""
+
+    where: str
+    accept: tuple[str, ...]
+    gate: bool
+    checks: tuple[Check, ...] = ()
+
+    def pass_(self, found: Iterable[Check]) -> None:
+        """Add checks; raise LogError where one of them stops. Roles have errors of their own."""
+        self.checks += accepting(found, self.accept)
+        if self.gate:
+            stop_where_bad(self.where, (check for check in self.checks if check.name != "roles"))
+
+    def findings(self, found: Flight) -> list[Finding]:
+        """The checks as notes."""
+        return [Finding(found.name, check) for check in self.checks]
+
+
+def _times(found: Flight, between: tuple[float, float] | None, grounded: Iterable[Gap]) -> list[TimeLeftOut]:
+    """The times that are not used, as notes."""
+    reasons = [(gap, "not asked for (--between)") for gap in _outside(between)]
+    reasons += [(gap, f"commanded force below {100 * GROUNDED:.0f} % of the weight") for gap in grounded]
+    return [*found.left_out, *(TimeLeftOut(found.name, gap.start, gap.stop, why) for gap, why in reasons)]
 
 
 def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
@@ -241,6 +287,8 @@ def open_flights(
     shifts: Mapping[str, float] | None = None,
     incomplete: bool = False,
     unmeasured: Iterable[str] = (),
+    accept: Sequence[str] = (),
+    gate: bool = True,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
     """Logs (or flights in memory) for a model, or what lies `between` two of their times [s], with names that differ.
@@ -248,17 +296,19 @@ def open_flights(
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
-    (`flight.unmeasured`). `rate_hz` and `incomplete` are those of `opened`; `load` reads as `flight.load` does. Raises
+    (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept` and `gate` are those of `opened`;
+    `load` reads as `flight.load` does. Raises
     LogError for the same log twice, UsageError for an unknown axis.
     """
     found: list[OpenFlight] = []
+    how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}
     absent = axis_names([*axis_names(unmeasured), *model.unmeasured])
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
     for log in logs:
         raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
         moved = flight.shifted(raw, shifts or {})
-        one = opened(moved, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
+        one = opened(moved, model, accept=accept, gate=gate, **how)
         for other in found:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")

@@ -54,6 +54,7 @@ class LogSession:
         between: tuple[float, float] | None = None,
         shifts: Mapping[str, float] | None = None,
         unmeasured: Sequence[str] = (),
+        accept: Sequence[str] = (),
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
@@ -65,6 +66,7 @@ class LogSession:
             "between": between,
             "shifts": shifts,
             "unmeasured": unmeasured,
+            "accept": accept,
             "load": load,
         }
         opened = open_flights(logs, model, cutoff_hz=cutoff, **how)

@@ -20,8 +20,8 @@ from wrenchgap.learn.process import store
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.trajectory import TRAJECTORIES
+from wrenchgap.replay.cli import completion
 from wrenchgap.replay.cli import main as cli
-from wrenchgap.replay.cli import options
 from wrenchgap.replay.present.learning import caution
 
 MODEL = "tilt_hexarotor"
@@ -152,11 +152,11 @@ def test_learn_predicts_an_unseen_flight_and_compare_uses_it(logs, run, result_o
 
 def test_inspect_reports_roles_and_checks_against_the_model(logs, result_of):
     result = result_of("inspect", logs.train, logs.test, "-m", MODEL)
-    head(result, "inspect", "log", "log", "model")
+    head(result, "inspect", "log", "log", "model", version=2)
     for log in result["logs"]:
         assert log["level"] == "ok"
         assert log["mapping"]["imu"] == "/imu"
-        assert {"weight", "actuation", "actuators"} == {c["name"] for c in log["model_checks"]}
+        assert {"weight", "actuation", "actuators", "rotors", "inertia"} <= {c["name"] for c in log["model_checks"]}
         assert all(c["level"] == "ok" for c in log["model_checks"])
         assert {t["topic"] for t in log["topics"]} >= {"/imu", "/command/wrench", "/odometry"}
 
@@ -240,11 +240,11 @@ def test_completion_knows_models_effects_and_trajectories():
 
 
 def test_completion_offers_what_is_there():
-    assert {name for name, _ in options.complete_effects("")} == set(catalogue())
-    assert options.complete_effects("com_o")[0][1].startswith("The centre of mass")
-    assert options.complete_trajectories("") == list(TRAJECTORIES)
-    assert set(options.ROLES) == {name for role, parts in ROLE_PARTS.items() for name in (role, *parts)}
-    assert options.complete_topics("im") == ["imu="]
+    assert {name for name, _ in completion.complete_effects("")} == set(catalogue())
+    assert completion.complete_effects("com_o")[0][1].startswith("The centre of mass")
+    assert completion.complete_trajectories("") == list(TRAJECTORIES)
+    assert set(completion.ROLES) == {name for role, parts in ROLE_PARTS.items() for name in (role, *parts)}
+    assert completion.complete_topics("im") == ["imu="]
 
 
 def test_a_fault_leaves_a_traceback_in_a_file(run, monkeypatch):

@@ -33,6 +33,7 @@ def view(
     shift: o.Shift = None,
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
+    accept: o.Accept = None,
     own: o.OwnEffects = None,
     quiet: o.Quiet = False,
 ) -> None:
@@ -56,7 +57,7 @@ def view(
     base, others, reading = (
         run.model(model),
         list(map(run.model, against or ())),
-        Reading(topic, shift, between=between, unmeasured=unmeasured),
+        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept),
     )
     process = run.gp(gp)
     with run.progress("opening") as report:
@@ -68,6 +69,7 @@ def view(
             between=reading.part,
             shifts=reading.shifts,
             unmeasured=reading.absent,
+            accept=reading.accepted,
             load=cache.load,
             against=others,
             gp_name="GP" if gp is None else gp.name,
