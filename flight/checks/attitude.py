@@ -23,6 +23,8 @@ STILL = 0.05
 """[rad/s] Rates below which an attitude tells nothing of a gyroscope."""
 UPRIGHT = 15.0
 """[deg] The median specific force, rotated to E, points up within this."""
+EXPLAINS = 0.8
+"""Cosine between rates of attitude and gyroscope from which on they show one motion."""
 STEADY = 0.35
 """Spread of the size of a specific force over its mean below which it has gravity in it."""
 
@@ -96,16 +98,23 @@ def frames(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     away = _away_from_up(seen.attitude, seen.accel)
     if away is None:
         return
-    if away <= UPRIGHT:
-        found = _turned(flight, seen)
-        yield found or Check("body-frame", "ok", "The IMU turns as the attitude does.")
+    together, alone = _turned(flight, seen)
+    moving = rms(without_mean(seen.rate)) > STILL
+    alike = cosine(without_mean(seen.rate), without_mean(seen.gyro)) if moving else 1.0
+    best = _best_reading(seen, force_z) if away > UPRIGHT or alike < EXPLAINS else None
+    if together is not None and (best is None or best.imu_down or together[1] > best.gyro - 0.02):
+        yield together[0]
+    elif best is not None and (best.words or best.imu_down):
+        yield from _as_read(flight, best, away, force_z)
+    elif alone is not None:
+        yield alone[0]
+    elif away > UPRIGHT:
+        hint = "the attitude is not body to east-north-up (NED, inverted, or another quaternion order), and no reading "
+        words = f"Rotated to E, the median specific force points {away:.0f} deg away from up"
+        yield Check("inertial-frame", "bad", f"{words}: {hint}of it fits the IMU")
+    else:
+        yield Check("body-frame", "ok", "The IMU turns as the attitude does.")
         yield Check("inertial-frame", "ok", f"Specific force, rotated to E, points up within {away:.1f} deg.")
-        return
-    turned = _turned(flight, seen) if away < 175.0 else None
-    if turned is not None and turned.mend is not None:
-        yield turned
-        return
-    yield from _readings(flight, seen, away, force_z)
 
 
 def _upside_down(flight: Flight, force_z: float) -> Check:
@@ -113,22 +122,27 @@ def _upside_down(flight: Flight, force_z: float) -> Check:
     return Check("body-frame", "bad", words, option(flight, "frd", "imu"))
 
 
-def _readings(flight: Flight, seen: Seen, away: float, force_z: float) -> Iterator[Check]:
-    """What is wrong with an attitude that does not turn the specific force upwards."""
+def _best_reading(seen: Seen, force_z: float) -> Reading | None:
+    """The reading of attitude and IMU that fits; where the IMU reads down in hover, one that has it so."""
     tried = [_reading(seen, words, down) for words in WORLDS for down in (False, True)]
-    fitting = [r for r in tried if r.up < UPRIGHT and (r.gyro > 0.8 or rms(without_mean(seen.rate)) < STILL)]
-    best = max(fitting, key=lambda r: (round(r.gyro, 1), -r.imu_down, -len(r.words)), default=None)
-    words = f"Rotated to E, the median specific force points {away:.0f} deg away from up"
-    if best is None:
-        hint = "the attitude is not body to east-north-up (NED, inverted, or another quaternion order), and no reading "
-        yield Check("inertial-frame", "bad", f"{words}: {hint}of it fits the IMU")
-        return
+    still = rms(without_mean(seen.rate)) < STILL
+    fitting = [r for r in tried if r.up < UPRIGHT and (r.gyro > EXPLAINS or still)]
+    likely = (force_z < 0.0,)
+    return max(fitting, key=lambda r: (round(r.gyro, 1), r.imu_down in likely, -len(r.words)), default=None)
+
+
+def _as_read(flight: Flight, best: Reading, away: float, force_z: float) -> Iterator[Check]:
+    """What is wrong with an attitude, or an IMU, that fits when it is read otherwise."""
     if best.imu_down:
         yield _upside_down(flight, force_z)
     if best.words:
         parts = ("pose", "twist") if "twist" in flight.mapping or not flight.mapping else ("pose",)
-        fits = f"read as {best.words} it points up within {best.up:.1f} deg and turns as the gyroscope (cosine "
-        yield Check("inertial-frame", "bad", f"{words}; {fits}{best.gyro:.2f})", option(flight, best.words, *parts))
+        words = (
+            f"Rotated to E, the median specific force points {away:.0f} deg away from up, or the attitude turns unlike "
+            f"the gyroscope; read as {best.words} it points up within {best.up:.1f} deg and turns alike (cosine "
+            f"{best.gyro:.2f})"
+        )
+        yield Check("inertial-frame", "bad", words, option(flight, best.words, *parts))
 
 
 WORLDS = (
@@ -178,30 +192,29 @@ def _away_from_up(quat_EB: Array, force_B: Array) -> float | None:
     return float(np.degrees(np.arccos(np.clip(mean_E[2] / size, -1.0, 1.0))))
 
 
-def _turned(flight: Flight, seen: Seen) -> Check | None:
-    """An IMU that is mounted otherwise than the mapping says, alone or with its accelerometer."""
+def _turned(flight: Flight, seen: Seen) -> tuple[tuple[Check, float] | None, tuple[Check, float] | None]:
+    """An IMU that is mounted otherwise than the mapping says: all of it, and its gyroscope alone; each with its fit."""
     assert seen.gyro is not None
     assert seen.accel is not None
     rates = without_mean(seen.rate), without_mean(seen.gyro)
-    if min(rms(rates[0]), rms(seen.rate)) < STILL or rms(rates[1]) == 0.0:
-        return None
+    if rms(rates[0]) < STILL or rms(rates[1]) == 0.0:
+        return None, None
     forces = seen.force(), seen.accel
-    together = best_axes([rates, forces])
+    together, whole = best_axes([rates, forces]), None
     if together is not None and _improves_force(forces, together.matrix):
         named = "forward-right-down" if together.words == "frd" else together.words
         words = (
             f"The gyroscope goes with the attitude's rate by a cosine of {together.as_is:.2f}, with the IMU's axes "
             f"read as {named} by {together.fits:.2f}"
         )
-        return Check("body-frame", "bad", words, option(flight, together.words, "imu"))
+        whole = Check("body-frame", "bad", words, option(flight, together.words, "imu")), together.fits
     alone = best_axes([rates])
     if alone is None or len(alone.words.split(",")) > 1:
-        return None
+        return whole, None
     words = f"The gyroscope goes with the attitude's rate by a cosine of {alone.as_is:.2f}, as gyro.{alone.words} by "
-    return Check(
-        "body-frame", "bad", f"{words}{alone.fits:.2f}: opposite or swapped axes",
-        option(flight, f"gyro.{alone.words}", "imu"),
-    )  # fmt: skip
+    mend = option(flight, f"gyro.{alone.words}", "imu")
+    found = Check("body-frame", "bad", f"{words}{alone.fits:.2f}: opposite or swapped axes", mend)
+    return whole, (found, alone.fits)
 
 
 def _improves_force(forces: tuple[Array, Array], turn: Array) -> bool:

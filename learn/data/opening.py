@@ -188,7 +188,7 @@ def _airborne_parts(
 
 def airborne(wrench_B: Array, dt: float, vehicle: Vehicle) -> list[slice]:
     """The contiguous parts in which the force of commanded wrenches (N, 6), low-passed, could carry the vehicle."""
-    force = np.linalg.norm(low_pass(wrench_B[:, :3], dt, 1.0), axis=1)
+    force = np.linalg.norm(low_pass(wrench_B[:, :3], dt, min(1.0, 0.3 / dt)), axis=1)
     flying = force > GROUNDED * vehicle.body.mass * GRAVITY
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
     return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

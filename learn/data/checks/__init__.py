@@ -30,12 +30,15 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     """What a model says of a flight whose `stretches` are on one clock."""
     found = [*of_vehicle(model)]
     seen = compared(stretches, model.vehicle)
-    if seen is not None:
+    if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
+        found += rotors(flight, model, seen)
+    if seen is not None and all(check.level != "bad" for check in found):
         found += force_unit(flight, model, seen)
-        found += torque_unit(flight, model, seen)
+        if all(check.level == "ok" for check in found):  # a wrong inertia has said so
+            found += torque_unit(flight, model, seen)
         if not any(check.level == "bad" for check in found):
             found += axes(flight, model, seen)
-            found += rotors(flight, model, seen)
+            found += rotors(flight, model, seen) if seen.wrench is not None else ()
     return tuple(found)
 
 

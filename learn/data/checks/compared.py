@@ -23,8 +23,8 @@ LAGS = (0.0, 0.03, 0.08)
 """Time constants [s] of the actuators that are tried."""
 LIFTED = 0.3
 """Share of the usual command's size, and of the weight, above which a vehicle flies."""
-SHORTEST = 2.0
-"""[s]"""
+SHORTEST, SLOWEST = 2.0, 0.1
+"""Of a stretch, and of its clock's period [s]."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,8 @@ class Compared:
 
 def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     """The flight side by side; None where nothing was flown for long, or an axis was not measured."""
+    if not stretches or stretches[0].dt > SLOWEST:
+        return None
     try:
         rows = [_row(samples, vehicle) for samples in stretches if len(samples) * samples.dt >= SHORTEST]
     except FitError:

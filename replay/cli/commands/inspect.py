@@ -57,5 +57,6 @@ def inspect(
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
     run.write("inspect", {"logs": bodies})
     run.wrote()
-    if any(check["level"] == "bad" and not check["accepted"] for body in bodies for check in body["checks"]):
+    found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]
+    if any(check["level"] == "bad" and not check["accepted"] for check in found):
         raise typer.Exit(FOUND_BAD)
