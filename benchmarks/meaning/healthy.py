@@ -35,7 +35,8 @@ def _every(count: int) -> Change:
 def _biased(flight: Flight) -> Flight:
     imu = flight.imu
     assert imu is not None
-    omega, force = imu.omega_B + [0.05, -0.04, 0.06], imu.specific_force_B + [0.4, -0.5, 0.6]
+    bias = np.array([0.05, -0.04, 0.06])
+    omega, force = imu.omega_B + bias, imu.specific_force_B + 10.0 * bias
     return replace(flight, imu=replace(imu, omega_B=omega, specific_force_B=force))
 
 

@@ -19,6 +19,10 @@ from wrenchgap.learn.data.opening import OpenFlight, open_flights
 HARMLESS = ("roles", "gaps", "left-out", "weight", "clock", "jitter")
 """Warnings that healthy logs may have: no odometry, no IMU, an offset of clocks."""
 
+MENDS = 3
+"""Options that a user would follow one after the other."""
+REFUSED = re.compile(r"; mend it with (.*), or take it as it is")
+
 
 @dataclass(frozen=True)
 class Row:
@@ -51,13 +55,11 @@ def judge(vehicle: str, flight: Flight, model: str, fault: Fault, folder: Path) 
     said = [check for check in checks if check.level != "ok" and check.name not in HARMLESS]
     named = any(check.name in fault.named for check in said) or any(f": {name}:" in stopped for name in fault.named)
     mends = [check for check in said if check.mend and check.name in fault.named]
-    mended = None
-    if mends:
-        mended = _mended(log, model_path, mends[0].mend or "")
+    refused = REFUSED.search(stopped)
+    mend = mends[0].mend if mends else refused[1] if refused else None
+    mended = None if mend is None else _mended(log, model_path, mend)
     names = tuple(dict.fromkeys(check.name for check in said))
-    return Row(
-        vehicle, fault.name, stopped, names, named, bool(said or stopped), mends[0].mend if mends else None, mended
-    )
+    return Row(vehicle, fault.name, stopped, names, named, bool(said or stopped), mend, mended)
 
 
 def _opened(log: Path, model: Path, **how: Any) -> tuple[str, Sequence[Check]]:
@@ -77,15 +79,21 @@ def _opened(log: Path, model: Path, **how: Any) -> tuple[str, Sequence[Check]]:
 
 
 def _mended(log: Path, model: Path, options: str) -> bool:
-    """Whether the proposed options make the log pass."""
-    words, how = shlex.split(options), {}
-    topics = dict(word.split("=", 1) for flag, word in zip(words[::2], words[1::2], strict=True) if flag == "--topic")
-    how = {"topics": topics}
-    if (cutoff := re.search(r"--cutoff ([\d.]+)", options)) is not None:
-        how |= {"cutoff_hz": float(cutoff[1])}
-    if (axes := re.search(r"--unmeasured (\S+)", options)) is not None:
-        how |= {"unmeasured": axes[1].split(",")}
-    return not _opened(log, model, **how)[0]
+    """Whether the proposed options make the log pass, a second fault that they bring to light mended likewise."""
+    how: dict[str, Any] = {"topics": {}}
+    for _ in range(MENDS):
+        words = shlex.split(options)
+        said = list(zip(words[::2], words[1::2], strict=True))
+        how["topics"] |= dict(word.split("=", 1) for flag, word in said if flag == "--topic")
+        for flag, word in said:
+            how |= {"cutoff_hz": float(word)} if flag == "--cutoff" else {}
+            how |= {"unmeasured": word.split(",")} if flag == "--unmeasured" else {}
+        stopped, _ = _opened(log, model, **how)
+        refused = REFUSED.search(stopped)
+        if refused is None:
+            return not stopped
+        options = refused[1]
+    return False
 
 
 def plain(row: Row) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from wrenchgap.flight.meaning import FRD, NED
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
 DEGREES = 180.0 / np.pi
-STILL = 0.05
+STILL = 0.03
 """[rad/s] Rates below which an attitude tells nothing of a gyroscope."""
 UPRIGHT = 15.0
 """[deg] The median specific force, rotated to E, points up within this."""
@@ -175,12 +175,13 @@ def _reading(seen: Seen, words: str, down: bool) -> Reading:
 
 
 def _rates_of(seen: Seen, quat: Array) -> Array:
-    """Rates (K, 3) of attitudes at the middles of intervals that follow one another, in proportion."""
-    q = so3.continuous(quat)
-    turned = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
+    """Rates (K, 3) of other attitudes at the middles of the intervals, in proportion, over as many of them."""
+    q, rows = so3.continuous(quat), np.arange(len(quat))
+    before, after = np.maximum(rows - seen.apart, 0), np.minimum(rows + seen.apart, len(quat) - 1)
+    turned = so3.log(so3.multiply(so3.conjugate(q[before]), q[after]))
     usual = np.median(np.linalg.norm(turned, axis=1))
     turned[np.linalg.norm(turned, axis=1) > 20.0 * usual + 1e-12] = 0.0  # over a pause
-    return np.concatenate((turned, turned[-1:]))
+    return np.asarray(turned)
 
 
 def _away_from_up(quat_EB: Array, force_B: Array) -> float | None:

@@ -28,7 +28,7 @@ BLOCKS = 8
 class Seen:
     """Means over K intervals. `rate` (K, 3) and `force` (K, 3) of the attitude and velocity in B, what IMU should read;
     `gyro`, `accel` (K, 3) what it reads; `own_rate` (K, 3) is that of the odometry's twist; `attitude` (K, 4) at the
-    middle. `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E;
+    middle, `apart` rows from that at the end of the interval. `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E;
     `acceleration` (K, 3) of the logged velocity and `curve` (K, 3) of the positions, in E. None: not in the log.
     """  # noqa: D205
 
@@ -37,6 +37,7 @@ class Seen:
     moved: Array
     curve: Array
     velocity: Array | None
+    apart: int
     acceleration: Array | None
     own_rate: Array | None
     gyro: Array | None
@@ -61,7 +62,8 @@ def seen(flight: Flight) -> Seen | None:
     time, quat = odometry.time, so3.continuous(odometry.quat_EB)
     m = max(1, round(INTERVAL / odometry.period))
     first = np.arange(0, len(time) - 2 * m)
-    first = first[:: max(1, len(first) // 20_000)]
+    thinned = max(1, len(first) // 20_000)
+    first = first[::thinned]
     middle, last = first + m, first + 2 * m
     usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period
     if flight.imu is not None:
@@ -80,6 +82,7 @@ def seen(flight: Flight) -> Seen | None:
         moved=(p[last] - p[first]) / span,
         curve=(slopes[1] - slopes[0]) / (0.5 * span),
         velocity=None if v is None else _mean(odometry, v, time[first], time[last]),
+        apart=max(1, round(m / thinned)),
         acceleration=None if v is None else (v[last] - v[first]) / span,
         own_rate=None if odometry.omega_B is None else _mean(odometry, odometry.omega_B, time[first], time[last]),
         gyro=None if imu is None else _mean(imu, imu.omega_B, time[first], time[last]),

@@ -52,7 +52,7 @@ def rates(flight: Flight, cutoff_hz: float) -> tuple[Check, ...]:
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
     role, series, rate = min(slow, key=lambda item: item[2])
-    usable = np.floor(10.0 * rate / FASTER) / 10.0
+    usable = np.floor(9.7 * rate / FASTER) / 10.0
     words = (
         f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {FASTER * cutoff_hz:g}: "
         "what is faster is folded into what is slower"

@@ -129,7 +129,7 @@ def axes(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     if together is not None and cosine(forces[0], forces[1] @ together.matrix.T) > cosine(*forces) - 0.02:
         words = (
             f"The motion goes with the commanded wrench by a cosine of {together.as_is:.2f}, with its axes read as "
-            f"{together.words} by {together.fits:.2f}"
+            f"{together.words} by {together.fits:.2f}: its axes, or those of the IMU"
         )
         yield Check("wrench-frame", "bad", words, option(flight, together.words, "commanded"))
         return
