@@ -84,7 +84,7 @@ def inspect(
     log, assignment = assigned(path, topics, preferred)
     flight: Flight | None = None
     try:
-        flight = checked(*build(log, assignment, unmeasured))
+        flight = checked(*build(log, assignment, unmeasured), assignment.vehicles)
         found = flight.checks or ()
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)

@@ -65,7 +65,8 @@ def load(
     Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
     understood.
     """
-    return checked(*build(*assigned(path, topics, preferred), unmeasured))
+    log, assignment = assigned(path, topics, preferred)
+    return checked(*build(log, assignment, unmeasured), assignment.vehicles)
 
 
 def assigned(
@@ -203,7 +204,7 @@ class _Builder:
         """Gyroscope and accelerometer, of one topic or, where the user named two, at the stamps of the gyroscope."""
         whole, gyro, accel = (self.parts.get(name) for name in ("imu", "gyroscope", "accelerometer"))
         if gyro is None and accel is None:
-            return None if whole is None else self.one("imu", slice(3), slice(3, None))  # type: ignore[no-any-return]
+            return None if whole is None else self.one("imu", slice(3), slice(3, None))
         main = gyro or whole or accel
         assert main is not None
         unknown = np.full((len(main.stamps), 3), np.nan)

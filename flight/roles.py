@@ -96,12 +96,14 @@ class Assignment:
     """Who plays what: `sources` by part.
 
     `candidates` by part are the other topics that could, best first: those whose name suits, or, where none was
-    chosen, all of the right type.
+    chosen, all of the right type. `vehicles` are part and topic of each of several vehicles that the log may be of,
+    where nobody said which.
     """
 
     sources: dict[str, Source]
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    vehicles: tuple[tuple[str, str], ...] = ()
 
     def as_topics(self) -> dict[str, str]:
         """The assignment in the syntax of overrides, for a model file."""
@@ -151,6 +153,7 @@ def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None
         {part: proposer.sources[part] for part in PART_QUANTITY if part in proposer.sources},
         proposer.candidates,
         tuple(proposer.notes),
+        tuple(proposer.vehicles) if not any(named.values()) else (),
     )
 
 
@@ -160,6 +163,7 @@ class _Proposer:
         self.sources = dict(named)
         self.candidates: dict[str, tuple[str, ...]] = {}
         self.notes: list[str] = []
+        self.vehicles: list[tuple[str, str]] = []
 
     def choose(self, part: str) -> None:
         """Give a part to the best topic, if any is good enough."""
@@ -173,6 +177,9 @@ class _Proposer:
         good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
         if good:
             _, _, topic, place = good[0]
+            alike = [entry[2] for entry in good if _twins(topic, entry[2])]
+            if len(alike) > 1 and not self.vehicles and not self.sources:
+                self.vehicles = [(part, other) for other in sorted(alike)]
             self.sources[part] = Source(topic, place)
         others = tuple(entry[2] for entry in (good[1:] if good else scored))
         if others:
@@ -204,6 +211,12 @@ class _Proposer:
         self.notes.append(
             f"No topic holds a commanded wrench: {self.sources['desired'].topic} (desired) is used for both."
         )
+
+
+def _twins(topic: str, other: str) -> bool:
+    """Whether two topics are called alike in different namespaces (or are the same)."""
+    own, their = namespace(topic), namespace(other)
+    return bool(own and their) and topic.strip("/")[len(own) :] == other.strip("/")[len(their) :]
 
 
 def _offered(table: Table, part: str) -> str | None:

@@ -84,7 +84,8 @@ def _calm(rows: Sequence[Row]) -> str:
         return ""
     silent = [row.fault for row in rows if not row.seen]
     text = (
-        "\n### A flight that hardly excites anything\n\nThe quadrotor with a fifth of the excitation and half the motion: "
+        "\n### A flight that hardly excites anything\n\n"
+        "The quadrotor with a fifth of the excitation and half the motion: "
         f"named {_share([row.named for row in rows])}, silent {len(silent)}"
     )
     return f"{text}{': ' + ', '.join(silent) if silent else ''}.\n"

@@ -15,7 +15,7 @@ vehicle is in `learn.data.against_model`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wrenchgap.flight.check import Check
@@ -53,11 +53,14 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 
 
-def checked(flight: Flight, timing: Timing | None = None) -> Flight:
-    """The flight with its checks, and without samples that cannot be true; as it is where that was done before."""
+def checked(flight: Flight, timing: Timing | None = None, vehicles: Sequence[tuple[str, str]] = ()) -> Flight:
+    """The flight with its checks, and without samples that cannot be true; as it is where that was done before.
+
+    `timing` and `vehicles` are those of the reader (`flight.clocks`, `flight.roles`).
+    """
     if flight.checks is not None:
         return flight
     clean, unlikely, left = masked(flight)
     clocks = () if timing is None else stamps.clocks(timing, flight.mapping)
-    found = (*clocks, *unlikely, *checks(clean))
+    found = (*presence.vehicles(vehicles), *clocks, *unlikely, *checks(clean))
     return replace(clean, checks=found, left_out=(*flight.left_out, *left))

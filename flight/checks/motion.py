@@ -26,10 +26,10 @@ BLOCKS = 8
 
 @dataclass(frozen=True)
 class Seen:
-    """Means over K intervals. `rate` (K, 3) and `force` (K, 3) of the attitude and velocity in B, what IMU should read;
-    `gyro`, `accel` (K, 3) what it reads; `own_rate` (K, 3) is that of the odometry's twist; `attitude` (K, 4) at the
-    middle, `apart` rows from that at the end of the interval. `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E;
-    `acceleration` (K, 3) of the logged velocity and `curve` (K, 3) of the positions, in E. None: not in the log.
+    """Means over K intervals. `rate` (K, 3) of the attitude in B, `gyro`, `accel` (K, 3) what the IMU reads, `own_rate`
+    (K, 3) of the odometry's twist; `attitude` (K, 4) at the middle, `apart` rows from that at the end of the interval.
+    `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E; `acceleration`
+    (K, 3) of the logged velocity and `curve` (K, 3) of the positions, in E. None: not in the log.
     """  # noqa: D205
 
     rate: Array

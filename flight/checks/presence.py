@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -29,6 +29,16 @@ def roles(flight: Flight) -> Iterator[Check]:
         yield Check("roles", "warn", "No odometry: attitude and velocity are unknown; no counterfactual flight.")
     if {"commanded", "imu", "odometry"} <= set(played):
         yield Check("roles", "ok", f"Roles played: {', '.join(played)}.")
+
+
+def vehicles(found: Sequence[tuple[str, str]]) -> tuple[Check, ...]:
+    """Whether the log is of one vehicle, or nobody said of which."""
+    if not found:
+        return ()
+    listed = ", ".join(topic for _, topic in found)
+    part, topic = found[0]
+    words = f"The log may be of {len(found)} vehicles: {listed} could each be the {part}; say which, the rest follows"
+    return (Check("vehicles", "bad", words, f"--topic {part}={topic}"),)
 
 
 def units(flight: Flight) -> Iterator[Check]:

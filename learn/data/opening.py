@@ -15,6 +15,8 @@ from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Array, Flight, Gap, Samples
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
+from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside, part
+from wrenchgap.learn.data.between import within as kept_within
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.limits import possible
 from wrenchgap.learn.data.checks.records import of_records
@@ -27,8 +29,6 @@ from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 Loader = Callable[..., Flight]
 GROUNDED = 0.3
 """Share of the weight below which the commanded force cannot be what carries the vehicle."""
-MINIMUM_FLIGHT = 2.0
-"""Shortest stretch in the air that is worth keeping [s]."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def opened(
     *,
     cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
-    between: tuple[float, float] | None = None,
+    between: Between = None,
     incomplete: bool = False,
     accept: Sequence[str] = (),
     gate: bool = True,
@@ -92,30 +92,30 @@ def opened(
     except LogError as error:
         if not incomplete:
             raise
-        told = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
-        return OpenFlight(found, (), (), (), _outside(between), told, asked.checks)
+        why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
+        return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
     asked.pass_(against_model(played, model, resampled.samples))
-    within = _within(resampled.samples, between, found)
+    within = kept_within(resampled.samples, between, found)
     parts, left_out, grounded = _airborne_parts(within, resampled.samples, model.vehicle)
     flown, records, short = [], [], []
-    for part, sent, source in parts:
+    for rows, sent, source in parts:
         try:
             made = prepare(
-                part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
+                rows, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
             )
         except FitError as error:
-            if len(part) * part.dt >= 12.0 / cutoff_hz:
+            if len(rows) * rows.dt >= 12.0 / cutoff_hz:
                 raise
             short.append(str(error))
         else:
-            flown.append(part)
+            flown.append(rows)
             records.append(made)
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else _never_flew(found, model))
     asked.pass_(of_records(found, records, model))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, grounded, records), *asked.findings(found), *_times(found, between, left_out)]
-    missing = (*_outside(between), *left_out)
+    missing = (*outside(between), *left_out)
     parts_flown = resampled.samples, tuple(flown), tuple(records)
     return OpenFlight(found, *parts_flown, missing, tuple(dict.fromkeys(told)), asked.checks)
 
@@ -140,9 +140,9 @@ class _Asked:
         return [Finding(found.name, check) for check in self.checks]
 
 
-def _times(found: Flight, between: tuple[float, float] | None, grounded: Iterable[Gap]) -> list[TimeLeftOut]:
+def _times(found: Flight, between: Between, grounded: Iterable[Gap]) -> list[TimeLeftOut]:
     """The times that are not used, as notes."""
-    reasons = [(gap, "not asked for (--between)") for gap in _outside(between)]
+    reasons = [(gap, "not asked for (--between)") for gap in outside(between)]
     reasons += [(gap, f"commanded force below {100 * GROUNDED:.0f} % of the weight") for gap in grounded]
     return [*found.left_out, *(TimeLeftOut(found.name, gap.start, gap.stop, why) for gap, why in reasons)]
 
@@ -176,7 +176,7 @@ def _airborne_parts(
             continue
         grounded += (len(samples) - sum(r.stop - r.start for r in rows)) * samples.dt
         long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
-        flown += [(_part(samples, r), commands.take(r), source) for r in long]
+        flown += [(part(samples, r), commands.take(r), source) for r in long]
         # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
         begin = -np.inf if samples.time[0] <= every[0].time[0] else samples.time[0] - samples.dt
         end = np.inf if samples.time[-1] >= every[-1].time[-1] else samples.time[-1] + samples.dt
@@ -225,34 +225,6 @@ def _unmeasured(found: Flight, model: Model) -> list[str]:
     return [said]
 
 
-def _outside(between: tuple[float, float] | None) -> tuple[Gap, ...]:
-    return () if between is None else (Gap(-np.inf, between[0]), Gap(between[1], np.inf))
-
-
-def _within(stretches: Sequence[Samples], between: tuple[float, float] | None, found: Flight) -> list[Samples]:
-    """The parts of the stretches between two times [s]; a LogError where nothing of the flight lies there."""
-    if between is None:
-        return list(stretches)
-    kept = []
-    for samples in stretches:
-        first, last = np.searchsorted(samples.time, between)
-        if (last - first) * samples.dt >= MINIMUM_FLIGHT:
-            kept.append(_part(samples, slice(int(first), int(last))))
-    if not kept:
-        begin, end = stretches[0].time[0], stretches[-1].time[-1]
-        raise LogError(
-            f"{found.path.name}: less than {MINIMUM_FLIGHT:g} s of flight between {between[0]:g} and {between[1]:g} s; "
-            f"the flight lasts from {begin:.1f} to {end:.1f} s"
-        )
-    return kept
-
-
-def _part(samples: Samples, rows: slice) -> Samples:
-    """Some consecutive samples of a stretch."""
-    arrays: dict[str, Any] = {k: v[rows] for k, v in vars(samples).items() if isinstance(v, np.ndarray)}
-    return replace(samples, **arrays)
-
-
 def _never_flew(found: Flight, model: Model) -> str:
     return (
         f"{found.path.name}: the commanded force never reaches {100 * GROUNDED:.0f} % of {model.vehicle.name}'s weight "
@@ -283,7 +255,7 @@ def open_flights(
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
-    between: tuple[float, float] | None = None,
+    between: Between = None,
     shifts: Mapping[str, float] | None = None,
     incomplete: bool = False,
     unmeasured: Iterable[str] = (),
@@ -291,7 +263,7 @@ def open_flights(
     gate: bool = True,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
-    """Logs (or flights in memory) for a model, or what lies `between` two of their times [s], with names that differ.
+    """Logs (or flights in memory) for a model, or what lies `between` some of their times [s], with names that differ.
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps

@@ -45,11 +45,11 @@ Cutoff = Annotated[
     float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
 ]
 Between = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--between",
         metavar="T0:T1",
-        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40.",
+        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40; repeat for more.",
     ),
 ]
 Shift = Annotated[
@@ -216,10 +216,12 @@ def parse_cutoff(hz: float) -> float:
     return hz
 
 
-def parse_between(text: str | None) -> tuple[float, float] | None:
-    """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
-    if text is None:
-        return None
+def parse_between(texts: Sequence[str] | None) -> tuple[tuple[float, float], ...] | None:
+    """`["5:40"]` as ((5.0, 40.0),), either side may be left open; raises UsageError on anything else."""
+    return tuple(map(_interval, texts)) if texts else None
+
+
+def _interval(text: str) -> tuple[float, float]:
     first, colon, last = text.partition(":")
     try:
         start, stop = float(first or "-inf"), float(last or "inf")

@@ -14,6 +14,7 @@ from typing import Any
 
 from wrenchgap import flight
 from wrenchgap.flight.channels import Channel, channels
+from wrenchgap.learn.data.between import Between
 from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Loader, open_flights
@@ -51,7 +52,7 @@ class LogSession:
         gp: GaussianProcess | None = None,
         *,
         topics: Mapping[str, str] | None = None,
-        between: tuple[float, float] | None = None,
+        between: Between = None,
         shifts: Mapping[str, float] | None = None,
         unmeasured: Sequence[str] = (),
         accept: Sequence[str] = (),

@@ -177,3 +177,16 @@ def test_pairs_of_faults_of_an_imu_are_both_said():
 
     names = {c.name for c in checked(moving(change=change)).checks if c.level == "bad"}
     assert {"accelerometer-unit", "body-frame"} <= names
+
+
+def test_two_vehicles_in_one_log_are_asked_for_not_guessed(logs, tmp_path):
+    time, recording = np.arange(0, 6, 0.01), logs.Recording()
+    for name in ("uav1", "uav2"):
+        for topic in ("/command/wrench", "/imu", "/odometry"):
+            kind, columns = logs.PLAIN[topic]
+            recording.series(f"/{name}{topic}", kind, time, columns(time), stamp_s=True)
+    path = recording.save(tmp_path / "log.mcap")
+    assert flight.load(path).checks[0].name == "vehicles"
+    told = flight.load(path, topics={"commanded": "/uav2/command/wrench"})
+    assert "vehicles" not in {check.name for check in told.checks}
+    assert {series.topic.split("/")[1] for series in told.series().values()} == {"uav2"}

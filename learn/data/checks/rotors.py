@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from wrenchgap.flight.check import Check
@@ -96,7 +97,7 @@ def _scale(vehicle: Vehicle, seen: Compared) -> Array:
     """Torques by which axes are made comparable: the inertia for the motion, the witness's own for a wrench."""
     if seen.wrench is None:
         return np.asarray(np.diag(vehicle.body.inertia))
-    return np.maximum(np.std(moving(seen, seen.wrench[:, 3:]), axis=0), 1e-9)
+    return np.asarray(np.maximum(np.std(moving(seen, seen.wrench[:, 3:]), axis=0), 1e-9))
 
 
 def _alike(seen: Compared, made: Array, scale: Array) -> float:
@@ -113,7 +114,7 @@ def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
     return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
 
 
-def _order(vehicle: Vehicle, seen: Compared) -> Array:
+def _order(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,)."""
     _, known = vehicle.geometry()
     assert seen.speed is not None
@@ -121,7 +122,8 @@ def _order(vehicle: Vehicle, seen: Compared) -> Array:
     axes = [2, 3, 4, 5]
     effect = np.stack([_effect(vehicle, r)[axes] for r in range(len(known))])
     target = moving(seen, witness[:, axes])
-    best, cost = np.arange(len(known)), -np.inf
+    best: NDArray[np.intp] = np.arange(len(known))
+    cost = -np.inf
     for tau in LAGS if seen.wrench is None else (0.0,):
         thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
         found = np.linalg.pinv(moving(seen, thrust, tau), rcond=SEEN) @ target

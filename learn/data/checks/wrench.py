@@ -25,7 +25,7 @@ TORQUE = (0.3, 10.0)
 """Likewise of the torque: what disturbs is answered by commands that move nothing, so that these may well be larger."""
 ALIKE, MUCH_ALIKE = 0.5, 0.7
 """Cosine from which on command and motion belong together, and from which on a command may be called too small."""
-WILD = 30.0
+WILD = 100.0
 """Times the measured torque that a commanded one is in another unit, alike or not."""
 SEEN = 0.3
 """Share of a command's torque that an axis must have to be asked."""
