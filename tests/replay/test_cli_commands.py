@@ -1,6 +1,7 @@
 """Every command does its job on simulated logs, and writes the JSON that docs/json.md promises."""
 
 import hashlib
+import json
 import math
 import os
 import re
@@ -161,13 +162,15 @@ def test_inspect_reports_roles_and_checks_against_the_model(logs, result_of):
         assert {t["topic"] for t in log["topics"]} >= {"/imu", "/command/wrench", "/odometry"}
 
 
-def test_inspect_notices_the_wrong_vehicle(logs, result_of, tmp_path):
+def test_inspect_notices_the_wrong_vehicle(logs, run, tmp_path):
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
     (tmp_path / "heavy.toml").write_text(text.replace("mass = 4.0 ", "mass = 5.0 "), encoding="utf-8")
     (tmp_path / "spun.toml").write_text(text.replace("c_f = 7.2e-6", "c_f = 5.0e-6"), encoding="utf-8")
 
     def checks(model):
-        found = result_of("inspect", logs.train, "-m", model)["logs"][0]["model_checks"]
+        done = run("inspect", logs.train, "-m", model, "--json", "seen.json", "--force")
+        found = json.loads((tmp_path / "seen.json").read_text(encoding="utf-8"))["logs"][0]["model_checks"]
+        assert (done.exit_code == 3) == any(c["level"] == "bad" for c in found)
         return [(c["name"], c["level"]) for c in found]
 
     assert ("weight", "warn") in checks("heavy.toml")
