@@ -36,6 +36,8 @@ WATCHED = {
     "actuators": ("rotor_speed", "tilt"),
 }
 """Channels that are watched, by role."""
+LIMITED = ("commanded", "actuators")
+"""Roles whose channels may rest at a limit."""
 STIRRING = 0.2
 """Share of its usual steps that another channel makes where the flight goes on."""
 MOST = 0.5
@@ -110,7 +112,9 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
     for role, channels in lively.items():
         for name, values in channels:
-            for start, stop in _runs(series[role].time, values, limited=role in ("commanded", "actuators")):
+            for start, stop in _runs(series[role].time, values, limited=role in LIMITED):
+                if role in LIMITED and _saturated(series[role].time, channels, start, stop):
+                    continue
                 sensors = {r for r in ("imu", "odometry") if r in series}
                 witnesses = (
                     sensors if sensors != {role} or role != "imu" else {*series} - {role}
@@ -125,6 +129,12 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                 ]
                 if len(others) >= 2 and np.mean(others) > 0.25:
                     yield role, start, stop, name
+
+
+def _saturated(time: Array, channels: list[tuple[str, Array]], start: float, stop: float) -> bool:
+    """Whether one of the commands rests at its limit: all rotors at full speed hold every torque."""
+    a, b = np.searchsorted(time, (start, stop))
+    return any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c in channels if b > a)
 
 
 def _lively(series: Series, names: tuple[str, ...]) -> list[tuple[str, Array]]:
