@@ -13,7 +13,7 @@ import os
 import zipfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import asdict, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_path
 
+from wrenchgap.flight.check import Check, TimeLeftOut
 from wrenchgap.flight.flight import SERIES, Flight, Gap
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.load import load as read
@@ -88,7 +89,9 @@ def _packed(found: Flight) -> dict[str, Any]:
             value = getattr(series, item.name)
             if isinstance(value, np.ndarray):
                 arrays[f"{role}.{item.name}"] = value
-    about = {"name": found.name, "content_hash": found.content_hash, "start_ns": found.start_ns}
+    about: dict[str, Any] = {"name": found.name, "content_hash": found.content_hash, "start_ns": found.start_ns}
+    about |= {"mapping": found.mapping, "checks": None if found.checks is None else [asdict(c) for c in found.checks]}
+    about["left_out"] = [asdict(one) for one in found.left_out]
     text = json.dumps({**about, "notes": found.notes, "unmeasured": found.unmeasured, "roles": roles})
     return {**arrays, "about": np.frombuffer(text.encode(), dtype=np.uint8)}
 
@@ -102,7 +105,9 @@ def _unpacked(file: Path, path: Path) -> Flight:
             gaps = tuple(Gap(*gap) for gap in said["gaps"])
             unit = {} if said["unit"] is None else {"unit": said["unit"]}
             series[role] = SERIES[role](topic=said["topic"], gaps=gaps, dropped=said["dropped"], **unit, **values)
-    known = {key: about[key] for key in ("name", "content_hash", "start_ns")}
+    known = {key: about[key] for key in ("name", "content_hash", "start_ns", "mapping")}
+    known["checks"] = None if about["checks"] is None else tuple(Check(**one) for one in about["checks"])
+    known["left_out"] = tuple(TimeLeftOut(**one) for one in about["left_out"])
     return Flight(path=path, notes=tuple(about["notes"]), unmeasured=about["unmeasured"], **known, **series)
 
 

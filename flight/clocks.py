@@ -17,7 +17,7 @@ log's, the flight is told in the motion's clock and everything else is mapped to
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,10 @@ SAME_OFFSET = 1.0  # s, stamps that far from the log's clock are still of that c
 SAME_RATE = 0.01  # relative, a difference in rate that is a drift and not another kind of time
 SHORT = 2.0  # s, a topic that is shorter has no rate worth the name
 EDGE_WINDOW = 0.5  # s, a foreign clock's map has one knot per window
+UNIT_RATES = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds", 1e-3: "thousandths of their unit"}
+"""Rates of stamps that are no clock but another unit."""
+UNIT_WITHIN = 0.005
+JUMP = 1.0  # s, by which stamps step away from the log's clock and stay there: somebody set a clock
 STRAIGHT = 0.002  # s, a relation with smaller residual is a line
 
 
@@ -52,6 +56,11 @@ class Relation:
         return abs(self.rate - 1.0) <= SAME_RATE
 
     @property
+    def unit(self) -> float | None:
+        """The rate that this one is within half a per cent, where that is a power of a thousand; else None."""
+        return next((u for u in UNIT_RATES if abs(self.rate / u - 1.0) < UNIT_WITHIN), None)
+
+    @property
     def same(self) -> bool:
         """Whether the stamps are of the log's clock."""
         return self.same_rate and abs(self.offset) <= SAME_OFFSET
@@ -66,6 +75,27 @@ def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
     rate, _, inliers = _line(x, y)
     fit = np.polyval(np.polyfit(x[inliers], y[inliers], 1), x[inliers])
     return Relation(rate, offset, float(np.std(y[inliers] - fit)))
+
+
+def without_jumps(log_time_ns: Stamps, header_ns: Stamps) -> tuple[Stamps, tuple[tuple[int, float], ...]]:
+    """Stamps that go on as if nobody had set the clock, and the jumps: index of the first message after, and seconds.
+
+    A jump is a step of stamps against log times by more than `JUMP` that lasts; one wrong stamp, or a pause of both, is
+    none.
+    """
+    if len(header_ns) < 20:
+        return header_ns, ()
+    dx, dy = np.diff(log_time_ns) * 1e-9, np.diff(header_ns) * 1e-9
+    rate = float(np.median(dy[dx > 0] / dx[dx > 0])) if np.any(dx > 0) else 1.0
+    step = dy - rate * dx
+    moved, jumps = header_ns.copy(), []
+    for i in np.flatnonzero(np.abs(step) > JUMP + 0.2 * np.abs(dx)):
+        around = slice(max(i - 5, 0), i), slice(i + 1, i + 6)
+        steady = all(float(np.abs(np.sum(step[part]))) < 0.5 * abs(step[i]) for part in around)
+        if steady and i + 5 < len(header_ns):
+            moved[i + 1 :] -= round(float(step[i]) * 1e9)
+            jumps.append((int(i) + 1, float(step[i])))
+    return moved, tuple(jumps)
 
 
 @dataclass(frozen=True)
@@ -117,10 +147,22 @@ class Timing:
     stamps: dict[str, Stamps]
     relations: dict[str, Relation]
     notes: tuple[str, ...]
+    jumps: dict[str, tuple[tuple[int, float], ...]] = field(default_factory=dict)
 
 
 def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing:
-    """Put all `tables` on one clock; `motion` are topics whose clock is that of the vehicle's motion, best first."""
+    """Put all `tables` on one clock; `motion` are topics whose clock is that of the vehicle's motion, best first.
+
+    Jumps of the stamps are taken out before.
+    """
+    jumps: dict[str, tuple[tuple[int, float], ...]] = {}
+    steady = dict(tables)
+    for topic, table in tables.items():
+        if table.header_ns is not None:
+            moved, found = without_jumps(table.log_time_ns, table.header_ns)
+            jumps |= {topic: found} if found else {}
+            steady[topic] = replace(table, header_ns=moved) if found else table
+    tables = steady
     relations = {
         topic: relation(table.log_time_ns, table.header_ns)
         for topic, table in tables.items()
@@ -134,7 +176,11 @@ def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing
     unstamped = [topic for topic in tables if topic not in relations]
     if unstamped and base is None:
         notes.append(f"Log time is used for {', '.join(unstamped)}: no header stamps.")
-    return Timing(stamps, relations, tuple(notes))
+    notes += [
+        f"{topic}: its stamps jump by {', '.join(f'{by:+.3f} s' for _, by in found)} against log time: taken out."
+        for topic, found in jumps.items()
+    ]
+    return Timing(stamps, relations, tuple(notes), jumps)
 
 
 def _in_log_clock(

@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.check import Check, TimeLeftOut
+
 Array = NDArray[np.float64]
 
 SpeedUnit = Literal["rad/s", "normalised", "pwm"]
@@ -152,7 +154,9 @@ class Flight:
 
     `content_hash` is the SHA-256 of the file(s). `notes` are plain sentences that a user should read: what was
     assumed, repaired or left out. `shifts` [s] are by how much the user moved the stamps of a role (`flight.shift`).
-    `unmeasured` are axes that were not measured, with the reason (`flight.unmeasured`).
+    `unmeasured` are axes that were not measured, with the reason (`flight.unmeasured`). `mapping` is where each part
+    comes from, as in an override (`flight.roles`), empty where no file was read; `checks` is what `flight.checks` found
+    when it was read, None where nobody has asked; `left_out` are times without samples that can be true.
     """
 
     name: str
@@ -168,6 +172,9 @@ class Flight:
     battery: BatterySeries | None = None
     notes: tuple[str, ...] = ()
     shifts: dict[str, float] = field(default_factory=dict)
+    mapping: dict[str, str] = field(default_factory=dict)
+    checks: tuple[Check, ...] | None = None
+    left_out: tuple[TimeLeftOut, ...] = ()
     unmeasured: dict[str, str] = field(default_factory=dict)
 
     def series(self) -> dict[str, Series]:

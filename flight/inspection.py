@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchgap.flight.checks import Check, checks
-from wrenchgap.flight.clocks import Relation, relation
+from wrenchgap.flight.check import Check, accepting
+from wrenchgap.flight.checks import checked
+from wrenchgap.flight.clocks import Relation, relation, without_jumps
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.formats import Log, Table
+from wrenchgap.flight.formats import Table
 from wrenchgap.flight.load import assigned, build
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment
 from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
@@ -64,8 +65,9 @@ class Inspection:
 
     @property
     def level(self) -> str:
-        """The worst level of all checks: ok, warn or bad."""
-        return max((check.level for check in self.checks), key=("ok", "warn", "bad").index, default="ok")
+        """The worst level of all checks, what is accepted counting as warn: ok, warn or bad."""
+        levels = ("warn" if check.accepted else check.level for check in self.checks)
+        return max(levels, key=("ok", "warn", "bad").index, default="ok")
 
 
 def inspect(
@@ -73,6 +75,7 @@ def inspect(
     topics: Mapping[str, str] | None = None,
     preferred: Mapping[str, str] | None = None,
     unmeasured: Sequence[str] = (),
+    accept: Sequence[str] = (),
 ) -> Inspection:
     """Look at a log; arguments as for `load`, but one in which no topic plays a role is reported as well.
 
@@ -81,8 +84,8 @@ def inspect(
     log, assignment = assigned(path, topics, preferred)
     flight: Flight | None = None
     try:
-        flight = build(log, assignment, unmeasured)[0]
-        found = checks(flight)
+        flight = checked(*build(log, assignment, unmeasured), assignment.vehicles)
+        found = flight.checks or ()
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)
     first = min(int(table.log_time_ns[0]) for table in log.tables.values())
@@ -98,7 +101,7 @@ def inspect(
         else max(float(series.time[-1]) for series in flight.series().values()),
         topics=tuple(_topic(table, assignment, flight) for table in log.tables.values()),
         mapping=assignment.as_topics(),
-        checks=(*found, *_clock_checks(log, assignment)),
+        checks=accepting(found, accept),
         notes=log.notes if flight is None else flight.notes,
         flight=flight,
     )
@@ -131,7 +134,9 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
 
 
 def _relation(table: Table) -> Relation | None:
-    return None if table.header_ns is None else relation(table.log_time_ns, table.header_ns)
+    if table.header_ns is None:
+        return None
+    return relation(table.log_time_ns, without_jumps(table.log_time_ns, table.header_ns)[0])
 
 
 def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
@@ -143,23 +148,3 @@ def _plays(topic: str, assignment: Assignment) -> tuple[str, ...]:
         if own:
             played.append(role if set(topics.values()) == {topic} else f"{role} ({', '.join(own)})")
     return tuple(played)
-
-
-def _clock_checks(log: Log, assignment: Assignment) -> tuple[Check, ...]:
-    found = []
-    for topic in dict.fromkeys(source.topic for source in assignment.sources.values()):
-        clock = _relation(log.tables[topic])
-        if clock is not None and not clock.same:
-            found.append(
-                Check(
-                    "clock",
-                    "warn",
-                    f"{topic}: header stamps differ from log time by {clock.offset:+.3f} s and run at {clock.rate:.4f} "
-                    f"times its rate (residual {1e3 * clock.residual:.1f} ms); see the notes for how they are used.",
-                )
-            )
-        elif clock is not None and abs(clock.offset) > 0.1:
-            found.append(
-                Check("clock", "warn", f"{topic}: recorded {-clock.offset:.3f} s after its stamp: a slow link.")
-            )
-    return tuple(found)

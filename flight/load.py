@@ -11,7 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
+from wrenchgap.flight.columns import empty_columns, vector
 from wrenchgap.flight.command_units import with_units
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
@@ -21,6 +23,7 @@ from wrenchgap.flight.flight import (
     ActuatorSeries,
     Array,
     Flight,
+    ImuSeries,
     OdometrySeries,
     ReferenceSeries,
     Series,
@@ -35,15 +38,6 @@ AnySeries = TypeVar("AnySeries", bound=Series)
 
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""
-
-VECTORS: dict[str, tuple[str, ...]] = {
-    "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
-    "imu": tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
-    "pose": (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw")),
-    "twist": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
-    "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
-}
-"""Fields of a quantity, in the order of its columns."""
 
 
 def load(
@@ -62,7 +56,8 @@ def load(
     Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
     understood.
     """
-    return build(*assigned(path, topics, preferred), unmeasured)[0]
+    log, assignment = assigned(path, topics, preferred)
+    return checked(*build(log, assignment, unmeasured), assignment.vehicles)
 
 
 def assigned(
@@ -82,8 +77,8 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
             "`wrenchgap inspect`"
         )
     sources = assignment.sources
-    used = {source.topic: log.tables[source.topic] for source in sources.values()}
-    motion = [sources[part].topic for part in ("imu", "pose", "twist") if part in sources]
+    used = {source.topic: _stamped(log.tables[source.topic], source) for source in sources.values()}
+    motion = [sources[part].topic for part in ("imu", "gyroscope", "pose", "twist") if part in sources]
     timing = one_clock(used, motion)
     builder = _Builder(log, assignment, timing, axis_names(unmeasured))
     if not builder.parts:
@@ -96,14 +91,21 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         commanded=builder.one("commanded", slice(None)),
         desired=builder.one("desired", slice(None)),
         actuators=builder.actuators(),
-        imu=builder.one("imu", slice(3), slice(3, None)),
+        imu=builder.imu(),
         odometry=builder.odometry(),
         reference=builder.reference(),
         battery=builder.one("battery", 0),
     )
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
-    return with_units(replace(flight, notes=notes), sources), timing
+    return with_units(replace(flight, notes=notes, mapping=assignment.as_topics()), sources), timing
+
+
+def _stamped(table: Table, source: Source) -> Table:
+    """The table with its stamps in nanoseconds, where the user said in which unit they are."""
+    if table.header_ns is None or source.meaning.stamp == 1.0:
+        return table
+    return replace(table, header_ns=np.round(table.header_ns * source.meaning.stamp).astype(np.int64))
 
 
 @dataclass
@@ -139,6 +141,7 @@ class _Builder:
         source = self.assignment.sources[name]
         table = self.log.tables[source.topic]
         values = vector(table, source, PART_QUANTITY[name], str(self.log.path))
+        values = source.meaning.applied(PART_QUANTITY[name], values)
         if name == "imu":
             self.unmeasured = {**not_estimated(table, source), **dict.fromkeys(self.declared, Why.DECLARED)}
             values = values.copy()
@@ -148,7 +151,7 @@ class _Builder:
         if not np.isfinite(values).any():
             self._note(f"{source.topic} plays {name}, but none of its values is a number: left out.")
             return None
-        absent = _absent(values, name)
+        absent = empty_columns(values, name)
         stamps = self.timing.stamps[source.topic]
         unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
         present = np.delete(values, absent, axis=1)
@@ -187,6 +190,21 @@ class _Builder:
     def _made(self, kind: type[AnySeries], topic: str, part: _Part, *values: Array | None) -> AnySeries:
         time = self._seconds(part.stamps)
         return kind(topic, time, *values, gaps=gaps_of(time), dropped=part.dropped)
+
+    def imu(self) -> ImuSeries | None:
+        """Gyroscope and accelerometer, of one topic or, where the user named two, at the stamps of the gyroscope."""
+        whole, gyro, accel = (self.parts.get(name) for name in ("imu", "gyroscope", "accelerometer"))
+        if gyro is None and accel is None:
+            return None if whole is None else self.one("imu", slice(3), slice(3, None))
+        main = gyro or whole or accel
+        assert main is not None
+        unknown = np.full((len(main.stamps), 3), np.nan)
+        omega = main.values[:, :3] if main is not accel else unknown
+        force = self._at(main, accel) if accel is not None else main.values[:, 3:] if main is whole else None
+        if force is None:
+            force = unknown if whole is None else self._at(main, replace(whole, values=whole.values[:, 3:]))
+        topics = self._topics(*(part for part in ("imu", "gyroscope", "accelerometer") if part in self.parts))
+        return self._made(ImuSeries, topics, main, omega, force)
 
     def actuators(self) -> ActuatorSeries | None:
         """Tilt angles and rotor speeds; where they come from two topics, at the stamps of the tilt angles."""
@@ -253,15 +271,17 @@ class _Builder:
         topic = twist.source.topic
         in_body = "Odometry" in self.log.tables[topic].type
         time = self._seconds(pose.stamps)
+        meant = twist.source.meaning
         linear, angular = values[:, :3], values[:, 3:]
         velocity_E = omega = None
         if np.isfinite(linear).all():
             truth = smooth(time, pose.values[:, :3], derivative=1)
-            readings = {frame: so3.rotate(quat, linear), "E": linear}
+            readings = {frame: so3.rotate(quat, linear @ meant.body("velocity").T), "E": linear @ meant.world.T}
             velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, frame if in_body else "E")
         if np.isfinite(angular).all():
             truth = angular_velocity(time, quat)
-            readings = {frame: angular, "E": so3.rotate_inverse(quat, angular)}
+            turned = angular @ meant.body("rate").T
+            readings = {frame: turned, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
             # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
             omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
         return velocity_E, omega
@@ -318,32 +338,3 @@ class _Builder:
     def _note(self, text: str) -> None:
         if text not in self.notes:
             self.notes.append(text)
-
-
-def vector(table: Table, source: Source, quantity: str, where: str = "log") -> Array:
-    """A quantity's numbers (N, K) from a table: the columns of an array, or the named fields of a message."""
-    array = table.columns.get(source.field)
-    if array is not None:
-        values = np.asarray(array, dtype=float).reshape(len(table), -1)
-        chosen = values if source.columns is None else values[:, list(source.columns)]
-        expected = len(VECTORS.get(quantity, ())) or (1 if quantity == "voltage" else chosen.shape[1])
-        if chosen.shape[1] != expected:
-            raise LogError(f"{where}: {source} gives {chosen.shape[1]} columns, but a {quantity} has {expected}")
-        return chosen
-    prefix = f"{source.field}." if source.field else ""
-    names = [prefix + name for name in VECTORS.get(quantity, ())]
-    if quantity == "pose" and names[0] not in table.columns:
-        names = [name.replace("position.", "translation.").replace("orientation.", "rotation.") for name in names]
-    missing = [name for name in names if name not in table.columns]
-    if missing or not names:
-        raise LogError(f"{where}: {source.topic} ({table.type}) has no field {(missing or [source.field])[0]!r}")
-    return np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
-
-
-def _absent(values: Array, name: str) -> list[int]:
-    """Columns that the log leaves empty (all NaN): of a twist or acceleration a half, of an IMU any axis."""
-    if PART_QUANTITY[name] == "imu":
-        return np.flatnonzero(np.isnan(values).all(axis=0)).tolist()
-    if PART_QUANTITY[name] not in ("twist", "acceleration"):
-        return []
-    return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]

@@ -51,6 +51,8 @@ OF_NYQUIST = 0.8
 BLOCK_SECONDS, SHORTEST_BLOCK = 2.0, 1.0
 FEWEST_BLOCKS, MOST_BLOCKS = 7, 120
 """Overlapping blocks below which nothing is said; blocks, spread over the log, beyond which no more are taken."""
+FEWEST_BINS = 3
+"""Frequencies below which a phase is no delay: in one bin whatever delays, lags or answers looks alike."""
 CHANCE = 1e-3
 """Probability that noise alone passes for something in common, over all frequencies and axes together."""
 COHERENCE_CAP = 0.99
@@ -85,8 +87,10 @@ class Problem(StrEnum):
     UNRELATED = "unrelated"  # nothing in common beyond chance
     UNMATCHED = "unmatched"  # no offset makes them match
     AMBIGUOUS = "ambiguous"  # several offsets match equally well
+    NARROW = "narrow"  # too few frequencies at which the two go together
     VAGUE = "vague"  # the interval is too wide to be worth printing
     FEEDBACK = "feedback"  # the command answers the motion
+    UNCLEAR = "unclear"  # the command may answer the motion: gains fit neither throughout
 
 
 @dataclass(frozen=True)
@@ -166,10 +170,12 @@ def offset(
     band: tuple[float, float] = (LOWEST_HZ, HIGHEST_HZ),
     within: Intervals = EVERYWHERE,
     gains: tuple[float, float] = ANY_GAIN,
+    coherent: float = 0.0,
 ) -> Offset:
     """By how much the second signal lags the first, from the frequencies in `band` [Hz] and the times `within` [s].
 
-    Frequencies at which the size of the second relative to the first cannot be within `gains` do not count. Delays up
+    Frequencies at which the size of the second relative to the first cannot be within `gains` do not count, nor those
+    with a coherence below `coherent`; fewer than `FEWEST_BINS` of them give no number. Delays up
     to a quarter of a block (0.5 s) are searched, twice that with alignment. Both signals have the same axes.
     """
     none = Offset(first.name, second.name)
@@ -185,7 +191,7 @@ def offset(
     if top < max(2.0, 2.0 * band[0]):
         about = f"{slower.name}, {1.0 / nominal_period(slower.time):.1f} Hz"
         return replace(none, problem=Problem.SLOW, about=about)
-    pair = _Pair(first, second, (band[0], top), within, gains)
+    pair = _Pair(first, second, (band[0], top), within, gains, coherent)
     if len(pair.starts) < FEWEST_BLOCKS:
         least = 0.5 * (FEWEST_BLOCKS + 1) * SHORTEST_BLOCK
         return replace(none, problem=Problem.SHORT, about=f"{least:g} s")
@@ -254,9 +260,15 @@ class _Pair:
     """Two signals and the blocks of time in which they are compared."""
 
     def __init__(
-        self, first: Signal, second: Signal, band: tuple[float, float], within: Intervals, gains: tuple[float, float]
+        self,
+        first: Signal,
+        second: Signal,
+        band: tuple[float, float],
+        within: Intervals,
+        gains: tuple[float, float],
+        coherent: float,
     ) -> None:
-        self.first, self.second, self.gains = first, second, gains
+        self.first, self.second, self.gains, self.coherent = first, second, gains, coherent
         common = [(max(a, c, e), min(b, d, f)) for a, b in _runs(first) for c, d in _runs(second) for e, f in within]
         common = [(a, b) for a, b in common if b - a >= SHORTEST_BLOCK]
         total = sum(b - a for a, b in common)
@@ -306,6 +318,9 @@ class _Pair:
     def _told(self, none: Offset, found: Correlated, seconds: float, slope: float, spread: float) -> Offset:
         """The result, or why there is none."""
         none = replace(none, blocks=len(self.starts))
+        heard = found.omega[(np.abs(found.u).sum(axis=0) > 0).any(axis=0)] / (2.0 * np.pi)
+        if len(heard) < FEWEST_BINS:
+            return replace(none, problem=Problem.NARROW, about=f"{heard[0]:.1f}-{heard[-1]:.1f} Hz")
         if self._rivalled(found):
             return replace(none, problem=Problem.AMBIGUOUS)
         interval = float(student.ppf(0.975, max(2.0, 0.5 * len(self.starts)))) * spread
@@ -388,7 +403,7 @@ class _Pair:
         first, second = (np.sum(down * np.abs(z) ** 2, axis=0) for z in (x, y))
         power = first * second
         coherence: Array = np.divide(np.abs(total) ** 2, power, out=np.zeros_like(power), where=power > 0)
-        least = _chance(len(x), coherence.size)
+        least = max(_chance(len(x), coherence.size), self.coherent)
         gain: Array = np.divide(np.abs(total), first, out=np.zeros_like(power), where=first > 0)
         alike = (gain < self.gains[1]) & (gain > self.gains[0] * coherence)
         w = np.where(alike & (coherence > least), coherence / (1.0 - np.minimum(coherence, COHERENCE_CAP)), 0.0)

@@ -13,6 +13,12 @@ Overrides: `{"imu": "/my/imu"}`. The topic may be followed by a field and by col
     commanded=/debug.data[0:6]             force x y z, torque x y z
     desired=none                           nobody plays this role
 
+What the numbers mean stands behind it: a factor, and words for units, axes and stamps (`flight.meaning`):
+
+    rotor_speed=/esc.rpm*0.10472           everything times a factor
+    imu=/imu:frd,g                         axes forward-right-down, accelerometer in g
+    gyroscope=/gyro  accelerometer=/acc    one role from two topics: parts of `imu` that are only played when asked
+
 Columns of a vector that is taken from an array: wrench = force, torque; imu = angular velocity, specific force;
 pose = position x y z, quaternion x y z w; twist and acceleration = linear, angular.
 """
@@ -21,18 +27,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
+from wrenchgap.flight.meaning import NUMBER, Meaning, meaning
 from wrenchgap.flight.topic_names import TYPES, by_fields, namespace, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
     "desired": ("desired",),
     "actuators": ("tilt", "rotor_speed"),
-    "imu": ("imu",),
+    "imu": ("imu", "gyroscope", "accelerometer"),
     "odometry": ("pose", "twist"),
     "reference": ("reference_pose", "reference_twist", "reference_acceleration"),
     "battery": ("battery",),
@@ -45,6 +52,8 @@ PART_QUANTITY: dict[str, str] = {
     "tilt": "tilt",
     "rotor_speed": "rotor_speed",
     "imu": "imu",
+    "gyroscope": "gyroscope",
+    "accelerometer": "accelerometer",
     "pose": "pose",
     "twist": "twist",
     "reference_pose": "pose",
@@ -53,8 +62,16 @@ PART_QUANTITY: dict[str, str] = {
     "battery": "voltage",
 }
 
+ASKED = ("gyroscope", "accelerometer")
+"""Parts that nobody plays without being asked: what they say goes before the `imu`."""
+ASKED_FIELDS = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
+"""Where an Imu message has them."""
+
 SPEED_FIELDS = ("motor_speed", "motor_speeds", "rotor_speed", "rotor_speeds", "angular_velocities")
 """Array fields by which a custom type is recognised as rotor speeds, e.g. RotorS' mav_msgs/MotorSpeed."""
+
+
+AS_IT_IS = Meaning()
 
 
 @dataclass(frozen=True)
@@ -65,12 +82,13 @@ class Source:
     field: str
     columns: tuple[int, ...] | None = None
     asked: bool = False  # the field was named by the user and does not follow from the type
+    meaning: Meaning = AS_IT_IS
 
     def __str__(self) -> str:
         """As in an override."""
         field = f".{self.field}" if self.asked else ""
         columns = "" if self.columns is None else f"[{','.join(map(str, self.columns))}]"
-        return f"{self.topic}{field}{columns}"
+        return f"{self.topic}{field}{columns}{self.meaning}"
 
 
 @dataclass(frozen=True)
@@ -78,12 +96,14 @@ class Assignment:
     """Who plays what: `sources` by part.
 
     `candidates` by part are the other topics that could, best first: those whose name suits, or, where none was
-    chosen, all of the right type.
+    chosen, all of the right type. `vehicles` are part and topic of each of several vehicles that the log may be of,
+    where nobody said which.
     """
 
     sources: dict[str, Source]
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    vehicles: tuple[tuple[str, str], ...] = ()
 
     def as_topics(self) -> dict[str, str]:
         """The assignment in the syntax of overrides, for a model file."""
@@ -103,9 +123,8 @@ def merged_topics(
     topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None, tables: Mapping[str, Table]
 ) -> dict[str, str]:
     """`topics`, after those entries of `preferred` that this log can follow: its topic is there, or none is wanted."""
-    followed = {
-        role: value for role, value in (preferred or {}).items() if _is_none(value) or parse_source(value)[0] in tables
-    }
+    wanted = (preferred or {}).items()
+    followed = {role: value for role, value in wanted if _is_none(value) or parse_source(value).topic in tables}
     return followed | dict(topics or {})
 
 
@@ -128,13 +147,14 @@ def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None
     named = _overrides(topics or {}, tables, where)
     proposer = _Proposer(tables, {part: source for part, source in named.items() if source is not None})
     for part in PART_QUANTITY:
-        if part not in named:
+        if part not in named and part not in ASKED:
             proposer.choose(part)
     proposer.one_wrench(closed=set(named))
     return Assignment(
         {part: proposer.sources[part] for part in PART_QUANTITY if part in proposer.sources},
         proposer.candidates,
         tuple(proposer.notes),
+        tuple(proposer.vehicles) if not any(named.values()) else (),
     )
 
 
@@ -144,6 +164,7 @@ class _Proposer:
         self.sources = dict(named)
         self.candidates: dict[str, tuple[str, ...]] = {}
         self.notes: list[str] = []
+        self.vehicles: list[tuple[str, str]] = []
 
     def choose(self, part: str) -> None:
         """Give a part to the best topic, if any is good enough."""
@@ -157,6 +178,9 @@ class _Proposer:
         good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
         if good:
             _, _, topic, place = good[0]
+            alike = [entry[2] for entry in good if _twins(topic, entry[2])]
+            if len(alike) > 1 and not self.vehicles and not self.sources:
+                self.vehicles = [(part, other) for other in sorted(alike)]
             self.sources[part] = Source(topic, place)
         others = tuple(entry[2] for entry in (good[1:] if good else scored))
         if others:
@@ -190,6 +214,12 @@ class _Proposer:
         )
 
 
+def _twins(topic: str, other: str) -> bool:
+    """Whether two topics are called alike in different namespaces (or are the same)."""
+    own, their = namespace(topic), namespace(other)
+    return bool(own and their) and topic.strip("/")[len(own) :] == other.strip("/")[len(their) :]
+
+
 def _offered(table: Table, part: str) -> str | None:
     """The field in which a table offers what a part needs, or None."""
     quantity = PART_QUANTITY[part]
@@ -207,16 +237,31 @@ def _offered(table: Table, part: str) -> str | None:
 
 
 def _topic_of(value: str) -> str:
-    return re.split(r"[.\[]", value, maxsplit=1)[0]
+    return re.split(r"[.\[*:]", value, maxsplit=1)[0]
 
 
-def parse_source(value: str) -> tuple[str, str | None, tuple[int, ...] | None]:
-    """Split `/topic.field[columns]`; raises `UsageError` where it is not of this form."""
-    match = re.fullmatch(r"([^.\[\]]+)(?:\.([\w.]+))?(?:\[([\d,:\s]+)\])?", value.strip())
+@dataclass(frozen=True)
+class Said:
+    """An override in its pieces: `/topic.field[columns]*factor:words`."""
+
+    topic: str
+    field: str | None
+    columns: tuple[int, ...] | None
+    factor: float
+    words: str
+
+
+def parse_source(value: str) -> Said:
+    """Split `/topic.field[columns]*factor:words`; raises `UsageError` where it is not of this form."""
+    form = rf"([^.\[\]*:]+)(?:\.([\w.]+))?(?:\[([\d,:\s]+)\])?(?:\*({NUMBER}))?(?::(.+))?"
+    match = re.fullmatch(form, value.strip())
     if match is None:
-        raise UsageError(f"topic {value!r}: expected /topic, /topic.field, /topic[0:6] or /topic[3,2,1,0]")
-    topic, place, columns = match.groups()
-    return topic, place, None if columns is None else _columns(columns, value)
+        raise UsageError(
+            f"topic {value!r}: expected /topic, /topic.field, /topic[0:6] or /topic[3,2,1,0], with *FACTOR or :WORDS "
+            "behind it, as in /imu:frd,g"
+        )
+    topic, place, columns, factor, words = match.groups()
+    return Said(topic, place, None if columns is None else _columns(columns, value), float(factor or 1.0), words or "")
 
 
 def _columns(text: str, value: str) -> tuple[int, ...]:
@@ -240,7 +285,7 @@ def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: st
         if role not in ROLE_PARTS and role not in PART_QUANTITY:
             valid = ", ".join(dict.fromkeys((*ROLES, *PART_QUANTITY)))
             raise UsageError(f"topic mapping {role}={value}: no role is called {role!r}; roles: {valid}")
-        parts = ROLE_PARTS.get(role, (role,))
+        parts = tuple(part for part in ROLE_PARTS.get(role, (role,)) if part == role or part not in ASKED)
         if _is_none(value):
             named |= dict.fromkeys(parts)
             continue
@@ -252,20 +297,23 @@ def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: st
                 f"{tables[topic].problem or 'it holds no ' + ' or '.join(PART_QUANTITY[p] for p in parts)}; "
                 f"for an array name field and columns, as in {role}={topic}.data[0:6]"
             )
-        named |= found
+        said = parse_source(value)
+        meant = meaning(said.words, said.factor, value, [PART_QUANTITY[part] for part in found])
+        named |= {part: replace(source, meaning=meant) for part, source in found.items()}
     return named
 
 
 def _named_source(
     value: str, part: str, tables: Mapping[str, Table], where: str, parts: tuple[str, ...]
 ) -> Source | None:
-    topic, place, columns = parse_source(value)
+    said = parse_source(value)
+    topic, place, columns = said.topic, said.field, said.columns
     if topic not in tables:
         raise LogError(f"{where}: no topic {topic!r}; topics: {', '.join(tables) or 'none'}")
     table = tables[topic]
     asked = place is not None
     if place is None:
-        place = _offered(table, part)
+        place = _offered(table, part) if part not in ASKED else _vector_field(table, part)
     if place is None:
         place = _array_field(table, columns, parts)
     if place is None:
@@ -277,6 +325,14 @@ def _named_source(
     if not any(name == place or name.startswith(f"{place}.") for name in table.columns) and place:
         raise LogError(f"{where}: {topic} has no field {place!r}; fields: {', '.join(table.columns)}")
     return Source(topic, place, columns, asked)
+
+
+def _vector_field(table: Table, part: str) -> str | None:
+    """The three numbers of a gyroscope or an accelerometer: of an Imu, or the one vector of another message."""
+    for place in (ASKED_FIELDS[part], "vector", "vector3", ""):
+        if all((f"{place}.{axis}" if place else axis) in table.columns for axis in "xyz"):
+            return place
+    return None
 
 
 def _array_field(table: Table, columns: tuple[int, ...] | None, parts: tuple[str, ...]) -> str | None:

@@ -38,7 +38,13 @@ def shifted(flight: Flight, shifts: Mapping[str, float]) -> Flight:
         moved[role] = replace(series, time=series.time + seconds, gaps=gaps)
         notes.append(f"{flight.name}: stamps of {series.topic} ({role}) moved by {1e3 * seconds:+.4g} ms, as asked.")
     together = {role: shifts.get(role, shifts.get(series.topic, 0.0)) for role, series in moved.items()}
-    return replace(flight, **moved, shifts={**flight.shifts, **together}, notes=(*flight.notes, *notes))  # type: ignore[arg-type]
+    return replace(
+        flight,
+        **moved,  # type: ignore[arg-type]
+        checks=None if moved else flight.checks,
+        shifts={**flight.shifts, **together},
+        notes=(*flight.notes, *notes),
+    )
 
 
 def _named(flight: Flight, name: str) -> tuple[str, Series]:

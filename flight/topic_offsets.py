@@ -15,6 +15,9 @@ from wrenchgap.flight.flight import AXES, Array, Flight, Gap, OdometrySeries, Re
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.offsets import ALIKE, EVERYWHERE, Intervals, Offset, Signal, offset
 
+ONE_MOTION = 0.85
+"""Coherence of two sensors below which what they have in common may be the noise of one of them, which has moved the
+vehicle through the controller: coherent, and late by whatever the controller's phase is."""
 GRAVITY_E = np.array([0.0, 0.0, GRAVITY])
 """What an accelerometer at rest reads, in E [m/s^2]."""
 
@@ -27,7 +30,7 @@ def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offs
     velocity, so that its clock is in one of the two signals only.
     """
     pairs = map(_measured, _sensor_pairs(flight))
-    return tuple(offset(*pair, within=within, gains=ALIKE) for pair in pairs if pair[0].axes)
+    return tuple(offset(*pair, within=within, gains=ALIKE, coherent=ONE_MOTION) for pair in pairs if pair[0].axes)
 
 
 def _measured(pair: tuple[Signal, Signal]) -> tuple[Signal, Signal]:

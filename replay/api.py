@@ -16,6 +16,7 @@ from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data import comparison
+from wrenchgap.learn.data.between import Between
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
@@ -82,17 +83,19 @@ def open_flights(
     topics: Mapping[str, str] | None = None,
     shifts: Mapping[str, float] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
-    between: tuple[float, float] | None = None,
+    between: Between = None,
     unmeasured: Sequence[str] = (),
+    accept: Sequence[str] = (),
 ) -> list[OpenFlight]:
     """Read logs, or flights of `simulate`, for a model.
 
-    `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps a part, `unmeasured` are axes
-    that the IMU did not measure ("force_x"). Raises LogError for what cannot be read or never flew.
+    `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps one part or several,
+    `unmeasured` are axes that the IMU did not measure ("force_x"), `accept` checks that may be bad (docs/checks.md).
+    Raises LogError for what cannot be read, never flew, or is bad.
     """
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
     how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
-    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, **how)
+    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, accept=accept, **how)
 
 
 def inspect(
@@ -103,9 +106,11 @@ def inspect(
     shifts: Mapping[str, float] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     unmeasured: Sequence[str] = (),
+    accept: Sequence[str] = (),
 ) -> LogReport:
     """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics."""
     how: dict[str, Any] = {"topics": topics, "shifts": shifts, "cutoff_hz": cutoff_hz, "unmeasured": unmeasured}
+    how["accept"] = accept
     return model_checks.inspect(log, None if model is None else model_of(model), **how)
 
 

@@ -65,7 +65,7 @@ class Scene:
     series                              what else is worth a plot
     gaps                                stretches that the log does not cover
     worst                               stretches in which the model is farthest from the measurement
-    notes                               sentences that a user should read
+    notes, warnings                     sentences that a user should read; what checks of the log said
     """
 
     name: str
@@ -83,6 +83,7 @@ class Scene:
     gaps: tuple[Stretch, ...] = ()
     worst: tuple[Stretch, ...] = ()
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def index(self, time: float) -> int:
         """The last instant that is not after `time`, the first where there is none."""

@@ -10,9 +10,16 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.flight.check import Check, Finding, TimeLeftOut, accepted_names, accepting, stop_where_bad
+from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Array, Flight, Gap, Samples
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
+from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside, part
+from wrenchgap.learn.data.between import within as kept_within
+from wrenchgap.learn.data.checks import against_model, rates
+from wrenchgap.learn.data.checks.limits import possible
+from wrenchgap.learn.data.checks.records import of_records
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
 from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, low_pass, prepare
 from wrenchgap.learn.data.rotor_commands import as_speeds
@@ -23,8 +30,6 @@ from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 Loader = Callable[..., Flight]
 GROUNDED = 0.3
 """Share of the weight below which the commanded force cannot be what carries the vehicle."""
-MINIMUM_FLIGHT = 2.0
-"""Shortest stretch in the air that is worth keeping [s]."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,8 @@ class OpenFlight:
 
     `flown` are the parts of the stretches in which the vehicle was in the air, `records` what was made of each of them.
     `left_out` are the times [s] that are not used although the log has them: on the ground, or not asked for.
+    `checks` are what was asked of it (docs/checks.md). Notes are sentences, a `Finding` of each check, and a
+    `TimeLeftOut` of each of those times.
     """
 
     flight: Flight
@@ -40,7 +47,8 @@ class OpenFlight:
     flown: tuple[Samples, ...]
     records: tuple[Record, ...]
     left_out: tuple[Gap, ...]
-    notes: tuple[str, ...]
+    notes: tuple[object, ...]
+    checks: tuple[Check, ...] = ()
 
 
 Flights = OpenFlight | Sequence[OpenFlight]
@@ -62,15 +70,22 @@ def opened(
     *,
     cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
-    between: tuple[float, float] | None = None,
+    between: Between = None,
     incomplete: bool = False,
+    accept: Sequence[str] = (),
+    gate: bool = True,
 ) -> OpenFlight:
     """A flight in memory as `open_flights` gives it; `rate_hz` is that of the records (default as `prepare`).
 
     With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
+
+    With `gate` a check that is bad and not among the names `accept` raises LogError.
     """
     found = flight.in_si(as_speeds(found, model))
+    asked = _Asked(found.path.name, accepted_names(accept), gate)
+    found, unlikely = possible(checked(found), model)
+    asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz)))
     played, notes = _commanded(found, incomplete)
     # Without commands there is no clock, nor without the IMU where there is one.
     needed = ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))
@@ -79,28 +94,59 @@ def opened(
     except LogError as error:
         if not incomplete:
             raise
-        return OpenFlight(found, (), (), (), _outside(between), (*found.notes, *notes, f"no measured wrench: {error}"))
-    within = _within(resampled.samples, between, found)
+        why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
+        return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
+    asked.pass_(against_model(played, model, resampled.samples))
+    within = kept_within(resampled.samples, between, found)
     parts, left_out, grounded = _airborne_parts(within, resampled.samples, model.vehicle)
     flown, records, short = [], [], []
-    for part, sent, source in parts:
+    for rows, sent, source in parts:
         try:
             made = prepare(
-                part, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
+                rows, model.vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu
             )
         except FitError as error:
-            if len(part) * part.dt >= 12.0 / cutoff_hz:
+            if len(rows) * rows.dt >= 12.0 / cutoff_hz:
                 raise
             short.append(str(error))
         else:
-            flown.append(part)
+            flown.append(rows)
             records.append(made)
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else _never_flew(found, model))
-    notes = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
-    notes += _notes(found, grounded, records)
-    missing, told = (*_outside(between), *left_out), tuple(dict.fromkeys(notes))
-    return OpenFlight(found, resampled.samples, tuple(flown), tuple(records), missing, told)
+    asked.pass_(of_records(found, records, model))
+    told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
+    told += [*_notes(found, grounded, records), *asked.findings(found), *_times(found, between, left_out)]
+    missing = (*outside(between), *left_out)
+    parts_flown = resampled.samples, tuple(flown), tuple(records)
+    return OpenFlight(found, *parts_flown, missing, tuple(dict.fromkeys(told)), asked.checks)
+
+
+@dataclass
+class _Asked:
+    """The checks of a flight as they come; the first bad one that is not accepted stops."""
+
+    where: str
+    accept: tuple[str, ...]
+    gate: bool
+    checks: tuple[Check, ...] = ()
+
+    def pass_(self, found: Iterable[Check]) -> None:
+        """Add checks; raise LogError where one of them stops. Roles have errors of their own."""
+        self.checks += accepting(found, self.accept)
+        if self.gate:
+            stop_where_bad(self.where, (check for check in self.checks if check.name != "roles"))
+
+    def findings(self, found: Flight) -> list[Finding]:
+        """The checks as notes."""
+        return [Finding(found.name, check) for check in self.checks]
+
+
+def _times(found: Flight, between: Between, grounded: Iterable[Gap]) -> list[TimeLeftOut]:
+    """The times that are not used, as notes."""
+    reasons = [(gap, "not asked for (--between)") for gap in outside(between)]
+    reasons += [(gap, f"commanded force below {100 * GROUNDED:.0f} % of the weight") for gap in grounded]
+    return [*found.left_out, *(TimeLeftOut(found.name, gap.start, gap.stop, why) for gap, why in reasons)]
 
 
 def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
@@ -132,7 +178,7 @@ def _airborne_parts(
             continue
         grounded += (len(samples) - sum(r.stop - r.start for r in rows)) * samples.dt
         long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
-        flown += [(_part(samples, r), commands.take(r), source) for r in long]
+        flown += [(part(samples, r), commands.take(r), source) for r in long]
         # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
         begin = -np.inf if samples.time[0] <= every[0].time[0] else samples.time[0] - samples.dt
         end = np.inf if samples.time[-1] >= every[-1].time[-1] else samples.time[-1] + samples.dt
@@ -144,7 +190,7 @@ def _airborne_parts(
 
 def airborne(wrench_B: Array, dt: float, vehicle: Vehicle) -> list[slice]:
     """The contiguous parts in which the force of commanded wrenches (N, 6), low-passed, could carry the vehicle."""
-    force = np.linalg.norm(low_pass(wrench_B[:, :3], dt, 1.0), axis=1)
+    force = np.linalg.norm(low_pass(wrench_B[:, :3], dt, min(1.0, 0.3 / dt)), axis=1)
     flying = force > GROUNDED * vehicle.body.mass * GRAVITY
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
     return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
@@ -181,34 +227,6 @@ def _unmeasured(found: Flight, model: Model) -> list[str]:
     return [said]
 
 
-def _outside(between: tuple[float, float] | None) -> tuple[Gap, ...]:
-    return () if between is None else (Gap(-np.inf, between[0]), Gap(between[1], np.inf))
-
-
-def _within(stretches: Sequence[Samples], between: tuple[float, float] | None, found: Flight) -> list[Samples]:
-    """The parts of the stretches between two times [s]; a LogError where nothing of the flight lies there."""
-    if between is None:
-        return list(stretches)
-    kept = []
-    for samples in stretches:
-        first, last = np.searchsorted(samples.time, between)
-        if (last - first) * samples.dt >= MINIMUM_FLIGHT:
-            kept.append(_part(samples, slice(int(first), int(last))))
-    if not kept:
-        begin, end = stretches[0].time[0], stretches[-1].time[-1]
-        raise LogError(
-            f"{found.path.name}: less than {MINIMUM_FLIGHT:g} s of flight between {between[0]:g} and {between[1]:g} s; "
-            f"the flight lasts from {begin:.1f} to {end:.1f} s"
-        )
-    return kept
-
-
-def _part(samples: Samples, rows: slice) -> Samples:
-    """Some consecutive samples of a stretch."""
-    arrays: dict[str, Any] = {k: v[rows] for k, v in vars(samples).items() if isinstance(v, np.ndarray)}
-    return replace(samples, **arrays)
-
-
 def _never_flew(found: Flight, model: Model) -> str:
     return (
         f"{found.path.name}: the commanded force never reaches {100 * GROUNDED:.0f} % of {model.vehicle.name}'s weight "
@@ -239,28 +257,32 @@ def open_flights(
     topics: Mapping[str, str] | None = None,
     cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
-    between: tuple[float, float] | None = None,
+    between: Between = None,
     shifts: Mapping[str, float] | None = None,
     incomplete: bool = False,
     unmeasured: Iterable[str] = (),
+    accept: Sequence[str] = (),
+    gate: bool = True,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
-    """Logs (or flights in memory) for a model, or what lies `between` two of their times [s], with names that differ.
+    """Logs (or flights in memory) for a model, or what lies `between` some of their times [s], with names that differ.
 
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
-    (`flight.unmeasured`). `rate_hz` and `incomplete` are those of `opened`; `load` reads as `flight.load` does. Raises
+    (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept` and `gate` are those of `opened`;
+    `load` reads as `flight.load` does. Raises
     LogError for the same log twice, UsageError for an unknown axis.
     """
     found: list[OpenFlight] = []
+    how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}
     absent = axis_names([*axis_names(unmeasured), *model.unmeasured])
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
     for log in logs:
         raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
         moved = flight.shifted(raw, shifts or {})
-        one = opened(moved, model, cutoff_hz=cutoff_hz, rate_hz=rate_hz, between=between, incomplete=incomplete)
+        one = opened(moved, model, accept=accept, gate=gate, **how)
         for other in found:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")

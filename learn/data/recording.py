@@ -40,7 +40,7 @@ class Recording:
     commands: Commands
     first: int
     count: int
-    notes: tuple[str, ...]
+    notes: tuple[object, ...]
 
     @property
     def window(self) -> slice:

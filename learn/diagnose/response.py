@@ -17,7 +17,8 @@ controller C makes u = -C y of what the IMU feels, and response over command is 
 phase that has nothing to do with the actuators (Ljung, "System Identification", 2nd ed., 13.4). It gives itself away by
 its gain: what a command achieves is about what it asked for, less what a lag takes off, while 1/C is anything, and for
 a controller of rates rises with frequency and lags by a quarter period throughout. Where phases or gains fit neither
-a delay nor a lag, no number is given.
+a delay nor a lag, no number is given, nor where the gains fit only at the frequencies at which commands and motion are
+loudest. A response before its command is none.
 
 Nothing is removed here. What a user reads is what `explain` will be offered.
 """
@@ -103,8 +104,10 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
     if found.seconds is None or found.correlated is None:
         return Response(name, found)
     shape, lag, plain = _shape(found.correlated)
-    if shape is None:
-        return Response(name, replace(found, seconds=None, std=None, interval=None, problem=Problem.FEEDBACK))
+    acausal = found.certain and found.seconds < 0.0
+    if shape is None or acausal or not plain:
+        problem = Problem.FEEDBACK if shape is None or acausal else Problem.UNCLEAR
+        return Response(name, replace(found, seconds=None, std=None, interval=None, problem=problem))
 
     def rms(square: Callable[[Record], np.floating[Any]]) -> float:
         """Of all samples, from the mean square of each record."""

@@ -1,77 +1,25 @@
-"""Options that several commands share, their completion, and the parsing of their values."""
+"""Options that several commands share, and the parsing of their values."""
 
 from __future__ import annotations
 
-import ast
 import math
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
 from typer.core import TyperCommand
 
+from wrenchgap.replay.cli.completion import complete_checks, complete_effects, complete_models, complete_topics
+from wrenchgap.replay.cli.completion import complete_trajectories as complete_trajectories
 from wrenchgap.replay.cli.logs import FromLogs as FromLogs
 from wrenchgap.replay.cli.logs import Log as Log
 from wrenchgap.replay.cli.logs import Logs as Logs
 from wrenchgap.replay.cli.logs import Validate as Validate
 
 T = TypeVar("T")
-
-ROLES = (
-    *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "odometry", "pose", "twist"),
-    *("reference", "reference_pose", "reference_twist", "reference_acceleration", "battery"),
-)
-"""What a topic can be mapped to: roles and their parts (`flight.roles`)."""
-
-_ROOT = Path(__file__).parents[2]
-
-
-def complete_models(incomplete: str) -> list[str]:
-    """Shipped models by name, and model files in the folder that is being typed."""
-    shipped = {p.stem for p in (_ROOT / "models").glob("*.toml")}
-    folder = Path(incomplete).parent if "/" in incomplete else Path()
-    files = {str(p) for p in folder.glob("*.toml")} if folder.is_dir() else set()
-    return sorted(name for name in shipped | files if name.startswith(incomplete))
-
-
-def complete_effects(incomplete: str) -> list[tuple[str, str]]:
-    """Effects of the catalogue with their first line; read from the sources, because a tab must answer at once."""
-    found = []
-    for path in sorted((_ROOT / "plant" / "effects").glob("*.py")):
-        for item in ast.parse(path.read_text(encoding="utf-8")).body:
-            name = _class_name(item)
-            if name.startswith(incomplete) and name and isinstance(item, ast.ClassDef):
-                found.append((name, (ast.get_docstring(item) or "").split("\n")[0]))
-    return found + [(p.name, "") for p in entry_points(group="wrenchgap.effects") if p.name.startswith(incomplete)]
-
-
-def _class_name(item: ast.stmt) -> str:
-    """The text that a class gives to its attribute `name`, or nothing."""
-    for line in item.body if isinstance(item, ast.ClassDef) else ():
-        if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]) == "name":
-            return str(line.value.value) if isinstance(line.value, ast.Constant) else ""
-    return ""
-
-
-def complete_trajectories(incomplete: str) -> list[str]:
-    """Trajectories by name, read from the source likewise; and files, where a path is being typed."""
-    if "/" in incomplete or incomplete.endswith(".toml"):
-        return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
-    source = ast.parse((_ROOT / "plant" / "trajectory" / "__init__.py").read_text(encoding="utf-8"))
-    tables = [i.value for i in source.body if isinstance(i, ast.AnnAssign) and ast.unparse(i.target) == "TRAJECTORIES"]
-    keys = [key for table in tables if isinstance(table, ast.Dict) for key in table.keys]
-    names = [str(key.value) for key in keys if isinstance(key, ast.Constant)]
-    return [name for name in names if name.startswith(incomplete)]
-
-
-def complete_topics(incomplete: str) -> list[str]:
-    """Roles and their parts, each with its equals sign."""
-    return [f"{name}=" for name in ROLES if name.startswith(incomplete)]
-
 
 ModelOption = Annotated[
     str,
@@ -89,7 +37,7 @@ Topics = Annotated[
     typer.Option(
         "--topic",
         metavar="ROLE=/TOPIC",
-        help="Say which topic plays a role, e.g. imu=/my/imu or tilt=/servo[0:6]; repeat for more.",
+        help="Which topic plays a role and what it means, e.g. imu=/my/imu:frd,g or tilt=/servo[0:6]; repeat for more.",
         autocompletion=complete_topics,
     ),
 ]
@@ -97,11 +45,11 @@ Cutoff = Annotated[
     float, typer.Option("--cutoff", metavar="HZ", help="Low-pass on measurement and prediction alike, in Hz.")
 ]
 Between = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--between",
         metavar="T0:T1",
-        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40.",
+        help="Use only this part of each flight, in seconds of its own clock, e.g. 5:40 or :40; repeat for more.",
     ),
 ]
 Shift = Annotated[
@@ -118,6 +66,15 @@ Unmeasured = Annotated[
         "--unmeasured",
         metavar="A,B",
         help="Axes that the IMU did not measure, e.g. force_x,force_y: left out of everything (docs/logs.md).",
+    ),
+]
+Accept = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--accept",
+        metavar="CHECK",
+        help="Go on although this check calls the log bad, e.g. accelerometer-unit (docs/checks.md); repeat for more.",
+        autocompletion=complete_checks,
     ),
 ]
 Lead = Annotated[
@@ -208,7 +165,7 @@ def command_line(ctx: typer.Context, *without: str) -> str:
     return shlex.join(["wrenchgap", *ctx.command_path.split()[1:], *_words(ctx, lambda name: name not in silent)])
 
 
-COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "own")
+COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "accept", "own")
 """Options that say how flights are read, by the names of their parameters."""
 
 
@@ -249,10 +206,12 @@ def parse_cutoff(hz: float) -> float:
     return hz
 
 
-def parse_between(text: str | None) -> tuple[float, float] | None:
-    """`"5:40"` as (5.0, 40.0), either side may be left open; raises UsageError on anything else."""
-    if text is None:
-        return None
+def parse_between(texts: Sequence[str] | None) -> tuple[tuple[float, float], ...] | None:
+    """`["5:40"]` as ((5.0, 40.0),), either side may be left open; raises UsageError on anything else."""
+    return tuple(map(_interval, texts)) if texts else None
+
+
+def _interval(text: str) -> tuple[float, float]:
     first, colon, last = text.partition(":")
     try:
         start, stop = float(first or "-inf"), float(last or "inf")
@@ -298,6 +257,15 @@ def parse_unmeasured(text: str | None) -> tuple[str, ...]:
     from wrenchgap.flight.unmeasured import axis_names
 
     return axis_names(parse_names(text))
+
+
+def parse_accept(texts: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of checks; raises UsageError for one that there is not."""
+    if not texts:
+        return ()
+    from wrenchgap.flight.check import accepted_names
+
+    return accepted_names(name for text in texts for name in parse_names(text))
 
 
 def parse_effects(text: str | None) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
     numbers      how a number is printed: digits, signs, units, per cent
     tables       lines and tables, the parts of which printed results are made
     notes        typed notes as sentences
+    checks       what the checks of the flights said
     documents    JSON files with their schema, and files that are written whole or not at all
     figures/     matplotlib
     report/      the HTML page
@@ -54,15 +55,18 @@ def text(result: Any) -> str:
 
 
 def parts(result: Any) -> Any:
-    """The lines and tables of a printed result."""
-    return _module(result).parts(result)
+    """The lines and tables of a printed result; what its checks say stands above."""
+    from wrenchgap.replay.present.checks import banner
+
+    return [*banner(result), *_module(result).parts(result)]
 
 
 def to_json(result: Any) -> dict[str, Any]:
     """The body of a result's JSON document, in plain types."""
+    from wrenchgap.replay.present.checks import checks_json
     from wrenchgap.replay.present.documents import plain
 
-    body: dict[str, Any] = plain(_module(result).to_json(result))
+    body: dict[str, Any] = plain({**checks_json(result), **_module(result).to_json(result)})
     return body
 
 

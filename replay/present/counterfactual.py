@@ -30,6 +30,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     WeakLaw,
 )
 from wrenchgap.replay.present import learning
+from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 
@@ -37,7 +38,10 @@ from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
 def notes(result: Counterfactual) -> tuple[str, ...]:
     """What a reader must know before relying on the numbers, of the flight, the GP, and the result."""
     log, model = result.inference.recording.flight, result.inference.model
-    found = [*result.inference.recording.notes, *(_sentence(one, log.name, model.name) for one in result.caveats)]
+    found = [
+        *sentences(result.inference.recording.notes),
+        *(_sentence(one, log.name, model.name) for one in result.caveats),
+    ]
     if (process := result.change.process) is not None:
         found += learning.of_process(compensating.caveats(process, model, log))
     return tuple(dict.fromkeys(found))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 VERSIONS = {
-    "inspect": 1,
+    "inspect": 2,
     "simulate": 1,
     "compare": 1,
     "explain": 2,
@@ -38,7 +38,7 @@ VERSIONS = {
     "replay": 1,
     "counterfactual": 1,
     "design": 1,
-    "trend": 1,
+    "trend": 2,
     "convert": 1,
     "model": 1,
     "calibrate": 1,

@@ -11,7 +11,7 @@ import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
-from wrenchgap.flight.checks import Check
+from wrenchgap.flight.check import Check
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.diagnose.model_checks import LogReport
@@ -19,7 +19,7 @@ from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 SHORTEST = 8
 """Characters of a shared namespace from which on it is said once, above the column."""
 COLOURS = {"bad": "[bold red]bad[/]", "warn": "[yellow]warn[/]", "ok": "[green]ok[/]"}
@@ -66,8 +66,15 @@ def checks(found: Sequence[Check]) -> Table:
     """Findings, the bad ones first."""
     out = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     for check in sorted(found, key=lambda c: list(COLOURS).index(c.level)):
-        out.add_row(COLOURS[check.level], escape(check.name), escape(check.message))
+        out.add_row(COLOURS[check.level], escape(check.name), escape(_words(check)))
     return out
+
+
+def _words(check: Check) -> str:
+    """What was found, and what mends it."""
+    if check.level != "bad":
+        return check.words
+    return f"{check.words.rstrip('. ')}: accepted." if check.accepted else f"{check.words.rstrip('. ')}; {check.remedy}"
 
 
 def to_json(seen: LogReport) -> dict[str, Any]:
@@ -77,6 +84,7 @@ def to_json(seen: LogReport) -> dict[str, Any]:
         "version": SCHEMA_VERSION,
         **entries(seen.inspection, *names, "topics", "mapping", "checks"),
         **entries(seen, "model_checks", "notes", "shift_s=shifts"),
+        "left_out": [] if seen.inspection.flight is None else [vars(one) for one in seen.inspection.flight.left_out],
         "unmeasured": [] if seen.inspection.flight is None else list(unmeasured_axes(seen.inspection.flight)),
         "timing": None if seen.timing is None else timing.to_json(seen.timing),
     }

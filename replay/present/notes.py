@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from wrenchgap.flight.check import Finding, TimeLeftOut
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
@@ -11,8 +12,9 @@ from wrenchgap.replay.report.contents import OnNominal, OnOtherModel
 
 
 def sentences(notes: Iterable[object]) -> list[str]:
-    """All of them, each once."""
-    return list(dict.fromkeys(sentence(note) for note in notes))
+    """All of them, each once; what checks found and times left out stand elsewhere (`present.checks`)."""
+    told = (note for note in notes if not isinstance(note, Finding | TimeLeftOut))
+    return list(dict.fromkeys(sentence(note) for note in told))
 
 
 def sentence(note: object) -> str:

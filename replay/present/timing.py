@@ -33,6 +33,8 @@ PROBLEMS = {
     Problem.UNRELATED: "no significant coherence: too little motion, or too much noise",
     Problem.UNMATCHED: "the two do not match at any offset",
     Problem.AMBIGUOUS: "the motion repeats itself: several offsets match equally well",
+    Problem.NARROW: "too narrow a band in common ({about})",
+    Problem.UNCLEAR: "the command may follow the motion: gains fit a delay or a lag at some frequencies only",
     Problem.VAGUE: "no better than {about}: too little motion in common",
     Problem.FEEDBACK: "feedback-dominated: the command follows the motion; actuator dynamics are not identifiable here",
 }

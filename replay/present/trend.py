@@ -196,7 +196,7 @@ def to_json(found: Trend) -> dict[str, Any]:
         "axes": list(AXES),
         "rms": found.left,
         "unmeasured": unmeasured(noise),
-        "left_out": [
+        "effects_left_out": [
             {"effect": one.reason.effect, "flight": one.flight, "reason": one.reason.reason} for one in found.left_out
         ],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz,

@@ -14,6 +14,7 @@ from typing import Any
 
 from wrenchgap import flight
 from wrenchgap.flight.channels import Channel, channels
+from wrenchgap.learn.data.between import Between
 from wrenchgap.learn.data.comparison import compare
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Loader, open_flights
@@ -51,9 +52,10 @@ class LogSession:
         gp: GaussianProcess | None = None,
         *,
         topics: Mapping[str, str] | None = None,
-        between: tuple[float, float] | None = None,
+        between: Between = None,
         shifts: Mapping[str, float] | None = None,
         unmeasured: Sequence[str] = (),
+        accept: Sequence[str] = (),
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
@@ -66,6 +68,7 @@ class LogSession:
             "between": between,
             "shifts": shifts,
             "unmeasured": unmeasured,
+            "accept": accept,
             "load": load,
         }
         opened = open_flights(logs, model, cutoff_hz=cutoff, **how)

@@ -16,6 +16,8 @@ from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
+from wrenchgap.replay.present.checks import warnings
+from wrenchgap.replay.present.notes import sentences
 from wrenchgap.viewer.scene import Scene, Series, Stretch
 
 RATE = 50.0
@@ -60,7 +62,8 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
             Stretch(float(before.time[-1]), float(after.time[0]), "gap")
             for before, after in zip(one.samples, one.samples[1:], strict=False)
         ),
-        notes=one.notes,
+        notes=tuple(sentences(one.notes)),
+        warnings=tuple(warnings(one.notes)),
     )
     pose = one.samples[0].position_E is not None
     rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))

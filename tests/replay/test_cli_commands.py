@@ -1,6 +1,7 @@
 """Every command does its job on simulated logs, and writes the JSON that docs/json.md promises."""
 
 import hashlib
+import json
 import math
 import os
 import re
@@ -20,8 +21,8 @@ from wrenchgap.learn.process import store
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.trajectory import TRAJECTORIES
+from wrenchgap.replay.cli import completion
 from wrenchgap.replay.cli import main as cli
-from wrenchgap.replay.cli import options
 from wrenchgap.replay.present.learning import caution
 
 MODEL = "tilt_hexarotor"
@@ -152,22 +153,24 @@ def test_learn_predicts_an_unseen_flight_and_compare_uses_it(logs, run, result_o
 
 def test_inspect_reports_roles_and_checks_against_the_model(logs, result_of):
     result = result_of("inspect", logs.train, logs.test, "-m", MODEL)
-    head(result, "inspect", "log", "log", "model")
+    head(result, "inspect", "log", "log", "model", version=2)
     for log in result["logs"]:
         assert log["level"] == "ok"
         assert log["mapping"]["imu"] == "/imu"
-        assert {"weight", "actuation", "actuators"} == {c["name"] for c in log["model_checks"]}
+        assert {"weight", "actuation", "actuators", "rotors", "inertia"} <= {c["name"] for c in log["model_checks"]}
         assert all(c["level"] == "ok" for c in log["model_checks"])
         assert {t["topic"] for t in log["topics"]} >= {"/imu", "/command/wrench", "/odometry"}
 
 
-def test_inspect_notices_the_wrong_vehicle(logs, result_of, tmp_path):
+def test_inspect_notices_the_wrong_vehicle(logs, run, tmp_path):
     text = (ROOT / "models" / f"{MODEL}.toml").read_text(encoding="utf-8")
     (tmp_path / "heavy.toml").write_text(text.replace("mass = 4.0 ", "mass = 5.0 "), encoding="utf-8")
     (tmp_path / "spun.toml").write_text(text.replace("c_f = 7.2e-6", "c_f = 5.0e-6"), encoding="utf-8")
 
     def checks(model):
-        found = result_of("inspect", logs.train, "-m", model)["logs"][0]["model_checks"]
+        done = run("inspect", logs.train, "-m", model, "--json", "seen.json", "--force")
+        found = json.loads((tmp_path / "seen.json").read_text(encoding="utf-8"))["logs"][0]["model_checks"]
+        assert (done.exit_code == 3) == any(c["level"] == "bad" for c in found)
         return [(c["name"], c["level"]) for c in found]
 
     assert ("weight", "warn") in checks("heavy.toml")
@@ -240,11 +243,11 @@ def test_completion_knows_models_effects_and_trajectories():
 
 
 def test_completion_offers_what_is_there():
-    assert {name for name, _ in options.complete_effects("")} == set(catalogue())
-    assert options.complete_effects("com_o")[0][1].startswith("The centre of mass")
-    assert options.complete_trajectories("") == list(TRAJECTORIES)
-    assert set(options.ROLES) == {name for role, parts in ROLE_PARTS.items() for name in (role, *parts)}
-    assert options.complete_topics("im") == ["imu="]
+    assert {name for name, _ in completion.complete_effects("")} == set(catalogue())
+    assert completion.complete_effects("com_o")[0][1].startswith("The centre of mass")
+    assert completion.complete_trajectories("") == list(TRAJECTORIES)
+    assert set(completion.ROLES) == {name for role, parts in ROLE_PARTS.items() for name in (role, *parts)}
+    assert completion.complete_topics("im") == ["imu="]
 
 
 def test_a_fault_leaves_a_traceback_in_a_file(run, monkeypatch):

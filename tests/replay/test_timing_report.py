@@ -76,10 +76,10 @@ def test_only_the_part_between_the_times_is_used(logs):
     ("text", "expected"), [("5:40", (5.0, 40.0)), (":40", (-np.inf, 40.0)), ("5:", (5.0, np.inf)), (None, None)]
 )
 def test_either_side_may_be_left_open(text, expected):
-    assert parse_between(text) == expected
+    assert parse_between(text and [text]) == (expected and (expected,))
 
 
 @pytest.mark.parametrize("text", ["5", "a:b", "9:3", "3:3", "nan:4", ""])
 def test_anything_else_is_refused(text):
     with pytest.raises(UsageError, match="T0:T1"):
-        parse_between(text)
+        parse_between([text])

@@ -34,7 +34,7 @@ def test_inspect(log, result_of):
     (seen,) = result_of("inspect", log, "-m", NAME, *OPTION)["logs"]
     assert seen["unmeasured"] == GONE
     assert [r["axis"] for r in seen["timing"]["responses"]] == list(flight.AXES[2:])
-    assert any("force_x, force_y (declared)" in c["message"] for c in seen["checks"])
+    assert any("force_x, force_y (declared)" in c["words"] for c in seen["checks"])
 
 
 def test_compare(log, result_of, run, tmp_path):

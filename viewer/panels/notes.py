@@ -22,7 +22,7 @@ KEYS = (
 
 
 class NotesPanel(Panel):
-    """Buttons to the worst stretches, notes, keys."""
+    """Checks of the log, buttons to the worst stretches, notes, keys."""
 
     def __init__(self, host: Host) -> None:
         super().__init__(host)
@@ -36,7 +36,12 @@ class NotesPanel(Panel):
             handle.remove()
         gui = self.host.gui
         with self._tab:
-            self._content = [gui.add_markdown("**Where the model is worst**")] if scene.worst else []
+            self._content = []
+            if scene.warnings:
+                lines = ("**Checks of the log**\n", *(f"- {text}" for text in scene.warnings))
+                self._content.append(gui.add_markdown("\n".join(lines)))
+            if scene.worst:
+                self._content.append(gui.add_markdown("**Where the model is worst**"))
             for stretch in scene.worst:
                 self._content.append(gui.add_button(f"{stretch.start:.1f} s: {stretch.words}"))
                 self._content[-1].on_click(self.host.guarded(partial(self._go, stretch.start)))

@@ -36,6 +36,7 @@ def compare(
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
     from wrenchgap.replay import api
+    from wrenchgap.replay.present.checks import banner
     from wrenchgap.replay.present.comparison import parts
     from wrenchgap.replay.present.documents import write_csv
 
@@ -46,7 +47,7 @@ def compare(
         flights, _ = run.open(reading, logs, base)
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
-    run.show(*parts(result, signed=by_flight))
+    run.show(*banner(result), *parts(result, signed=by_flight))
     look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
     run.line(f"why there: {look}{o.common_options(ctx)}", style="dim")
     run.draw(result, figure)

@@ -72,6 +72,7 @@ def counterfactual(
     shift: o.Shift = None,
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
+    accept: o.Accept = None,
     *,
     run: Run,
 ) -> None:
@@ -90,7 +91,9 @@ def counterfactual(
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
     process = run.gp(gp)
     with run.progress("counterfactual", "reading the log") as report:
-        ((flight,), _) = run.open(Reading(topic, shift, between=between, unmeasured=unmeasured), [log], base)
+        ((flight,), _) = run.open(
+            Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept), [log], base
+        )
         result = api.counterfactual(
             flight,
             base,

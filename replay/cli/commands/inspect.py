@@ -9,6 +9,9 @@ import typer
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
 
+FOUND_BAD = 3
+"""Exit code where the command did its work and the log is bad."""
+
 
 def inspect(
     logs: o.Logs,
@@ -26,6 +29,7 @@ def inspect(
     shift: o.Shift = None,
     cutoff: o.Cutoff = 8.0,
     unmeasured: o.Unmeasured = None,
+    accept: o.Accept = None,
     *,
     run: Run,
 ) -> None:
@@ -34,13 +38,16 @@ def inspect(
     Each check that fails says what to do. With a model, its mass, rotors and actuation are checked as well. Then the
     delays between the topics and, with a model, of the response behind its commands (docs/timing.md).
 
+    The exit code is 3 where a check is bad and not accepted, so that a script does not go on.
+
     Example: `wrenchgap inspect flight.mcap -m crazyflie --topic imu=/my/imu`
     """
     from wrenchgap.replay import api
 
     run.claim({}, *logs)
-    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured)
+    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept)
     how: dict[str, Any] = {"topics": asked.topics, "shifts": asked.shifts, "unmeasured": asked.absent}
+    how["accept"] = asked.accepted
     known = None if model is None else run.model(model)
     bodies = []
     for path in logs:
@@ -50,3 +57,6 @@ def inspect(
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]
     run.write("inspect", {"logs": bodies})
     run.wrote()
+    found = [check for body in bodies for check in (*body["checks"], *body["model_checks"])]
+    if any(check["level"] == "bad" and not check["accepted"] for check in found):
+        raise typer.Exit(FOUND_BAD)

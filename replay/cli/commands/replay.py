@@ -50,6 +50,7 @@ def replay(
     cutoff: CutoffOfGp = None,
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
+    accept: o.Accept = None,
     *,
     run: Run,
 ) -> None:
@@ -74,7 +75,7 @@ def replay(
     assert process is not None
     process.check_vehicle(base.vehicle.name)
     usual = process.provenance.cutoff_hz or CUTOFF_HZ
-    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured)
+    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept)
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)

@@ -40,8 +40,8 @@ def report(
     if output.suffix.lower() not in (".html", ".htm"):
         raise o.usage_error(f"--output {output}: the report is a web page; expected a name that ends in .html")
     base, process = run.model(model), run.gp(gp)
-    topics, shifts = (", ".join(texts or []) for texts in (reading.topic, reading.shift))
-    said = {"between": reading.between, "topics": topics, "shift": shifts, "unmeasured": reading.unmeasured}
+    topics, shifts, between = (", ".join(t or []) for t in (reading.topic, reading.shift, reading.between))
+    said = {"between": between, "topics": topics, "shift": shifts, "unmeasured": reading.unmeasured}
     options = {key: value for key, value in said.items() if value}
     with run.progress("reporting") as told:
         flights, tests = run.open(reading, logs, base, validate)

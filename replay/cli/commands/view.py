@@ -37,6 +37,7 @@ def view(
     cutoff: OwnCutoff = None,
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
+    accept: o.Accept = None,
     own: o.OwnEffects = None,
     quiet: o.Quiet = False,
 ) -> None:
@@ -60,7 +61,7 @@ def view(
     base, others, reading = (
         run.model(model),
         list(map(run.model, against or ())),
-        Reading(topic, shift, between=between, unmeasured=unmeasured),
+        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept),
     )
     process = run.gp(gp)
     with run.progress("opening") as report:
@@ -72,6 +73,7 @@ def view(
             between=reading.part,
             shifts=reading.shifts,
             unmeasured=reading.absent,
+            accept=reading.accepted,
             load=cache.load,
             cutoff_hz=None if cutoff is None else o.parse_cutoff(cutoff),
             against=others,

@@ -11,6 +11,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wrenchgap.replay.present import explanation, staircase
+from wrenchgap.replay.present.checks import raised, warnings
 from wrenchgap.replay.present.documents import atomic, claim
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
@@ -40,7 +41,7 @@ def page(report: Report, repetition: Repetition) -> str:
             verdict=str(found.verdict),
             summary=explanation.summary(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
-            warnings=[] if tested is None else explanation.validation_warnings(tested),
+            warnings=[*warnings(raised(report)), *([] if tested is None else explanation.validation_warnings(tested))],
             sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
         )
     )

@@ -9,6 +9,7 @@ import pandas as pd
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import trajectory_file
 from wrenchgap.replay.present import explanation, learning, staircase, timing, where
+from wrenchgap.replay.present.checks import checks_json
 from wrenchgap.replay.present.design import advice
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, unmeasured
@@ -43,6 +44,7 @@ def to_json(report: Report, repetition: Repetition | None = None) -> dict[str, A
         "commands": list(repetition.commands),
         "options": dict(repetition.options),
         "packages": dict(repetition.versions),
+        **checks_json(report),
         "notes": [*([rest(report.rest)] if report.rest.absent else []), *sentences(report.notes)],
         "timing": [timing.to_json(one) for one in report.explanation.timing],
     }

@@ -1,0 +1,90 @@
+"""The meaning suite.
+
+    python -m benchmarks.meaning --json docs/reliability.json --page docs/reliability.md     # the published logs
+    python -m benchmarks.meaning --only quad --fault stuck                                    # a few, printed
+
+Nothing that flies imports `plant` or above.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.hidden_effects.engine import fly as fly_hexarotor
+from benchmarks.meaning.faults import FAULTS, Fault
+from benchmarks.meaning.flying import HEX, NANO, QUAD, Manner, fly
+from benchmarks.meaning.healthy import healthy_of
+from benchmarks.meaning.judge import Row, judge, plain
+from benchmarks.meaning.page import page
+from wrenchgap.flight.flight import Flight
+
+ROOT = Path(__file__).resolve().parents[2]
+CRAFTS = {craft.name: craft for craft in (QUAD, NANO, HEX)}
+TILTING = "tilt_hexarotor"
+SEED = 11
+CALM = Manner(excitation=0.2, reach=0.5)
+"""A flight that hardly excites anything, on which less can be seen."""
+
+
+def flights(seed: int, only: str) -> Iterator[tuple[str, Flight, str, bool]]:
+    """Vehicle, healthy flight, its model file's text, and whether its arms tilt."""
+    for name, craft in CRAFTS.items():
+        if only in ("", name):
+            yield name, fly(craft, 16.0, seed), craft.model(), False
+    if only in ("", TILTING):
+        text = (ROOT / "models" / f"{TILTING}.toml").read_text(encoding="utf-8")
+        yield TILTING, fly_hexarotor((), None, "train", 16.0, seed)[0], text, True
+    if only in ("", "quad, calm"):
+        yield "quad, calm", fly(QUAD, 16.0, seed, CALM), QUAD.model(), False
+
+
+def run(seed: int, only: str, words: str, folder: Path) -> tuple[list[Row], list[Row]]:
+    """Rows of faults, and of healthy logs."""
+    faults, healthy = [], []
+    for name, flight, model, tilting in flights(seed, only):
+        for fault in FAULTS:
+            if words in fault.name and fault.tilting in (None, tilting):
+                faults.append(judge(name, flight, model, fault, folder / "log"))
+                print(_line(faults[-1]), flush=True)
+        if not words and name == TILTING:
+            for trajectory in ("train", "figure8", "fast", "low"):
+                flown = fly_hexarotor((), None, trajectory, 16.0, seed)[0]
+                healthy.append(judge(name, flown, model, Fault(trajectory, ()), folder / "log"))
+    for name, craft in CRAFTS.items() if not words else ():
+        if only in ("", name):
+            for case, flight in healthy_of(craft, seed):
+                healthy.append(judge(name, flight, craft.model(), Fault(case, ()), folder / "log"))
+    for row in healthy:
+        print(_line(row), flush=True)
+    return faults, healthy
+
+
+def _line(row: Row) -> str:
+    said = "named" if row.named else "seen" if row.seen else "silent"
+    return f"{row.vehicle}: {row.fault}: {said}; {', '.join(row.found)}; mended {row.mended}"
+
+
+def main() -> None:
+    """Run, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--only", default="", help="a vehicle")
+    parser.add_argument("--fault", default="", help="words of a fault's name")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--page", type=Path)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        faults, healthy = run(asked.seed, asked.only, asked.fault, Path(folder))
+    if asked.json is not None:
+        rows = {"seed": asked.seed, "faults": [plain(r) for r in faults], "healthy": [plain(r) for r in healthy]}
+        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if asked.page is not None:
+        asked.page.write_text(page(faults, healthy, asked.seed), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

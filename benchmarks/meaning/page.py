@@ -1,0 +1,102 @@
+"""docs/reliability.md from the rows of the suite: every number on the page is one of theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.meaning.judge import Row
+
+CALM = "quad, calm"
+HEAD = """# Reliability
+
+## Meaning: wrong units, frames, signs, orders, clocks, stuck channels
+
+Made by `python -m benchmarks.meaning --json docs/reliability.json --page docs/reliability.md` (seed {seed}). Each log
+has one fault. It is opened for its model as every command opens a log. Flown by MuJoCo, with a controller and sensors
+of the benchmark (`benchmarks/meaning`, and the tilt-arm hexarotor of `benchmarks/hidden_effects`); nothing that flies
+imports `plant`. The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults, and
+on the recorded logs.
+
+- *named*: a check that means this fault says it, by refusing the log (exit code 2) or, where samples are left out, by
+  a warning at the top of every result;
+- *seen*: some check refuses or warns;
+- *silent*: nothing is said. This bounds what may be silently wrong from above;
+- *mended*: with the option that the check proposes (and a second one, where the first brings another fault to light)
+  the log passes.
+
+"""
+
+
+def page(faults: Sequence[Row], healthy: Sequence[Row], seed: int) -> str:
+    """The whole page."""
+    usual = [row for row in faults if row.vehicle != CALM]
+    calm = [row for row in faults if row.vehicle == CALM]
+    return "".join(
+        (
+            HEAD.format(seed=seed),
+            _scores(usual, healthy),
+            "\n### By fault\n\n",
+            _table(usual),
+            _calm(calm),
+            "\n### Healthy logs\n\n",
+            _healthy(healthy),
+        )
+    )
+
+
+def _scores(usual: Sequence[Row], healthy: Sequence[Row]) -> str:
+    offered = [row for row in usual if row.mended is not None]
+    flagged = [row for row in healthy if row.seen]
+    rows = (
+        ("logs with a fault", str(len(usual)), "60 at least"),
+        ("vehicles", str(len({row.vehicle for row in usual})), "3"),
+        ("named", _share([row.named for row in usual]), "95 %"),
+        ("silent", str(sum(not row.seen for row in usual)), "0"),
+        ("mended by the proposed option", _share([bool(row.mended) for row in offered]), "-"),
+        ("healthy logs flagged", f"{len(flagged)} of {len(healthy)}", "0"),
+    )
+    lines = ["| | found | goal |", "|---|---|---|", *(f"| {a} | {b} | {c} |" for a, b, c in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def _share(values: Sequence[bool]) -> str:
+    return f"{sum(values)} of {len(values)} ({100 * sum(values) / max(len(values), 1):.0f} %)"
+
+
+def _table(rows: Sequence[Row]) -> str:
+    vehicles = list(dict.fromkeys(row.vehicle for row in rows))
+    lines = [f"| fault | {' | '.join(vehicles)} | proposed |", "|---" * (len(vehicles) + 2) + "|"]
+    for fault in dict.fromkeys(row.fault for row in rows):
+        own = {row.vehicle: row for row in rows if row.fault == fault}
+        cells = [_cell(own[v]) if v in own else "-" for v in vehicles]
+        mend = next((row.mend for row in own.values() if row.mend), None)
+        lines.append(f"| {fault} | {' | '.join(cells)} | {f'`{mend}`' if mend else '-'} |")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(row: Row) -> str:
+    said = "named" if row.named else "seen" if row.seen else "**silent**"
+    return said + ("" if row.mended is None else ", mended" if row.mended else ", not mended")
+
+
+def _calm(rows: Sequence[Row]) -> str:
+    if not rows:
+        return ""
+    silent = [row.fault for row in rows if not row.seen]
+    text = (
+        "\n### A flight that hardly excites anything\n\n"
+        "The quadrotor with a fifth of the excitation and half the motion: "
+        f"named {_share([row.named for row in rows])}, silent {len(silent)}"
+    )
+    return f"{text}{': ' + ', '.join(silent) if silent else ''}.\n"
+
+
+def _healthy(rows: Sequence[Row]) -> str:
+    vehicles = list(dict.fromkeys(row.vehicle for row in rows))
+    lines = ["| vehicle | logs | flagged |", "|---|---|---|"]
+    for vehicle in vehicles:
+        own = [row for row in rows if row.vehicle == vehicle]
+        flagged = [f"{row.fault} ({', '.join(row.found)})" for row in own if row.seen]
+        names = ", ".join(row.fault for row in own)
+        lines.append(f"| {vehicle} | {names} | {', '.join(flagged) or 'none'} |")
+    return "\n".join(lines) + "\n"

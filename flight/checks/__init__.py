@@ -1,0 +1,66 @@
+"""Is this log what it seems? Units, frames and stamps, asked of the data themselves, wherever a log is opened.
+
+    presence    roles, sizes that betray a unit, channels without a reading
+    attitude    IMU against attitude: units, axes, gravity, frames
+    odometry    the odometry against itself and against the accelerometer
+    wrench      the commanded force against the specific force
+    stamps      gaps, jitter, clocks
+    masking     samples that cannot be true
+    axes        the search for axes among 48, and for a rotation
+    motion      means over intervals, which all of these compare
+
+Each check looks at one way in which real logs are wrong, and says what mends it (docs/checks.md). What needs the
+vehicle is in `learn.data.against_model`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks import attitude, odometry, presence, stamps, wrench
+from wrenchgap.flight.checks.masking import masked
+from wrenchgap.flight.checks.motion import Seen, seen
+from wrenchgap.flight.clocks import Timing
+from wrenchgap.flight.flight import Flight
+
+ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
+    presence.roles,
+    presence.constant,
+    presence.units,
+    presence.unmeasured,
+    stamps.stamps,
+    stamps.dropped,
+)
+AGAINST_ODOMETRY: tuple[Callable[[Flight, Seen | None], Iterator[Check]], ...] = (
+    attitude.accelerometer_unit,
+    attitude.frames,
+    attitude.gyroscope,
+    odometry.odometry_rate,
+    odometry.velocity,
+    odometry.odometry_scale,
+    wrench.wrench_frame,
+)
+
+
+def checks(flight: Flight) -> tuple[Check, ...]:
+    """Everything that can be asked of a flight without knowing the vehicle, bad ones first."""
+    found = [check for ask in ALONE for check in ask(flight)]
+    stuck = any(check.name == "constant-channel" and check.level == "bad" for check in found)
+    moved = None if stuck else seen(flight)
+    found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
+    return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
+
+
+def checked(flight: Flight, timing: Timing | None = None, vehicles: Sequence[tuple[str, str]] = ()) -> Flight:
+    """The flight with its checks, and without samples that cannot be true; as it is where that was done before.
+
+    `timing` and `vehicles` are those of the reader (`flight.clocks`, `flight.roles`).
+    """
+    if flight.checks is not None:
+        return flight
+    clean, unlikely, left = masked(flight)
+    clocks = () if timing is None else stamps.clocks(timing, flight.mapping)
+    found = (*presence.vehicles(vehicles), *clocks, *unlikely, *checks(clean))
+    return replace(clean, checks=found, left_out=(*flight.left_out, *left))

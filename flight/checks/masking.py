@@ -1,0 +1,178 @@
+"""Samples that cannot be true: spikes, and channels that stand still while the flight goes on. Left out, and said.
+
+A spike is beyond what is physically possible *and* far beyond everything else on its channel: a channel in another unit
+is large throughout, and has no spikes. A channel has frozen where one that otherwise changes with every sample repeats
+itself for a while, away from the ends of the log and from the channel's own limits (a command may rest at those), while
+most of the other channels go on: at rest everything stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.check import Check, TimeLeftOut
+from wrenchgap.flight.flight import Array, Flight, Series
+from wrenchgap.flight.stamps import gaps_of
+
+LIMITS = {"specific_force_B": 500.0, "omega_B": 100.0, "velocity_E": 300.0, "position_E": 1e5}
+"""Beyond these nothing flies: 50 g, 5700 deg/s, 300 m/s, 100 km."""
+BEYOND = 10.0
+"""Times the 95th percentile of its channel that a spike is at least."""
+RARE = 0.04
+"""Share of the samples that spikes are at most."""
+FROZEN_SECONDS, FROZEN_SAMPLES = 0.5, 25
+"""A channel that repeats itself for that long, and for that many samples."""
+LIVELY = 0.05
+"""Share of repeated values of a channel that otherwise changes with every sample."""
+WATCHED = {
+    "imu": ("omega_B", "specific_force_B"),
+    "odometry": ("position_E", "quat_EB"),
+    "commanded": ("wrench_B",),
+    "actuators": ("rotor_speed", "tilt"),
+}
+"""Channels that are watched, by role."""
+LIMITED = ("commanded", "actuators")
+"""Roles whose channels may rest at a limit."""
+STIRRING = 0.2
+"""Share of its usual steps that another channel makes where the flight goes on."""
+MOST = 0.5
+"""Share of the flight that may be frozen."""
+
+
+def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut, ...]]:
+    """The flight without samples that cannot be true, what was found, and the times that are left out."""
+    found: list[Check] = []
+    for role, series in flight.series().items():
+        bad = spikes(series)
+        if bad.any():
+            flight = without(flight, role, bad, "beyond what is possible", split=False)
+            words = f"{role}: {int(bad.sum())} sample(s) are beyond what is physically possible: left out"
+            found.append(Check("spikes", "warn", f"{words}."))
+    frozen: dict[str, list[tuple[float, float, str]]] = {}
+    for role, start, stop, channel in _frozen(flight):
+        frozen.setdefault(role, []).append((start, stop, channel))
+    left: list[TimeLeftOut] = []
+    for role, runs in frozen.items():
+        series = flight.series()[role]
+        bad = np.any([(series.time > a) & (series.time <= b) for a, b, _ in runs], axis=0)
+        share = float(bad.mean())
+        names = ", ".join(dict.fromkeys(name for *_, name in runs))
+        a, b = runs[0][:2]
+        words = f"{role} ({names}) stands still for {b - a:.2f} s at {a:.2f} s"
+        words += f" and {len(runs) - 1} time(s) more" if len(runs) > 1 else ""
+        if share > MOST:
+            mend = f"--topic {role}=none" if role in ("imu", "odometry") else None
+            found.append(Check("frozen", "bad", f"{words}, {100 * share:.0f} % of the log", mend))
+            continue
+        found.append(Check("frozen", "warn", f"{words}, in mid-flight: left out."))
+        left += [TimeLeftOut(flight.name, a, b, f"{role} ({name}) stands still") for a, b, name in runs]
+        flight = without(flight, role, bad, "frozen", split=True)
+    return flight, tuple(found), tuple(left)
+
+
+def spikes(series: Series) -> NDArray[np.bool_]:
+    """Samples (N,) of which a value is beyond what is possible and beyond its channel."""
+    bad = np.zeros(len(series.time), dtype=bool)
+    for name, limit in LIMITS.items():
+        values = getattr(series, name, None)
+        if values is None:
+            continue
+        size = np.nan_to_num(np.abs(values))
+        beyond = (size > limit) & (size > BEYOND * np.percentile(size, 95, axis=0))
+        if beyond.any() and beyond.any(axis=1).mean() <= RARE:
+            bad |= beyond.any(axis=1)
+    return bad
+
+
+def without(flight: Flight, role: str, bad: NDArray[np.bool_], why: str, *, split: bool) -> Flight:
+    """The flight without some samples of a role, counted as dropped; with `split` each run of them is a gap."""
+    series = flight.series()[role]
+    keep = ~bad
+    if keep.sum() < 2:
+        return flight
+    arrays: dict[str, Any] = {}
+    for item in fields(series):
+        value = getattr(series, item.name)
+        if isinstance(value, np.ndarray):
+            arrays[item.name] = value[keep]
+    dropped = {**series.dropped, why: series.dropped.get(why, 0) + int(bad.sum())}
+    gaps = gaps_of(arrays["time"]) if split else series.gaps
+    replaced: dict[str, Any] = {role: replace(series, **arrays, gaps=gaps, dropped=dropped)}
+    return replace(flight, **replaced)
+
+
+def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
+    """Role, start and stop [s] and channel of every run of repeated values that nothing explains."""
+    series = {role: s for role, s in flight.series().items() if role in WATCHED}
+    lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
+    for role, channels in lively.items():
+        for name, values in channels:
+            for start, stop in _runs(series[role].time, values, limited=role in LIMITED):
+                if role in LIMITED and _saturated(series[role].time, channels, start, stop):
+                    continue
+                sensors = {r for r in ("imu", "odometry") if r in series}
+                witnesses = (
+                    sensors if sensors != {role} or role != "imu" else {*series} - {role}
+                )  # motors idle on the ground
+                others = [
+                    moving
+                    for other, kept in lively.items()
+                    for label, column in kept
+                    if (other, label) != (role, name) and other in (witnesses | {role})
+                    for moving in [_moves(series[other].time, column, start, stop)]
+                    if moving is not None
+                ]
+                if len(others) >= 2 and np.mean(others) > 0.25:
+                    yield role, start, stop, name
+
+
+def _saturated(time: Array, channels: list[tuple[str, Array]], start: float, stop: float) -> bool:
+    """Whether one of the commands rests at its limit: all rotors at full speed hold every torque."""
+    a, b = np.searchsorted(time, (start, stop))
+    return any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c in channels if b > a)
+
+
+def _lively(series: Series, names: tuple[str, ...]) -> list[tuple[str, Array]]:
+    """Channels that change with nearly every sample, but for one stretch."""
+    found = []
+    for name in names:
+        values = getattr(series, name)
+        for k, column in enumerate(values.T):
+            if len(column) < 4 * FROZEN_SAMPLES:
+                continue
+            same = np.diff(column) == 0.0
+            longest = _longest(same)
+            if (same.sum() - longest) <= LIVELY * max(len(same) - longest, 1):
+                found.append((f"{name} {k}", column))
+    return found
+
+
+def _longest(same: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _runs(time: Array, column: Array, *, limited: bool) -> Iterator[tuple[float, float]]:
+    same = np.diff(column) == 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first < FROZEN_SAMPLES or time[last] - time[first] < FROZEN_SECONDS:
+            continue
+        at_end = first == 0 or last == len(same)
+        at_limit = limited and column[first] in (column.min(), column.max())
+        if not at_end and not at_limit:
+            yield float(time[first]), float(time[last])
+
+
+def _moves(time: Array, column: Array, start: float, stop: float) -> bool | None:
+    """Whether another channel goes on in the meantime as it does otherwise; None where it has no samples there."""
+    a, b = np.searchsorted(time, (start, stop))
+    if b - a < 3:
+        return None
+    steps = np.abs(np.diff(column))
+    return bool(np.mean(steps[a : b - 1]) > STIRRING * np.mean(np.delete(steps, np.s_[a : b - 1])))

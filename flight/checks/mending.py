@@ -1,0 +1,45 @@
+"""The option that mends what a check found: the mapping as it is, with a word more."""
+
+from __future__ import annotations
+
+import shlex
+
+from wrenchgap.flight.flight import Flight
+
+
+def option(flight: Flight, words: str, *parts: str) -> str:
+    """`--topic` options that add words to what these parts (or roles of one part) come from.
+
+    Parts of an odometry that come from one topic share one option.
+    """
+    found = {part: _source(flight, part) for part in parts}
+    if set(parts) == {"pose", "twist"} and found["pose"] == found["twist"]:
+        found = {"odometry": found["pose"]}
+    if parts == ("imu",) and "gyroscope" in flight.mapping:
+        found = {part: _source(flight, part) for part in ("gyroscope", "accelerometer")}
+    return " ".join(f"--topic {shlex.quote(f'{part}={_with(source, words)}')}" for part, source in found.items())
+
+
+def _source(flight: Flight, part: str) -> str:
+    if part in flight.mapping:
+        return flight.mapping[part]
+    role = {"pose": "odometry", "twist": "odometry", "rotor_speed": "actuators", "tilt": "actuators"}.get(part, part)
+    series = flight.series().get(role)
+    return "/topic" if series is None else series.topic.split(" + ")[-1 if part in ("twist", "rotor_speed") else 0]
+
+
+def _with(source: str, words: str) -> str:
+    known = source.partition(":")[2].split(",")
+    if words.startswith("*"):
+        return source.replace(":", f"{words}:", 1) if ":" in source else f"{source}{words}"
+    fresh = [word for word in words.split(",") if word not in known or "=" in word or "*" in word]
+    # what is said already and says the same again was wrong: the sensor is not turned after all
+    if not fresh and words in known:
+        left = [word for word in known if word != words]
+        return source.partition(":")[0] + (f":{','.join(left)}" if left else "")
+    return f"{source}{',' if ':' in source else ':'}{','.join(fresh)}"
+
+
+def factor(value: float) -> str:
+    """A factor in three digits."""
+    return f"{value:.3g}"

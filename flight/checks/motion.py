@@ -1,0 +1,122 @@
+"""What odometry and IMU say of the same intervals of time: mean rates, mean specific forces, mean velocities.
+
+Means over intervals of about `INTERVAL` and not derivatives, so that an odometry of 10 Hz can be held against an IMU of
+1 kHz: a displacement over an interval is exactly the mean velocity, a rotation nearly the mean rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.flight import Array, Flight, Series
+from wrenchgap.flight.gravity import GRAVITY
+
+INTERVAL = 0.1
+"""[s]"""
+SLOWEST = 0.2
+"""Period of an odometry [s] beyond which its differences show nothing of the motion in between."""
+FEWEST = 20
+"""Intervals below which nothing is said."""
+BLOCKS = 8
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Means over K intervals. `rate` (K, 3) of the attitude in B, `gyro`, `accel` (K, 3) what the IMU reads, `own_rate`
+    (K, 3) of the odometry's twist; `attitude` (K, 4) at the middle, `apart` rows from that at the end of the interval.
+    `moved` (K, 3) is displacement over time and `velocity` (K, 3) the mean of the logged one, in E; `acceleration`
+    (K, 3) of the logged velocity and `curve` (K, 3) of the positions, in E. None: not in the log.
+    """  # noqa: D205
+
+    rate: Array
+    attitude: Array
+    moved: Array
+    curve: Array
+    velocity: Array | None
+    apart: int
+    acceleration: Array | None
+    own_rate: Array | None
+    gyro: Array | None
+    accel: Array | None
+
+    @property
+    def accelerating(self) -> Array:
+        """Acceleration in E (K, 3), from the logged velocity where there is one."""
+        return self.curve if self.acceleration is None else self.acceleration
+
+    def force(self, attitude: Array | None = None, gravity: float = GRAVITY) -> Array:
+        """R_EB^T (a + g e_z), (K, 3) in B: what an accelerometer should read."""
+        quat = self.attitude if attitude is None else attitude
+        return np.asarray(so3.rotate_inverse(quat, self.accelerating + np.array([0.0, 0.0, gravity])))
+
+
+def seen(flight: Flight) -> Seen | None:
+    """The intervals of a flight; None where there is no odometry, or one that is too slow or too short."""
+    odometry = flight.odometry
+    if odometry is None or odometry.period > SLOWEST:
+        return None
+    time, quat = odometry.time, so3.continuous(odometry.quat_EB)
+    m = max(1, round(INTERVAL / odometry.period))
+    first = np.arange(0, len(time) - 2 * m)
+    thinned = max(1, len(first) // 20_000)
+    first = first[::thinned]
+    middle, last = first + m, first + 2 * m
+    usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period
+    if flight.imu is not None:
+        usable &= _covered(flight.imu, time[first], time[last])
+    first, middle, last = first[usable], middle[usable], last[usable]
+    if len(first) < FEWEST:
+        return None
+    span = (time[last] - time[first])[:, None]
+    before, after = (time[middle] - time[first])[:, None], (time[last] - time[middle])[:, None]
+    p, v = odometry.position_E, odometry.velocity_E
+    slopes = (p[middle] - p[first]) / before, (p[last] - p[middle]) / after
+    imu = flight.imu
+    return Seen(
+        rate=so3.log(so3.multiply(so3.conjugate(quat[first]), quat[last])) / span,
+        attitude=quat[middle],
+        moved=(p[last] - p[first]) / span,
+        curve=(slopes[1] - slopes[0]) / (0.5 * span),
+        velocity=None if v is None else _mean(odometry, v, time[first], time[last]),
+        apart=max(1, round(m / thinned)),
+        acceleration=None if v is None else (v[last] - v[first]) / span,
+        own_rate=None if odometry.omega_B is None else _mean(odometry, odometry.omega_B, time[first], time[last]),
+        gyro=None if imu is None else _mean(imu, imu.omega_B, time[first], time[last]),
+        accel=None if imu is None else _mean(imu, imu.specific_force_B, time[first], time[last]),
+    )
+
+
+def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:
+    """Means (K, C) of a signal, straight between its samples, over intervals."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(series.time)[:, None]
+    integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
+    ends = [np.stack([np.interp(t, series.time, c) for c in integral.T], axis=1) for t in (start, stop)]
+    return np.asarray((ends[1] - ends[0]) / (stop - start)[:, None])
+
+
+def _covered(series: Series, start: Array, stop: Array) -> NDArray[np.bool_]:
+    """Intervals in which a series has samples."""
+    covered: NDArray[np.bool_] = (start >= series.time[0]) & (stop <= series.time[-1])
+    for gap in series.gaps:
+        covered &= (stop <= gap.start) | (start >= gap.stop)
+    return covered
+
+
+def cosine(truth: Array, reading: Array) -> float:
+    """Cosine between two signals (K, C), all columns together."""
+    size = float(np.linalg.norm(truth) * np.linalg.norm(reading))
+    return float(np.sum(truth * reading)) / size if size > 0.0 else 0.0
+
+
+def without_mean(values: Array) -> Array:
+    """Values (K, C) less their means: without a bias."""
+    return np.asarray(values - values.mean(axis=0))
+
+
+def rms(values: Array) -> float:
+    """Root mean square length of vectors (K, C)."""
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))

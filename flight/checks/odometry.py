@@ -1,0 +1,116 @@
+"""An odometry against itself and against the accelerometer: rates, velocity, lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchgap.flight import so3
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.attitude import rate_check
+from wrenchgap.flight.checks.mending import factor, option
+from wrenchgap.flight.checks.motion import BLOCKS, Seen, cosine, rms, without_mean
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.gravity import GRAVITY
+
+STANDING = 0.05
+"""[m/s] Motion below which velocities are not compared."""
+SHAKEN = 0.3
+"""[m/s^2] Acceleration below which lengths are not compared with the accelerometer."""
+ALIKE = 0.8
+"""Cosine from which on two signals are the same up to a factor."""
+FACTOR = 1.4
+"""Factor beyond which lengths are in another unit or scale: an estimator's filter takes down a fifth."""
+UNITS = {1000.0: "mm", 100.0: "cm"}
+
+
+def odometry_rate(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+    """The odometry's own rates against its attitude."""
+    if seen is None or seen.own_rate is None:
+        return
+    found = rate_check("odometry-rate", flight, (seen.rate, seen.own_rate), ("twist",), "rate")
+    if found.level != "ok":
+        yield found
+
+
+def velocity(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+    """The odometry's velocity against its positions; the accelerometer says which of them is wrong."""
+    if seen is None or seen.velocity is None:
+        return
+    moved, logged = seen.moved, seen.velocity
+    if rms(moved) < STANDING and rms(logged) < STANDING:
+        return
+    alike = cosine(moved, logged)
+    slope = float(np.sum(logged * moved) / max(np.sum(moved**2), 1e-30))
+    misfit = rms(logged - moved) / max(rms(moved), 1e-12)
+    said = f"Odometry's velocity is {slope:.3g} times the differentiated position (misfit {100 * misfit:.0f} %)"
+    if alike > 0.9 and not 1.0 / FACTOR < slope < FACTOR:
+        parts, words = _wrong_lengths(seen, slope)
+        yield Check("velocity", "bad", f"{said}: another unit or scale", option(flight, words, parts))
+    elif alike < 0.3 and rms(moved) > 6.0 * STANDING:
+        yield Check("velocity", "bad", f"{said}: another frame or vehicle", "--topic twist=none")
+    elif abs(slope - 1.0) > 0.15 or misfit > 0.5:
+        yield Check("velocity", "warn", f"{said}: another frame, unit or clock.")
+    else:
+        yield Check("velocity", "ok", f"Odometry's velocity agrees with its position (factor {slope:.2f}).")
+
+
+def _wrong_lengths(seen: Seen, slope: float) -> tuple[str, str]:
+    """Which of velocity and position is in another unit, and the words that mend it."""
+    of_velocity, of_position = _scale(seen, seen.acceleration), _scale(seen, seen.curve)
+    position_is_wrong = of_position is not None and not 1.0 / FACTOR < of_position < FACTOR
+    if position_is_wrong and (of_velocity is None or 1.0 / FACTOR < of_velocity < FACTOR):
+        return "pose", _unit(1.0 / slope, "position")
+    if of_position is None and slope < 0.02:
+        return "pose", _unit(1.0 / slope, "position")
+    return "twist", _unit(slope, "velocity")
+
+
+def _unit(ratio: float, vector: str) -> str:
+    """The word for lengths that are `ratio` times what they should be."""
+    near = next((word for k, word in UNITS.items() if 0.8 < ratio / k < 1.25), None)
+    return near or f"{vector}*{factor(1.0 / ratio)}"
+
+
+def odometry_scale(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+    """Lengths of the odometry against the accelerometer."""
+    if seen is None or seen.accel is None or np.isnan(seen.accel).any():
+        return
+    scale = _scale(seen, seen.accelerating)
+    if scale is None:
+        return
+    if 1.0 / FACTOR < scale < FACTOR:
+        yield Check("odometry-scale", "ok", f"Accelerations of the odometry are {scale:.2f} times the accelerometer's.")
+        return
+    other = None if seen.velocity is None else _scale(seen, seen.curve)
+    if other is not None and 1.0 / FACTOR < other < FACTOR:
+        return  # the positions are right: `velocity` says it
+    unit = next((word for k, word in UNITS.items() if 0.7 < scale / k < 1.4), None)
+    words = unit or f"position*{factor(1.0 / scale)}"
+    mend = option(flight, words, "pose")
+    if seen.velocity is not None:
+        mend = option(flight, words, "pose", "twist") if unit else f"{mend} {_velocity_words(flight, scale)}"
+    yield Check(
+        "odometry-scale", "bad",
+        f"Accelerations of the odometry are {scale:.3g} times the accelerometer's: its lengths are not in metres", mend,
+    )  # fmt: skip
+
+
+def _velocity_words(flight: Flight, scale: float) -> str:
+    return option(flight, f"velocity*{factor(1.0 / scale)}", "twist")
+
+
+def _scale(seen: Seen, acceleration: Array | None) -> float | None:
+    """Accelerations (K, 3) over those that the accelerometer shows; None where they are not alike, or too small."""
+    if acceleration is None or seen.accel is None or np.isnan(seen.accel).any():
+        return None
+    felt = without_mean(so3.rotate(seen.attitude, seen.accel) - np.array([0.0, 0.0, GRAVITY]))
+    shown = without_mean(acceleration)
+    if rms(felt) < SHAKEN or cosine(shown, felt) < ALIKE:
+        return None
+    ratios = [
+        rms(a) / max(rms(b), 1e-12) for a, b in zip(*(np.array_split(v, BLOCKS) for v in (shown, felt)), strict=True)
+    ]
+    spread = float(np.std(np.log(ratios)))
+    return float(np.exp(np.median(np.log(ratios)))) if spread < 0.7 else None

@@ -1,0 +1,43 @@
+"""The commanded force against the specific force, which it makes: F is about m f, whatever the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.mending import option
+from wrenchgap.flight.checks.motion import Seen
+from wrenchgap.flight.flight import Flight
+
+OPPOSITE = -0.5
+"""Median cosine below which force and specific force are opposite."""
+LIFTED = 0.3
+"""Of the 90th percentile of the commanded force: less is the ground."""
+
+
+def wrench_frame(flight: Flight, seen: Seen | None) -> Iterator[Check]:
+    """Whether the commanded force points where the specific force does."""
+    sent, imu = flight.commanded, flight.imu
+    if sent is None:
+        return
+    if imu is not None and not np.isnan(imu.specific_force_B).any():
+        felt = np.stack([np.interp(sent.time, imu.time, column) for column in imu.specific_force_B.T], axis=1)
+    elif seen is not None and len(seen.attitude) > 1 and flight.odometry is not None:
+        felt = np.tile(np.median(seen.force(), axis=0), (len(sent.time), 1))
+    else:
+        return
+    force = sent.wrench_B[:, :3]
+    size = np.linalg.norm(force, axis=1)
+    flying = size > LIFTED * np.percentile(size, 90)
+    if not flying.any():
+        return
+    alike = np.sum(force * felt, axis=1) / np.maximum(size * np.linalg.norm(felt, axis=1), 1e-12)
+    median = float(np.median(alike[flying]))
+    if median < OPPOSITE:
+        down = float(np.median(force[flying, 2]))
+        words = (
+            f"The commanded force (median force_z {down:.3g}) is opposite to the specific force (cosine {median:.2f})"
+        )
+        yield Check("wrench-frame", "bad", f"{words}: axes forward-right-down", option(flight, "frd", "commanded"))

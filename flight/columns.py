@@ -1,0 +1,50 @@
+"""The numbers of a quantity out of the fields of a topic."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats import Table
+from wrenchgap.flight.roles import PART_QUANTITY, Source
+
+VECTORS: dict[str, tuple[str, ...]] = {
+    "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
+    "imu": tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
+    "gyroscope": ("x", "y", "z"),
+    "accelerometer": ("x", "y", "z"),
+    "pose": (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw")),
+    "twist": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
+    "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
+}
+"""Fields of a quantity, in the order of its columns."""
+
+
+def vector(table: Table, source: Source, quantity: str, where: str = "log") -> Array:
+    """A quantity's numbers (N, K) from a table: the columns of an array, or the named fields of a message."""
+    array = table.columns.get(source.field)
+    if array is not None:
+        values = np.asarray(array, dtype=float).reshape(len(table), -1)
+        chosen = values if source.columns is None else values[:, list(source.columns)]
+        expected = len(VECTORS.get(quantity, ())) or (1 if quantity == "voltage" else chosen.shape[1])
+        if chosen.shape[1] != expected:
+            raise LogError(f"{where}: {source} gives {chosen.shape[1]} columns, but a {quantity} has {expected}")
+        return chosen
+    prefix = f"{source.field}." if source.field else ""
+    names = [prefix + name for name in VECTORS.get(quantity, ())]
+    if quantity == "pose" and names[0] not in table.columns:
+        names = [name.replace("position.", "translation.").replace("orientation.", "rotation.") for name in names]
+    missing = [name for name in names if name not in table.columns]
+    if missing or not names:
+        raise LogError(f"{where}: {source.topic} ({table.type}) has no field {(missing or [source.field])[0]!r}")
+    return np.stack([np.asarray(table.columns[name], dtype=float) for name in names], axis=1)
+
+
+def empty_columns(values: Array, name: str) -> list[int]:
+    """Columns that the log leaves empty (all NaN): of a twist or acceleration a half, of an IMU any axis."""
+    if PART_QUANTITY[name] == "imu":
+        return np.flatnonzero(np.isnan(values).all(axis=0)).tolist()
+    if PART_QUANTITY[name] not in ("twist", "acceleration"):
+        return []
+    return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]

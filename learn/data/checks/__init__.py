@@ -1,0 +1,60 @@
+"""Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
+
+    compared    commands and motion side by side
+    vehicle     numbers of the vehicle that contradict one another
+    wrench      the commanded wrench: units, axes
+    rotors      order, spin, sign of tilt
+
+What the log says by itself is asked in `flight.checks`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.flight import Flight, Samples, Series
+from wrenchgap.learn.data.checks.compared import compared
+from wrenchgap.learn.data.checks.rotors import rotors
+from wrenchgap.learn.data.checks.vehicle import of_vehicle
+from wrenchgap.learn.data.checks.wrench import axes, force_unit, torque_unit
+from wrenchgap.plant.model import Model
+
+FASTER = 2.5
+"""Times the cut-off that readings and commands must come, so that the filter's band is in them (Shannon: 2)."""
+
+
+def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) -> tuple[Check, ...]:
+    """What a model says of a flight whose `stretches` are on one clock."""
+    found = [*of_vehicle(model)]
+    seen = compared(stretches, model.vehicle)
+    if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
+        found += rotors(flight, model, seen)
+    if seen is not None and all(check.level != "bad" for check in found):
+        found += force_unit(flight, model, seen)
+        if all(check.level == "ok" for check in found):  # a wrong inertia has said so
+            found += torque_unit(flight, model, seen)
+        if not any(check.level == "bad" for check in found):
+            found += axes(flight, model, seen)
+            found += rotors(flight, model, seen) if seen.wrench is not None else ()
+    return tuple(found)
+
+
+def rates(flight: Flight, cutoff_hz: float) -> tuple[Check, ...]:
+    """Whether motion and commands come fast enough for a filter of `cutoff_hz`."""
+    played = flight.series()
+    motion = "imu" if "imu" in played else "odometry"
+    sent = "commanded" if "commanded" in played else "actuators"
+    asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, sent) if role in played]
+    slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < FASTER * cutoff_hz]
+    if not slow:
+        return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)
+    role, series, rate = min(slow, key=lambda item: item[2])
+    usable = np.floor(9.7 * rate / FASTER) / 10.0
+    words = (
+        f"{series.topic} ({role}) comes at {rate:.3g} Hz, a filter of {cutoff_hz:g} Hz needs {FASTER * cutoff_hz:g}: "
+        "what is faster is folded into what is slower"
+    )
+    return (Check("rate", "bad", words, f"--cutoff {usable:g}"),)

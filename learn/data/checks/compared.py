@@ -1,0 +1,117 @@
+"""Commands and motion of a flight side by side, as far as checks need them: roughly, and before anything is trusted."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.learn.data.answering import lagged
+from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
+from wrenchgap.learn.data.measurement import derivative, from_actuators, low_pass
+from wrenchgap.plant.state import Commands, Motion
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import measured_wrench
+
+CUTOFF_HZ = 4.0
+"""Of everything that is compared here: below vibration, above trim."""
+LAGS = (0.0, 0.03, 0.08)
+"""Time constants [s] of the actuators that are tried."""
+LIFTED = 0.3
+"""Share of the usual command's size, and of the weight, above which a vehicle flies."""
+SHORTEST, SLOWEST = 2.0, 0.1
+"""Of a stretch, and of its clock's period [s]."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """K samples in the air, low-passed at `CUTOFF_HZ`. `measured` (K, 6) is m f and J domega + omega x J omega.
+
+    `wrench` (K, 6) is the commanded one (None: not logged), `actuators` the logged tilt and speed with the wrench that
+    the model makes of them, `made`; all in B about the centre of mass. `parts` are the stretches, as slices; `dt` [s].
+    """
+
+    measured: Array
+    wrench: Array | None
+    made: Array | None
+    tilt: Array | None
+    speed: Array | None
+    parts: tuple[slice, ...]
+    dt: float
+
+
+def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
+    """The flight side by side; None where nothing was flown for long, or an axis was not measured."""
+    if not stretches or stretches[0].dt > SLOWEST:
+        return None
+    try:
+        rows = [_row(samples, vehicle) for samples in stretches if len(samples) * samples.dt >= SHORTEST]
+    except FitError:
+        return None  # said where the flight is prepared: these are not the rotors of this vehicle
+    if not rows or not measured_axes(vehicle, stretches[0].unmeasured).all():
+        return None
+    measured = np.concatenate([row[0] for row in rows])
+    joined = [
+        None if any(row[k] is None for row in rows) else np.concatenate([row[k] for row in rows]) for k in range(1, 5)
+    ]
+    wrench, made, tilt, speed = joined
+    pushed = wrench if wrench is not None else made
+    if pushed is None or not np.isfinite(measured).all():
+        return None
+    size = np.linalg.norm(low_pass(pushed[:, :3], stretches[0].dt, 1.0), axis=1)
+    felt = np.linalg.norm(measured[:, :3], axis=1)
+    usual, high = np.percentile(size, (50, 90))  # the median, unless most of the log is on the ground
+    flying = (size > LIFTED * (usual if usual > 0.05 * high else high)) & (felt > LIFTED * vehicle.body.mass * GRAVITY)
+    ends = np.cumsum([0, *(len(row[0]) for row in rows)])
+    inside = np.zeros(len(flying), dtype=bool)
+    inside[ends[1:-1]] = True  # where a stretch begins
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
+    parts: list[slice] = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        cuts = [int(start), *(int(k) for k in np.flatnonzero(inside) if start < k < stop), int(stop)]
+        parts += [slice(a, b) for a, b in itertools.pairwise(cuts)]
+    dt = stretches[0].dt
+    trim = int(0.5 / dt)
+    parts = [slice(p.start + trim, p.stop - trim) for p in parts if (p.stop - p.start) * dt > SHORTEST]
+    return Compared(measured, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
+
+
+Row = tuple[Array, Array | None, Array | None, Array | None, Array | None]
+
+
+def _row(samples: Samples, vehicle: Vehicle) -> Row:
+    dt, cutoff = samples.dt, min(CUTOFF_HZ, 0.3 / samples.dt)
+    omega = low_pass(samples.omega_B, dt, cutoff)
+    omega_dot = derivative(omega, dt)
+    felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff), omega, omega_dot, vehicle.imu_position_B)
+    measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))
+    wrench = None if samples.wrench_cmd_B is None else low_pass(samples.wrench_cmd_B, dt, cutoff)
+    logged = _logged(samples, vehicle)
+    if logged is None:
+        return measured, wrench, None, None, None
+    return measured, wrench, low_pass(logged.wrench_B, dt, cutoff), logged.tilt, logged.rotor_speed
+
+
+def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:
+    speed = samples.rotor_speed_cmd
+    if not vehicle.has_rotors or speed is None or not speed.shape[1]:
+        return None
+    return from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
+
+
+def moving(seen: Compared, values: Array, tau: float = 0.0) -> Array:
+    """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C)."""
+    out = []
+    for part in seen.parts:
+        late = np.stack([lagged(column[part], tau / seen.dt) for column in values.T], axis=1)
+        out.append(late - late.mean(axis=0))
+    return np.concatenate(out)
+
+
+def flown(seen: Compared, values: Array) -> Array:
+    """Values (N, C) of the parts in the air: (K, C)."""
+    return np.concatenate([values[part] for part in seen.parts])

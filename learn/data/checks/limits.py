@@ -1,0 +1,42 @@
+"""Commands beyond what the model says is possible: single samples are left out, and said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.masking import RARE, without
+from wrenchgap.flight.flight import Flight
+from wrenchgap.plant.model import Model
+
+MARGIN = 1.2
+"""Times a rotor's `speed_max` beyond which no command is one."""
+FORCE_MARGIN = 3.0
+"""Times the force of all rotors at `speed_max`, likewise."""
+
+
+def possible(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
+    """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit."""
+    vehicle = model.vehicle
+    if not vehicle.has_rotors:
+        return flight, ()
+    _, rotors = vehicle.geometry()
+    found: list[Check] = []
+    sent = flight.actuators
+    if sent is not None and sent.rotor_speed.shape[1] == len(rotors):
+        beyond = np.any(np.abs(sent.rotor_speed) > MARGIN * rotors.speed_max, axis=1)
+        if 0.0 < beyond.mean() <= RARE:
+            flight = without(flight, "actuators", beyond, "beyond speed_max", split=False)
+            words = (
+                f"actuators: {int(beyond.sum())} sample(s) beyond {MARGIN:g} times vehicle.rotor.speed_max: left out."
+            )
+            found.append(Check("spikes", "warn", words))
+    if flight.commanded is not None:
+        size = np.linalg.norm(flight.commanded.wrench_B[:, :3], axis=1)
+        most = FORCE_MARGIN * float(np.sum(rotors.c_f * rotors.speed_max**2))
+        beyond = (size > most) & (size > 10.0 * np.percentile(size, 95))
+        if 0.0 < beyond.mean() <= RARE:
+            flight = without(flight, "commanded", beyond, "beyond all rotors", split=False)
+            words = f"commanded: {int(beyond.sum())} sample(s) beyond {most:.3g} N, {FORCE_MARGIN:g} times all rotors"
+            found.append(Check("spikes", "warn", f"{words}: left out."))
+    return flight, tuple(found)

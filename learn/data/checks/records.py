@@ -1,0 +1,72 @@
+"""What the records of a flight say of a model: weight, and whether the actuators agree with the commanded wrench."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.data.errors import force_and_torque, length, rms
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import GRAVITY
+from wrenchgap.plant.wrench_model import about_com
+
+
+def of_records(flight: Flight, records: Sequence[Record], model: Model) -> tuple[Check, ...]:
+    """All of them."""
+    if not records:
+        return ()
+    return (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model))
+
+
+def _counts(flight: Flight, model: Model) -> list[Check]:
+    vehicle, actuators = model.vehicle, flight.actuators
+    rotors = 0 if vehicle.rotors is None else len(vehicle.rotors)
+    tilts = 0 if vehicle.arms is None else int(vehicle.arms.tilts.sum())
+    described = f"{vehicle.name} has {rotors} rotors and {tilts} tilting arms"
+    if actuators is None:
+        missing = "allocated from the commanded wrench" if rotors else "the commanded wrench is the nominal model"
+        return [Check("actuators", "ok", f"{described}; none are logged: {missing}.")]
+    logged = f"the log has {actuators.rotor_speed.shape[1]} rotor speeds and {actuators.tilt.shape[1]} tilt angles"
+    if not rotors:
+        return [Check("actuators", "warn", f"{logged}, but the model file has no arms: they are not used.")]
+    return [Check("actuators", "ok", f"{described}; {logged}.")]
+
+
+def _weight(records: Sequence[Record], model: Model) -> list[Check]:
+    weight = model.vehicle.body.mass * GRAVITY
+    found = []
+    for name in ("measured", "commanded"):
+        if name == "measured" and not all(r.measured_axes[2] for r in records):
+            continue
+        force = np.concatenate([getattr(r, name)[:, :3] for r in records])
+        median = float(np.median(length(force)))
+        words = f"Median {name} force is {median:.3g} N, the model's weight {weight:.3g} N ({median / weight:.3f})"
+        if 0.95 < median / weight < 1.05:
+            found.append(Check("weight", "ok", f"{words}."))
+        elif 0.7 < median / weight < 1.3:
+            remedy = "check the mass, or expect thrust_scale to be found." if name == "commanded" else "fast flight?"
+            found.append(Check("weight", "warn", f"{words}: {remedy}"))
+        else:
+            level = "warn" if 0.5 < median / weight < 2.0 else "bad"
+            found.append(Check("weight", level, f"{words}: another vehicle, unit or mass? correct vehicle.mass."))  # type: ignore[arg-type]
+    return found
+
+
+def _actuation(flight: Flight, records: Sequence[Record], model: Model) -> list[Check]:
+    """h(u) of the logged actuators against the logged W_cmd."""
+    if flight.commanded is None or any(r.source != "logged" for r in records):
+        return []
+    vehicle = model.vehicle
+    made = np.concatenate([about_com(vehicle.body, nominal_wrench(vehicle, r.commands)) for r in records])
+    logged = np.concatenate([r.commands.wrench_B for r in records])
+    (force, torque), (whole, turn) = (force_and_torque(rms(wrench)) for wrench in (made - logged, logged))
+    words = f"h(u) of the logged actuators differs from the logged W_cmd by {force:.3g} N and {torque:.3g} Nm rms"
+    if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
+        remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."
+        return [Check("actuation", "warn", f"{words}: {remedy}")]
+    return [Check("actuation", "ok", f"{words}.")]

@@ -1,0 +1,151 @@
+"""Order and spin of the rotors and the sign of tilt: what the model makes of the logged actuators, against a witness.
+
+The witness is the commanded wrench where it is logged: the allocation makes it of these very actuators, so that nothing
+but the model stands between them. Else it is the motion.
+
+The order is found from how the witness goes with each column of the log: with T (K, R) the thrusts of the columns and W
+(K, 4) force along z and torques, W = T B has the least-squares solution of smallest norm B (R, 4), and row j is what
+column j does. Rotor i of the model does b_i; the assignment of columns to rotors that maximises the sum of correlations
+is found in polynomial time (Kuhn 1955; `scipy.optimize.linear_sum_assignment`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.mending import option
+from wrenchgap.flight.checks.motion import cosine
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
+from wrenchgap.learn.data.measurement import low_pass
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.state import Commands
+from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.wrench_model import about_com
+
+FITS, BETTER = 0.8, 0.25
+"""Cosine with the witness that another reading must reach, and by how much more than as stated."""
+SEEN = 1e-3
+"""Of the largest: singular values of thrusts below it tell nothing."""
+
+
+def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+    """Whether another order, spin or sign of tilt explains the witness, and the stated one does not."""
+    if seen.made is None or seen.speed is None or seen.tilt is None:
+        return
+    name = "the commanded wrench" if seen.wrench is not None else "the motion"
+    scale = _scale(model.vehicle, seen)
+    stated = _alike(seen, seen.made, scale)
+    if stated > FITS:
+        yield Check("rotors", "ok", f"The logged actuators make torques like {name} (cosine {stated:.2f}).")
+        yield from _yaw(model.vehicle, seen, name)
+        return
+    order = _order(model.vehicle, seen)
+    readings = {
+        "tilt": (-seen.tilt, seen.speed),
+        "order": (seen.tilt, seen.speed[:, order]),
+    }
+    found = {what: _alike(seen, _made(model.vehicle, seen, *u), scale) for what, u in readings.items()}
+    what = max(found, key=lambda k: found[k])
+    if found[what] < FITS or found[what] < stated + BETTER:
+        words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
+        if seen.wrench is not None:
+            yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
+        return
+    words = f"The logged actuators make torques like {name} by a cosine of {stated:.2f}, with "
+    if what == "tilt":
+        words += f"the sign of tilt turned by {found[what]:.2f}"
+        yield Check("rotors", "bad", words, option(flight, "*-1", "tilt"))
+        return
+    words += f"the columns of the rotor speeds in the order {', '.join(map(str, order))} by {found[what]:.2f}"
+    yield Check("rotors", "bad", words, _columns(flight, [int(k) for k in order]))
+
+
+def _columns(flight: Flight, order: list[int]) -> str:
+    """The mapping with the columns in another order."""
+    source = flight.mapping.get("rotor_speed", "/topic")
+    head, _, rest = source.partition("[")
+    if rest:
+        text, _, tail = rest.partition("]")
+        present = [int(k) for k in text.split(",") if k.strip().isdigit()]
+        order = [present[k] for k in order] if len(present) == len(order) else order
+        return f"--topic 'rotor_speed={head}[{','.join(map(str, order))}]{tail}'"
+    cut = min((head.index(mark) for mark in "*:" if mark in head), default=len(head))
+    return f"--topic 'rotor_speed={head[:cut]}[{','.join(map(str, order))}]{head[cut:]}'"
+
+
+def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
+    """Spins: the torque about z alone, of vehicles whose rotors make it by drag."""
+    assert seen.made is not None
+    witness = seen.measured if seen.wrench is None else seen.wrench
+    truth = moving(seen, witness)[:, [5]]
+    alike = max((cosine(truth, moving(seen, seen.made, tau)[:, [5]]) for tau in LAGS), key=abs)
+    if alike < -FITS:
+        words = (
+            f"The logged actuators make a torque about z opposite to {name} (cosine {alike:.2f}): turn every spin over"
+        )
+        yield Check("rotors", "bad", f"{words} in the model file")
+
+
+def _scale(vehicle: Vehicle, seen: Compared) -> Array:
+    """Torques by which axes are made comparable: the inertia for the motion, the witness's own for a wrench."""
+    if seen.wrench is None:
+        return np.asarray(np.diag(vehicle.body.inertia))
+    return np.asarray(np.maximum(np.std(moving(seen, seen.wrench[:, 3:]), axis=0), 1e-9))
+
+
+def _alike(seen: Compared, made: Array, scale: Array) -> float:
+    """Cosine of torques made with those of the witness, at the likeliest lag."""
+    witness = seen.measured if seen.wrench is None else seen.wrench
+    truth = moving(seen, witness[:, 3:]) / scale
+    lags = LAGS if seen.wrench is None else (0.0,)
+    return max(cosine(truth, moving(seen, made[:, 3:], tau) / scale) for tau in lags)
+
+
+def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
+    """The wrench (N, 6) of other actuators, filtered as the rest."""
+    wrench = about_com(vehicle.body, nominal_wrench(vehicle, Commands(np.zeros((len(speed), 6)), tilt, speed)))
+    return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
+
+
+def _order(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
+    """Column of the log for each rotor (R,)."""
+    _, known = vehicle.geometry()
+    assert seen.speed is not None
+    witness = seen.measured if seen.wrench is None else seen.wrench
+    axes = [2, 3, 4, 5]
+    effect = np.stack([_effect(vehicle, r)[axes] for r in range(len(known))])
+    target = moving(seen, witness[:, axes])
+    best: NDArray[np.intp] = np.arange(len(known))
+    cost = -np.inf
+    for tau in LAGS if seen.wrench is None else (0.0,):
+        thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
+        found = np.linalg.pinv(moving(seen, thrust, tau), rcond=SEEN) @ target
+        size = np.maximum(np.std(target, axis=0), 1e-12)
+        a, b = (_normalised(rows / size) for rows in (effect, found))
+        likeness = a @ b.T
+        rows, columns = linear_sum_assignment(-likeness)
+        total = float(likeness[rows, columns].sum())
+        if total > cost:
+            best, cost = columns, total
+    return best
+
+
+def _normalised(rows: Array) -> Array:
+    centred = rows - rows.mean(axis=0)
+    return np.asarray(centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-30))
+
+
+def _effect(vehicle: Vehicle, rotor: int) -> Array:
+    """Wrench (6,) about the centre of mass per newton of one rotor's thrust, at zero tilt."""
+    arms, known = vehicle.geometry()
+    speed = np.zeros((1, len(known)))
+    speed[0, rotor] = 1.0 / np.sqrt(known.c_f[rotor])
+    made = nominal_wrench(vehicle, Commands(np.zeros((1, 6)), np.zeros((1, len(arms))), speed))
+    return np.asarray(about_com(vehicle.body, made)[0])

@@ -1,0 +1,70 @@
+"""Numbers of a vehicle that contradict one another, whatever the log says.
+
+All of a vehicle's mass is within its arms and rotors, so no moment of inertia exceeds m (L + r)^2, L the longest arm,
+r the rotor's radius; and motors sit at the ends of the arms, so none is next to nothing. The drag torque of a rotor
+over its thrust, kappa, is the radius times C_Q / C_T: between a fortieth and three radii for any propeller that flies
+(C_T, C_Q of small propellers: Brandt and Selig, AIAA 2011-1255).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
+
+LEAST_GYRATION, SMALL_GYRATION = 0.015, 0.03
+"""Moment of inertia over m L^2, L the rms length of the arms: below it nothing that flies is, or hardly anything."""
+KAPPA = (0.025, 3.0)
+"""Drag torque per thrust over the rotor's radius."""
+
+
+def of_vehicle(model: Model) -> Iterator[Check]:
+    """Inertia against mass and arms, kappa against the radius."""
+    vehicle = model.vehicle
+    if not vehicle.has_rotors:
+        return
+    yield _inertia(vehicle)
+    yield _kappa(vehicle)
+
+
+def _inertia(vehicle: Vehicle) -> Check:
+    arms, rotors = vehicle.geometry()
+    body = vehicle.body
+    lengths = np.linalg.norm(arms.position_B - body.com_B, axis=1)
+    usual, reach = float(np.sqrt(np.mean(lengths**2))), float(lengths.max() + rotors.radius.max())
+    moments = np.linalg.eigvalsh(body.inertia)
+    least, most = float(moments[0] / (body.mass * usual**2)), float(moments[-1] / (body.mass * reach**2))
+    listed = ", ".join(f"{m:.3g}" for m in moments)
+    described = f"vehicle.inertia {listed} kg m^2 with {body.mass:.3g} kg and arms of {usual:.3g} m"
+    if most > 1.0:
+        limit = body.mass * reach**2
+        words = f"{described}: no mass within {reach:.3g} m has more than {limit:.3g} kg m^2; correct it in the model"
+        return Check("inertia", "bad", words)
+    if least < LEAST_GYRATION:
+        words = f"{described}: {least:.2g} of m L^2, expected at least {LEAST_GYRATION:g}; correct it in the model"
+        return Check("inertia", "bad", words)
+    if least < SMALL_GYRATION:
+        return Check("inertia", "warn", f"{described}: only {least:.2g} of m L^2; is it in kg m^2?")
+    return Check("inertia", "ok", f"{described}: plausible.")
+
+
+def _kappa(vehicle: Vehicle) -> Check:
+    _, rotors = vehicle.geometry()
+    kappa, radius = np.abs(rotors.kappa), rotors.radius
+    share = kappa / radius
+    if np.all(kappa == 0.0):
+        return Check("kappa", "warn", "kappa is zero: rotors make no drag torque, and yaw is not predicted.")
+    worst = int(np.argmax(np.abs(np.log(np.maximum(share, 1e-30)) - np.log(np.sqrt(KAPPA[0] * KAPPA[1])))))
+    described = f"kappa {kappa[worst]:.3g} m is {share[worst]:.2g} of the rotor's radius {radius[worst]:.3g} m"
+    if KAPPA[0] < share[worst] < KAPPA[1]:
+        return Check("kappa", "ok", f"{described}.")
+    instead = kappa[worst] / rotors.c_f[worst]
+    hint = ""
+    if KAPPA[0] < instead / radius[worst] < KAPPA[1]:
+        hint = f": it looks like the torque coefficient [N m s^2]; kappa is that over c_f, {instead:.3g} m"
+    limits = f"expected {KAPPA[0]:g} to {KAPPA[1]:g}"
+    return Check("kappa", "bad", f"{described}, {limits}{hint}; correct vehicle.rotor.kappa in the model")

@@ -1,0 +1,140 @@
+"""The commanded wrench against the motion: units, axes.
+
+A vehicle does what it is commanded to, about: F is m f, M is J domega + omega x J omega. What differs by a factor that
+no effect makes is a unit, or a mass or inertia that is not this vehicle's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.axes import best_axes
+from wrenchgap.flight.checks.mending import factor, option
+from wrenchgap.flight.checks.motion import cosine, rms
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
+from wrenchgap.plant.model import Model
+
+FORCE = (0.5, 2.0)
+"""Commanded over measured force that an effect may make."""
+TORQUE = (0.3, 10.0)
+"""Likewise of the torque: what disturbs is answered by commands that move nothing, so that these may well be larger."""
+ALIKE, MUCH_ALIKE = 0.5, 0.7
+"""Cosine from which on command and motion belong together, and from which on a command may be called too small."""
+WILD = 100.0
+"""Times the measured torque that a commanded one is in another unit, alike or not."""
+SEEN = 0.3
+"""Share of a command's torque that an axis must have to be asked."""
+
+
+def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+    """Size of the force, of the commanded wrench or of the logged rotors."""
+    pushed = seen.wrench if seen.wrench is not None else seen.made
+    assert pushed is not None
+    sent, felt = flown(seen, pushed)[:, :3], flown(seen, seen.measured)[:, :3]
+    along = np.sum(sent * felt, axis=1) / np.maximum(np.sum(felt**2, axis=1), 1e-12)
+    ratio = max(
+        abs(float(np.median(along))), 1e-12
+    )  # of the part along the measured force: a command that chatters is no larger
+    said = f"The {'commanded' if seen.wrench is not None else 'nominal'} force is {ratio:.3g} times the measured one"
+    if FORCE[0] < ratio < FORCE[1]:
+        yield Check("force-unit", "ok", f"{said}.")
+    elif seen.wrench is not None:
+        words, why = _force_words(ratio, model.vehicle.body.mass, float(np.max(np.abs(sent))))
+        yield Check("force-unit", "bad", f"{said}: {why}", option(flight, words, "commanded"))
+    else:
+        yield _speeds(flight, ratio, said)
+
+
+def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
+    """The words that bring a force to newtons, and what it seems to be."""
+    units = {"g": mass * GRAVITY, "kgf": GRAVITY, "m/s^2": mass, "mN": 1e-3}
+    fitting = {unit: k for unit, k in units.items() if abs(np.log(ratio * k)) < 0.35}
+    if fitting:
+        unit = min(fitting, key=lambda u: abs(np.log(ratio * fitting[u])))
+        words = unit if unit in ("kgf", "mN") else f"force*{factor(fitting[unit])}"
+        what = {"g": "in units of g (a share of the weight)", "m/s^2": "an acceleration [m/s^2]"}.get(
+            unit, f"in {unit}"
+        )
+        return words, f"it is {what}"
+    kind = "normalised" if largest <= 1.05 else "in another unit, or the mass is not this vehicle's"
+    return f"force*{factor(1.0 / ratio)}", f"it is {kind}"
+
+
+def _speeds(flight: Flight, ratio: float, said: str) -> Check:
+    """Rotor speeds in another unit make thrusts by its square."""
+    for word, k, unit in (("rpm", np.pi / 30.0, "rpm"), ("*6.283185", 2.0 * np.pi, "revolutions per second")):
+        if FORCE[0] < ratio * k**2 < FORCE[1]:
+            words = f"{said}: rotor speeds are in {unit}"
+            return Check("rotor-speed-unit", "bad", words, option(flight, word, "rotor_speed"))
+    words = f"{said}: another mass, c_f or unit of the rotor speeds; correct the model, or the speeds"
+    return Check("weight", "bad", words, option(flight, f"*{factor(1.0 / np.sqrt(ratio))}", "rotor_speed"))
+
+
+def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+    """Size of the commanded torque, each axis by its inertia."""
+    if seen.wrench is None:
+        return
+    inertia = np.diag(model.vehicle.body.inertia)
+    motion = moving(seen, seen.measured[:, 3:]) / inertia
+    _, sent = _likeliest(seen, motion, inertia)
+    size = np.sqrt(np.mean(sent**2, axis=0))
+    if not size.any():
+        return
+    used = size > SEEN * size.max()
+    ratio = rms(sent[:, used]) / max(rms(motion[:, used]), 1e-12)
+    alike = cosine(motion[:, used], sent[:, used])
+    said = f"The commanded torque is {ratio:.3g} times what inertia and motion make (cosine {alike:.2f})"
+    usual = _chatter(seen)
+    small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
+    if small or large or ratio > WILD * usual:
+        words = "Nmm" if 0.2 < ratio / 1000.0 < 5.0 else f"torque*{factor(1.0 / ratio)}"
+        kind = "in Nmm" if words == "Nmm" else "normalised, in another unit, or vehicle.inertia is not this vehicle's"
+        yield Check("torque-unit", "bad", f"{said}: it is {kind}", option(flight, words, "commanded"))
+        return
+    words = f"{said}." if alike > ALIKE else f"{said}: too little in common to check its unit."
+    yield Check("torque-unit", "ok", words)
+
+
+def _chatter(seen: Compared) -> float:
+    """How much more commanded forces vary than measured ones, at least 1: a command that the vehicle cannot follow."""
+    assert seen.wrench is not None
+    sent, felt = (rms(moving(seen, wrench[:, :3])) for wrench in (seen.wrench, seen.measured))
+    return max(1.0, sent / max(felt, 1e-12))
+
+
+def _likeliest(seen: Compared, motion: Array, inertia: Array) -> tuple[float, Array]:
+    """The lag [s] behind which the commanded torques are most like the motion, and those as accelerations (K, 3)."""
+    assert seen.wrench is not None
+    torque = seen.wrench[:, 3:]
+    tried = [(tau, moving(seen, torque, tau) / inertia) for tau in LAGS]
+    return max(tried, key=lambda item: abs(cosine(motion, item[1])))
+
+
+def axes(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
+    """Axes of the commanded wrench, among 48, against those of the motion."""
+    if seen.wrench is None:
+        return
+    inertia = np.diag(model.vehicle.body.inertia)
+    motion = moving(seen, seen.measured[:, 3:]) / inertia
+    _, sent = _likeliest(seen, motion, inertia)
+    forces = flown(seen, seen.measured[:, :3]), flown(seen, seen.wrench[:, :3])
+    if not sent.any() or not forces[1].any():
+        return
+    together = best_axes([(motion, sent), forces])
+    if together is not None and cosine(forces[0], forces[1] @ together.matrix.T) > cosine(*forces) - 0.02:
+        words = (
+            f"The motion goes with the commanded wrench by a cosine of {together.as_is:.2f}, with its axes read as "
+            f"{together.words} by {together.fits:.2f}: its axes, or those of the IMU"
+        )
+        yield Check("wrench-frame", "bad", words, option(flight, together.words, "commanded"))
+        return
+    alone = best_axes([(motion, sent)])
+    if alone is not None and "=" in alone.words and "," not in alone.words and alone.words.startswith("axes"):
+        words = f"The motion goes with the commanded torque by a cosine of {alone.as_is:.2f}, as {alone.words} by "
+        mend = option(flight, f"torque.{alone.words}", "commanded")
+        yield Check("wrench-frame", "bad", f"{words}{alone.fits:.2f}", mend)

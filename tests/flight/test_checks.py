@@ -1,0 +1,192 @@
+"""The search for the mend, masks and clocks: each fault alone, and healthy logs that look like it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wrenchgap import flight
+from wrenchgap.flight.check import NAMES, Check, accepted_names, accepting, stop_where_bad
+from wrenchgap.flight.checks import checked
+from wrenchgap.flight.checks.axes import PERMUTATIONS, best_axes
+from wrenchgap.flight.clocks import relation, without_jumps
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries, WrenchSeries
+
+SECOND = 1_000_000_000
+
+
+def white(rng, count, size=1.0):
+    return size * rng.standard_normal((count, 3))
+
+
+def test_there_are_48_ways_to_name_three_axes():
+    assert len({p.tobytes() for p in PERMUTATIONS}) == 48
+    assert all(np.allclose(p @ p.T, np.eye(3)) for p in PERMUTATIONS)
+    assert sum(np.linalg.det(p) > 0 for p in PERMUTATIONS) == 24
+    assert np.array_equal(PERMUTATIONS[0], np.eye(3))
+
+
+@pytest.mark.parametrize("number", range(1, 48, 5))
+def test_each_is_found_back(number):
+    rng = np.random.default_rng(number)
+    truth = white(rng, 400)
+    found = best_axes([(truth, truth @ PERMUTATIONS[number] + white(rng, 400, 0.3))])
+    assert np.array_equal(found.matrix, PERMUTATIONS[number])
+
+
+@pytest.mark.parametrize("degrees", [-45.0, 30.0, 60.0])
+def test_a_rotation_between_the_axes_is_found_back(degrees):
+    rng = np.random.default_rng(3)
+    truth = white(rng, 400)
+    turn = Rotation.from_euler("z", degrees, degrees=True)
+    found = best_axes([(truth, turn.inv().apply(truth) + white(rng, 400, 0.1))])
+    assert found.words == f"yaw={degrees:g}"
+
+
+def test_nothing_is_proposed_for_noise_for_small_angles_or_for_what_is_right():
+    rng = np.random.default_rng(4)
+    truth = white(rng, 400)
+    assert best_axes([(truth, white(rng, 400))]) is None
+    assert best_axes([(truth, truth + white(rng, 400, 0.5))]) is None
+    turn = Rotation.from_euler("x", 10.0, degrees=True)
+    assert best_axes([(truth, turn.apply(truth))]) is None
+
+
+def moving(seconds=12.0, rate=100.0, change=lambda name, values: values):
+    """A flight whose channels all go on, each with noise; `change` spoils one by its name."""
+    rng = np.random.default_rng(8)
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    angle = 0.3 * np.sin(1.3 * time)
+    quat = np.stack((np.cos(angle / 2), np.sin(angle / 2), 0 * time, 0 * time), axis=1)
+    omega = np.stack((0.39 * np.cos(1.3 * time), 0 * time, 0 * time), axis=1) + white(rng, len(time), 0.01)
+    force = np.stack((0 * time, 9.81 * np.sin(angle), 9.81 * np.cos(angle)), axis=1) + white(rng, len(time), 0.05)
+    imu = ImuSeries("/imu", time, change("omega", omega), change("force", force))
+    position = change("position", white(rng, len(time), 1e-3) + np.stack((time, time, 0 * time), axis=1))
+    odometry = OdometrySeries("/odom", time, position, quat)
+    wrench = np.hstack((15.0 * force / 9.81, white(rng, len(time), 0.1)))
+    commanded = WrenchSeries("/w", time, change("wrench", wrench))
+    return Flight("f", "f.mcap", "0" * 64, 0, commanded=commanded, imu=imu, odometry=odometry)
+
+
+def spoilt(name, rows, value=None, column=slice(None)):
+    def change(which, values):
+        if which == name:
+            values = values.copy()
+            values[rows, column] = values[rows, column][0] if value is None else value
+        return values
+
+    return change
+
+
+def found_in(one):
+    return {c.name: c for c in checked(one).checks if c.level != "ok"}
+
+
+def test_a_channel_that_stands_still_is_left_out_for_so_long():
+    one = checked(moving(change=spoilt("omega", slice(400, 700), column=1)))
+    assert one.checks[0].name == "frozen"
+    (left,) = one.left_out
+    assert (left.start, left.stop) == pytest.approx((4.0, 6.99), abs=0.02)
+    assert len(one.imu.gaps) == 1
+    assert one.imu.dropped["frozen"] == pytest.approx(299, abs=2)
+
+
+def test_what_may_stand_still_is_kept():
+    """Quantised channels, commands at their limit, rest at either end, and everything at rest together."""
+    low = moving().commanded.wrench_B[:, 2].min() - 1.0
+    assert "frozen" not in found_in(moving(change=lambda n, v: np.round(v, 1) if n == "force" else v))
+    assert "frozen" not in found_in(moving(change=spoilt("wrench", slice(400, 700), low, 2)))
+    assert "frozen" not in found_in(moving(change=spoilt("omega", slice(0, 300))))
+    still = slice(400, 700)
+    every = moving(change=lambda n, v: spoilt(n, still)(n, v))
+    assert "frozen" not in found_in(every)
+
+
+def test_an_imu_stuck_for_most_of_the_log_is_bad():
+    assert found_in(moving(change=spoilt("omega", slice(200, 1000))))["frozen"].level == "bad"
+
+
+def test_spikes_are_left_out_and_units_are_not_spikes():
+    one = checked(moving(change=spoilt("force", [300, 301, 800], 1e5, 0)))
+    assert one.imu.dropped["beyond what is possible"] == 3
+    assert found_in(moving(change=spoilt("force", [300, 301, 800], 1e5, 0)))["spikes"].level == "warn"
+    large = checked(moving(change=lambda n, v: 1e3 * v if n == "force" else v))
+    assert len(large.imu.time) == len(moving().imu.time)
+
+
+def test_stamps_that_count_something_else_are_a_unit():
+    log = np.arange(0, 10 * SECOND, SECOND // 100)
+    for factor in (1000, 1_000_000):
+        assert relation(log, 7 + factor * log).unit == factor
+    for drift in (1.0001, 0.5, 3.0, 900.0):
+        assert relation(log, np.round(drift * log).astype(np.int64)).unit is None
+
+
+def test_a_clock_that_is_set_goes_on_and_a_pause_is_no_jump():
+    log = np.arange(0, 10 * SECOND, SECOND // 100)
+    hour = 3600 * SECOND
+    header = log + 5_000_000 + np.where(np.arange(len(log)) >= 500, hour, 0)
+    moved, jumps = without_jumps(log, header)
+    assert [index for index, _ in jumps] == [500]
+    assert np.allclose(moved - log, 5_000_000, atol=1e3)
+    assert relation(log, moved).rate == pytest.approx(1.0)
+    paused = np.concatenate((log[:500], log[500:] + 20 * SECOND))
+    assert without_jumps(paused, paused + 1000)[1] == ()
+    assert without_jumps(paused, paused // 2)[1] == ()  # a simulator at half real time
+    wrong = header.copy()
+    wrong[:] = log
+    wrong[300] += hour  # one stamp
+    assert without_jumps(log, wrong)[1] == ()
+
+
+def test_the_refusal_is_one_line_with_the_mend_and_the_way_to_accept():
+    checks = [Check("weight", "warn", "W."), Check("body-frame", "bad", "B.", "--topic imu=/imu:frd")]
+    with pytest.raises(LogError) as refused:
+        stop_where_bad("x.mcap", checks)
+    assert str(refused.value) == (
+        "x.mcap: body-frame: B; mend it with --topic imu=/imu:frd, or take it as it is with --accept body-frame"
+    )
+    stop_where_bad("x.mcap", accepting(checks, accepted_names(["Body Frame"])))
+    with pytest.raises(UsageError, match="no check is called so"):
+        accepted_names(["imu"])
+
+
+def test_every_check_has_its_row_in_the_page():
+    page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text(encoding="utf-8")
+    assert [name for name in NAMES if f"`{name}`" not in page] == []
+
+
+def test_a_slow_odometry_is_no_opposite_gyroscope():
+    """1 Hz: differences of the attitude are aliases of the motion."""
+    for rate in (1.0, 2.0, 4.0):
+        one = moving(seconds=60.0)
+        every = round(100.0 / rate)
+        arrays = {k: getattr(one.odometry, k)[::every] for k in ("time", "position_E", "quat_EB")}
+        slow = flight.OdometrySeries("/odom", **arrays)
+        assert not [c for c in found_in(replace(one, odometry=slow)).values() if c.level == "bad"]
+
+
+def test_pairs_of_faults_of_an_imu_are_both_said():
+    flipped = np.diag([1.0, -1.0, -1.0])  # forward-right-down
+
+    def change(name, values):
+        return values @ flipped / (9.81 if name == "force" else 1.0) if name in ("omega", "force") else values
+
+    names = {c.name for c in checked(moving(change=change)).checks if c.level == "bad"}
+    assert {"accelerometer-unit", "body-frame"} <= names
+
+
+def test_two_vehicles_in_one_log_are_asked_for_not_guessed(logs, tmp_path):
+    time, recording = np.arange(0, 6, 0.01), logs.Recording()
+    for name in ("uav1", "uav2"):
+        for topic in ("/command/wrench", "/imu", "/odometry"):
+            kind, columns = logs.PLAIN[topic]
+            recording.series(f"/{name}{topic}", kind, time, columns(time), stamp_s=True)
+    path = recording.save(tmp_path / "log.mcap")
+    assert flight.load(path).checks[0].name == "vehicles"
+    told = flight.load(path, topics={"commanded": "/uav2/command/wrench"})
+    assert "vehicles" not in {check.name for check in told.checks}
+    assert {series.topic.split("/")[1] for series in told.series().values()} == {"uav2"}
