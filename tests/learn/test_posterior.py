@@ -287,7 +287,7 @@ def test_members_are_listed_by_what_is_lost_without_them(thin_and_turned, hexaro
     found, (data, _) = thin_and_turned
     assert [m.share for m in found.members] == sorted((m.share for m in found.members), reverse=True)
     on = ground(data, hexarotor)
-    best = fitted(on, found.effects)
+    best = fitted(on, found.effects, near=found.posterior.best.theta(hexarotor))
     for member in found.members[:2]:
         without = fitted(on, [n for n in found.effects if n != member.name], best.fit).left
         rms = np.sqrt(np.mean(without**2, axis=0) / np.mean(best.left**2, axis=0))

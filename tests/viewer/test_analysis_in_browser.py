@@ -103,18 +103,16 @@ def test_the_page_stays_usable_while_a_search_runs(page, visitor, eventually, ef
     tab(visitor, "Effects")
     visitor.tab.get_by_role("button", name="Search", exact=True).click()
     eventually(lambda: effects.work.running, "no search")
-    slowest = 0.0
-    for _ in range(5):
-        begin, at = time.monotonic(), page.cursor.time
+    for _ in range(3):
+        at = page.cursor.time
         visitor.tab.get_by_role("button", name="+1 s").click()
         eventually(lambda at=at: page.cursor.time > at, "the page is stuck")
-        slowest = max(slowest, time.monotonic() - begin)
-    assert slowest < 3.0
+    assert effects.work.running, "the page answered only when the search had ended"
     eventually(lambda: not effects.work.running, "the search does not end", 90.0)
     visitor.tab.wait_for_selector("text=each by itself")
 
 
-@pytest.mark.parametrize("name", ["Failure", "Effects", "Compensation"])
+@pytest.mark.parametrize("name", ["Failure", "Effects", "Changed", "Compensation"])
 def test_every_panel_can_be_looked_at(visitor, name):
     tab(visitor, name)
     time.sleep(0.3)
