@@ -22,6 +22,8 @@ FIVE_FRAMES = """() => new Promise(done => { const start = performance.now(); le
     const frame = () => --left ? requestAnimationFrame(frame) : done((performance.now() - start) / 1000);
     requestAnimationFrame(frame); })"""
 """Seconds that five frames take: many while the shaders are compiled, which a CPU does slowly."""
+LOADING = 90.0
+"""Seconds that a page may take to appear: WebGL without a GPU, on cores that others use too."""
 PATIENCE = 20.0
 """Seconds after which something that should happen on the page did not."""
 
@@ -60,9 +62,9 @@ class Visitor:
         self.tab.on("console", lambda m: m.type == "error" and LATE not in m.text and self.errors.append(m.text))
         self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
         self.tab.goto(url)
-        self.tab.wait_for_selector("canvas", timeout=1000 * PATIENCE)
-        self.tab.wait_for_function("window.__viserSceneTree?.getState()['/world/body']", timeout=1000 * PATIENCE)
-        self.tab.wait_for_selector("text=torque x", timeout=1000 * PATIENCE)
+        self.tab.wait_for_selector("canvas", timeout=1000 * LOADING)
+        self.tab.wait_for_function("window.__viserSceneTree?.getState()['/world/body']", timeout=1000 * LOADING)
+        self.tab.wait_for_selector("text=torque x", timeout=1000 * LOADING)
         if smooth:
             eventually(lambda: self.tab.evaluate(FIVE_FRAMES) < 1.0, "the page never runs smoothly", 4 * PATIENCE)
             self.tab.locator(".mantine-Notification-closeButton").first.click()  # that WebGL runs without a GPU
