@@ -71,7 +71,7 @@ def test_a_rotor_is_called_as_the_user_calls_it(weak):
 
 def test_json_is_what_the_page_promises(found, season):
     body = json.loads(json.dumps(found.to_json()))
-    assert VERSIONS["trend"] == 1
+    assert VERSIONS["trend"] == 2
     assert body["verdict"] == "changed"
     assert body["flights"] == [path.stem for path in season]
     moved = next(p for p in body["parameters"] if (p["effect"], p["name"]) == ("com_offset", "y"))
@@ -141,7 +141,7 @@ def test_the_command_writes_everything(season, run, tmp_path):
     assert done.exit_code == 0, done.output
     assert "com_offset y steps" in " ".join(done.stdout.split())
     body = json.loads((tmp_path / "a.json").read_text())
-    assert body["schema"] == "wrenchgap.trend/1"
+    assert body["schema"] == "wrenchgap.trend/2"
     assert body["effects"] == ["com_offset"]
     table = pd.read_parquet(tmp_path / "a.parquet")
     assert table["value"].tolist() == [v for p in body["parameters"] for v in p["values"]]
