@@ -47,7 +47,7 @@ LEVEL = 0.01
 LARGE_EVIDENCE = 0.5
 """Evidence (sum of log rms ratios over axes) of a large gain: 40 % off the rms of one axis, or as much over several."""
 OVERWHELMING = 2.0
-"""Evidence of a gain that is no chance even where a few blocks have most of it: the rms of one axis falls to a seventh (e^-2)."""
+"""Evidence of a gain that is no chance even where few blocks have most of it: one axis' rms falls to a seventh."""
 LEAST_EVIDENCE = 0.2
 """Smallest evidence worth a name: e.g. 7 % of the rms of three axes."""
 DISCREPANCY = 0.25
