@@ -18,10 +18,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt, sosfreqz
+from scipy.signal import butter, sosfilt_zi, sosfreqz
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
+from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
 from wrenchgap.plant.actuation import nominal_wrench
@@ -81,15 +82,17 @@ class Record:
 
 
 @lru_cache(maxsize=16)
-def _sections(dt: float, cutoff_hz: float) -> Array:
-    return np.asarray(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"))
+def _section(dt: float, cutoff_hz: float) -> tuple[Array, Array]:
+    sos = np.asarray(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"))
+    return sos[0], np.asarray(sosfilt_zi(sos))[0]
 
 
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
     """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0."""
-    sos = _sections(dt, cutoff_hz)
+    section, start = _section(dt, cutoff_hz)
     padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
-    return np.asarray(sosfiltfilt(sos, signal, axis=0, padlen=padding))
+    flat = np.ascontiguousarray(signal, dtype=float).reshape(len(signal), -1)
+    return np.asarray(both_ways(section, start, flat, padding)).reshape(np.shape(signal))
 
 
 def derivative(signal: Array, dt: float) -> Array:
@@ -320,7 +323,7 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries 
     for what the gyroscope adds to the force over the lever arm from the IMU to the centre of mass.
     """
     f, density = white_noise(samples, imu, cutoff_hz)
-    _, response = sosfreqz(_sections(samples.dt, cutoff_hz), worN=f, fs=1.0 / samples.dt)
+    _, response = sosfreqz(_section(samples.dt, cutoff_hz)[0][None], worN=f, fs=1.0 / samples.dt)
     left = np.abs(response)[:, None] ** 4 * density  # power, filtered twice
     turn = 2.0 * np.pi * samples.dt * f
     slope = (8.0 * np.sin(turn) - np.sin(2.0 * turn)) / (6.0 * samples.dt)  # the gain of `derivative`

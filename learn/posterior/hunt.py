@@ -11,10 +11,14 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior import compiled
 from wrenchgap.learn.posterior.columns import beside, compatible, confused
 from wrenchgap.learn.posterior.score import Keys, Scorer, bounded, occam, relevant
+
+Rows = NDArray[np.intp]
 
 WIDTH = 7
 """Best sets that are changed further in each round."""
@@ -56,8 +60,25 @@ class Hunt:
 
     def _score(self, keys: Keys) -> float:
         space = self.space
-        unknown = np.concatenate([space.parameters[k] for k in keys])
-        fixed = np.array([0, *(space.offset[k] for k in keys)])
+        unknown, fixed, sizes, accuracy = self._rows(keys)
+        limits = space.low[unknown], space.high[unknown], space.scale[unknown], space.sparse[unknown]
+        fitted, width = compiled.score(self.whole, unknown, fixed, sizes, *limits, accuracy)
+        self.priors[keys] = width + self.scorer.prior_of(keys)
+        return float(fitted + self.priors[keys])
+
+    def _rows(self, keys: Keys) -> tuple[Rows, Rows, Rows, Array]:
+        """Of a set: rows of its parameters and of what is fixed; sizes of its members, and how well laws are known."""
+        space = self.space
+        parameters = [space.parameters[k] for k in keys]
+        fixed = np.array([0, *(space.offset[k] for k in keys)], dtype=np.intp)
+        sizes = np.array([len(p) for p in parameters], dtype=np.intp)
+        accuracy = np.array([space.columns[k].accuracy for k in keys], dtype=float)
+        return np.concatenate([np.zeros(0, np.intp), *parameters]), fixed, sizes, accuracy
+
+    def plainly(self, keys: Keys) -> float:
+        """The score as it is meant, a numpy call at a time: what `compiled.score` is compared with."""
+        space = self.space
+        unknown, fixed, sizes, accuracy = self._rows(keys)
         y = np.array([1.0, *(-1.0 for _ in keys)])
         A = self.whole[np.ix_(unknown, unknown)]
         b = self.whole[np.ix_(unknown, fixed)] @ y
@@ -66,20 +87,13 @@ class Hunt:
         scale = relevant(A, b, low, high, typical, space.sparse[unknown], typical)
         theta = bounded(A, b, low, high, scale)
         fitted = -0.5 * (c - 2.0 * theta @ b + theta @ A @ theta - self.whole[0, 0])
-        inexact = 0.5 * self._inexact(keys, theta) ** 2
-        self.priors[keys] = occam(A, theta, scale) + self.scorer.prior_of(keys)
-        return float(fitted - inexact + self.priors[keys])
-
-    def _inexact(self, keys: Keys, theta: Array) -> float:
-        """What the laws of the members may be off by, summed whatever the signs, in units of the noise."""
         total, at = 0.0, 0
-        for k in keys:
-            rows = np.append(self.space.parameters[k], self.space.offset[k])
-            own = np.append(theta[at : at + len(rows) - 1], 1.0)
-            size = np.sqrt(max(float(own @ self.whole[np.ix_(rows, rows)] @ own), 0.0))
-            total += self.space.columns[k].accuracy * size
-            at += len(rows) - 1
-        return total
+        for offset, size, share in zip(fixed[1:], sizes, accuracy, strict=True):
+            rows = np.append(unknown[at : at + size], offset)
+            own = np.append(theta[at : at + size], 1.0)
+            total += share * np.sqrt(max(float(own @ self.whole[np.ix_(rows, rows)] @ own), 0.0))
+            at += size
+        return float(fitted - 0.5 * total**2 + occam(A, theta, scale) + self.scorer.prior_of(keys))
 
     def run(self) -> list[Keys]:
         """All sets that were scored, best first."""
@@ -120,19 +134,11 @@ class Hunt:
     def _promising(self, keys: Keys) -> list[str]:
         """What would take most off what a set leaves, to second order and without bounds."""
         space = self.space
-        unknown = np.concatenate([np.zeros(0, np.intp), *(space.parameters[k] for k in keys)])
-        fixed = [0, *(space.offset[k] for k in keys)]
-        y = np.array([1.0, *(-1.0 for _ in keys)])
-        residual = self.whole[:, fixed] @ y
-        A = self.whole[np.ix_(unknown, unknown)] + np.diag(space.scale[unknown] ** -2.0)
-        across = np.linalg.solve(A, self.whole[unknown])
-        left = residual - across.T @ residual[unknown]
-        gains: dict[str, float] = {}
-        for n, mine in space.parameters.items():
-            if n in keys:
-                continue
-            rows = np.append(mine, space.offset[n])
-            H = self.whole[np.ix_(rows, rows)] - self.whole[np.ix_(rows, unknown)] @ across[:, rows]
-            narrow = np.append(space.scale[mine] ** -2.0, 1.0)
-            gains[n] = float(left[rows] @ np.linalg.solve(H + np.diag(narrow), left[rows]))
-        return sorted(gains, key=lambda n: -gains[n])[:PROMISING]
+        others = {n: np.append(own, space.offset[n]) for n, own in space.parameters.items() if n not in keys}
+        if not others:
+            return []
+        unknown, fixed, _, _ = self._rows(keys)
+        starts = np.cumsum([0, *(len(rows) for rows in others.values())])
+        rows = np.concatenate(list(others.values()))
+        gained = compiled.gains(self.whole, unknown, fixed, rows, starts, space.scale)
+        return [n for _, n in sorted(zip(-gained, others, strict=True))][:PROMISING]

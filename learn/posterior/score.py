@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior import compiled
 from wrenchgap.learn.posterior.columns import complexity
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
@@ -115,13 +116,13 @@ class Scorer:
             last = value
             whole = np.tensordot(self.count / variance, products, axes=([0, 1], [0, 1]))
             A, b = whole[:size, :size], whole[:size, size:] @ weights[size:]
-            scale = relevant(A, b, low, high, scale, sparse, space.scale[unknown])
-            theta = bounded(A, b, low, high, scale)
+            scale = compiled.relevant(A, b, low, high, scale, sparse, space.scale[unknown])
+            theta = compiled.bounded(A, b, low, high, scale)
         weights[:size] = -theta
         left, inexact = mean_squares(products, weights, members, accuracy)
         variance = self.pooled(left + inexact)
         likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
-        prior = occam(A, theta, scale) + self.prior_of(keys)
+        prior = compiled.occam(A, theta, scale) + self.prior_of(keys)
         spread = np.zeros(space.low.size)
         spread[every] = weights
         values = {k: theta[m[:-1]] for k, m in zip(keys, members, strict=True)}

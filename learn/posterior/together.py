@@ -25,6 +25,8 @@ from wrenchgap.learn.posterior.table import Ground
 STEPS = 5
 MOVED = 0.1
 """Change of a parameter in one step, in typical sizes, that calls for another."""
+CHORD = 0.5
+"""Change up to which the next step keeps the derivatives of the last."""
 
 
 @dataclass(frozen=True)
@@ -55,27 +57,33 @@ def linearised_together(
 
 def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], noise: Noise) -> Contender:
     keys: Keys = tuple(c.key for c in columns)
+    largest = np.inf
     for _ in range(STEPS):
-        columns = together(ground, columns, theta)
+        columns = together(ground, columns, theta, anew=largest > CHORD)
         spectrum = spectrum_of(ground, columns)
         spectrum.calm(noise.factors)
         scorer = Scorer(spectrum, noise.reference)
         found = [scorer(keys).theta[k] for k in keys]
-        moved = [np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True)]
+        largest = max(np.max(np.abs(a - b) / c.scale) for a, b, c in zip(found, theta, columns, strict=True))
         theta = found
-        if max(moved) < MOVED:
+        if largest < MOVED:
             break
     return contender(scorer, keys)
 
 
-def together(ground: Ground, columns: Sequence[Column], theta: Sequence[Array]) -> list[Column]:
-    """Columns of the members at their values in the set. What does not add up goes to the most curved of them."""
+def together(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], *, anew: bool = True) -> list[Column]:
+    """Columns of the members at their values in the set. What does not add up goes to the most curved of them. Not
+    `anew`, they keep their derivatives.
+    """  # noqa: D205
     problem = Problem(ground.data, ground.model, tuple(n for c in columns for n in c.names))
     values = np.concatenate(theta)
     x = np.zeros(problem.low.size)
     x[: len(values)] = values + np.concatenate([c.origin for c in columns])
     point = problem.at(np.clip(x, problem.low, problem.high))
-    derivative = problem.jacobian(point)[:, :, : len(values)]
+    if anew:
+        derivative = problem.jacobian(point)[:, :, : len(values)]
+    else:
+        derivative = np.concatenate([c.jacobian for c in columns], axis=2)
     offset = ground.left - point.residual - derivative @ values
     curved = int(np.argmax([np.linalg.norm(c.offset) for c in columns]))
     out, at = [], 0

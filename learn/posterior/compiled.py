@@ -1,0 +1,264 @@
+"""The small solves of the search over sets, compiled (docs/decisions/0026-compiled-kernels.md).
+
+A search solves some ten thousand least-squares problems with five to thirty unknowns; as numpy calls they spend nine
+tenths of their time outside arithmetic. `relevant`, `bounded` and `occam` are those of `learn.posterior.score`, the
+plain forms that tests compare with.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+
+Rows = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+TINY = 1e-14
+"""Least pivot of a factorisation: what is smaller is rounding."""
+
+
+@njit(cache=True)
+def factor(A: Array) -> Array:
+    """Lower triangle L (P, P) with L L' = A, a positive definite matrix; a pivot that is lost to rounding is tiny."""
+    n = A.shape[0]
+    L = np.zeros((n, n))
+    for j in range(n):
+        for i in range(j, n):
+            total = A[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                L[j, j] = math.sqrt(max(total, TINY))
+            else:
+                L[i, j] = total / L[j, j]
+    return L
+
+
+@njit(cache=True)
+def solve(L: Array, right: Array) -> Array:
+    """The x (P,) with L L' x = right."""
+    n = L.shape[0]
+    x = right.copy()
+    for i in range(n):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+    return x
+
+
+@njit(cache=True)
+def scaled(A: Array, scale: Array) -> Array:
+    """A in units of `scale`, plus one on the diagonal: the curvature with its prior."""
+    n = len(scale)
+    H = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            H[i, j] = A[i, j] * scale[i] * scale[j]
+        H[i, i] += 1.0
+    return H
+
+
+@njit(cache=True)
+def occam(A: Array, theta: Array, scale: Array) -> float:
+    """See `learn.posterior.score.occam`."""
+    L = factor(scaled(A, scale))
+    total = 0.0
+    for i in range(len(scale)):
+        total -= 0.5 * (theta[i] / scale[i]) ** 2 + math.log(L[i, i])
+    return total
+
+
+@njit(cache=True)
+def variances(L: Array) -> Array:
+    """The diagonal (P,) of the inverse of L L'."""
+    n = L.shape[0]
+    out = np.zeros(n)
+    column = np.zeros(n)
+    for j in range(n):
+        for i in range(j, n):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= L[i, k] * column[k]
+            column[i] = total / L[i, i]
+            out[j] += column[i] ** 2
+    return out
+
+
+@njit(cache=True)
+def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Flags, typical: Array) -> Array:
+    """See `learn.posterior.score.relevant`."""
+    if not np.any(sparse):
+        return scale
+    scale = scale.copy()
+    for _ in range(8):
+        L = factor(scaled(A, scale))
+        theta = solve(L, b * scale) * scale
+        spread = variances(L) * scale**2
+        most = 0.0
+        for i in range(len(scale)):
+            if sparse[i]:
+                value = min(max(theta[i], low[i]), high[i])
+                size = max(math.sqrt(value**2 + spread[i]), 1e-2 * typical[i])
+                most = max(most, abs(math.log(size / scale[i])))
+                scale[i] = size
+        if most < 0.1:
+            break
+    return scale
+
+
+@njit(cache=True)
+def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
+    """See `learn.posterior.score.bounded`."""
+    n = len(scale)
+    H, g, lower, upper = scaled(A, scale), b * scale, low / scale, high / scale
+    x, free = np.zeros(n), np.ones(n, dtype=np.bool_)
+    for _ in range(40):
+        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
+        part = np.empty((len(inner), len(inner)))
+        right = np.empty(len(inner))
+        for i in range(len(inner)):
+            right[i] = g[inner[i]]
+            for j in outer:
+                right[i] -= H[inner[i], j] * x[j]
+            for j in range(len(inner)):
+                part[i, j] = H[inner[i], inner[j]]
+        new = x.copy()
+        new[inner] = solve(factor(part), right)
+        crossed = False
+        for i in inner:
+            if new[i] < lower[i] - 1e-12 or new[i] > upper[i] + 1e-12:
+                free[i] = False
+                crossed = True
+        if crossed:
+            x = np.minimum(np.maximum(new, lower), upper)
+            continue
+        x = new
+        push = g - H @ x
+        worst, most = -1, 0.0
+        for i in range(n):
+            if free[i]:
+                continue
+            back = (x[i] <= lower[i] and push[i] > 1e-9) or (x[i] >= upper[i] and push[i] < -1e-9)
+            if back and abs(push[i]) > most:
+                worst, most = i, abs(push[i])
+        if worst < 0:
+            break
+        free[worst] = True
+    return np.minimum(np.maximum(x, lower), upper) * scale
+
+
+@njit(cache=True)
+def score(
+    whole: Array,
+    unknown: Rows,
+    fixed: Rows,
+    sizes: Rows,
+    low: Array,
+    high: Array,
+    typical: Array,
+    sparse: Flags,
+    accuracy: Array,
+) -> tuple[float, float]:
+    """A set's fit less what its laws may be off by, and its Occam factor: `learn.posterior.hunt.Hunt.plainly`.
+
+    `whole` (Q, Q) are the weighed products, `unknown` (P,) and `fixed` (1 + members,) the rows of them that the set
+    uses, `sizes` and `accuracy` (members,) the parameters of each and the share to which its law is known; the rest is
+    (P,), of the unknowns.
+    """
+    n, members = len(unknown), len(sizes)
+    A = np.empty((n, n))
+    b = np.empty(n)
+    for i in range(n):
+        row = whole[unknown[i]]
+        for j in range(n):
+            A[i, j] = row[unknown[j]]
+        b[i] = row[fixed[0]]
+        for m in range(members):
+            b[i] -= row[fixed[1 + m]]
+    scale = relevant(A, b, low, high, typical, sparse, typical)
+    theta = bounded(A, b, low, high, scale)
+    c = 0.0
+    for m in range(members + 1):
+        for k in range(members + 1):
+            sign = 1.0 if (m == 0) == (k == 0) else -1.0
+            c += sign * whole[fixed[m], fixed[k]]
+    fitted = -0.5 * (c - 2.0 * np.sum(theta * b) + np.sum(theta * (A @ theta)) - whole[0, 0])
+    total, at = 0.0, 0
+    for m in range(members):
+        offset = fixed[1 + m]
+        own = whole[offset, offset]
+        for i in range(at, at + sizes[m]):
+            own += 2.0 * theta[i] * whole[unknown[i], offset]
+            for j in range(at, at + sizes[m]):
+                own += theta[i] * theta[j] * A[i, j]
+        total += accuracy[m] * math.sqrt(max(own, 0.0))
+        at += sizes[m]
+    return fitted - 0.5 * total**2, occam(A, theta, scale)
+
+
+@njit(cache=True)
+def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, scale: Array) -> Array:
+    """What each of several candidates would take off what a set leaves, to second order and without bounds.
+
+    `unknown` and `fixed` are the set's, as in `score`; candidate k has the rows `rows[starts[k]:starts[k + 1]]` of
+    `whole` (Q, Q), its offset last. `scale` (Q,) are typical sizes.
+    """
+    n = len(unknown)
+    total = len(rows)
+    A = np.empty((n, n))
+    right = np.empty((n, total))
+    answer = np.empty(n)
+    for i in range(n):
+        row = whole[unknown[i]]
+        for j in range(n):
+            A[i, j] = row[unknown[j]]
+        A[i, i] += scale[unknown[i]] ** -2.0
+        for j in range(total):
+            right[i, j] = row[rows[j]]
+        answer[i] = row[fixed[0]]
+        for m in range(1, len(fixed)):
+            answer[i] -= row[fixed[m]]
+    size = np.empty(n)
+    for i in range(n):
+        size[i] = 1.0 / math.sqrt(max(A[i, i], TINY))
+    unit = scaled(A, size)
+    for i in range(n):
+        unit[i, i] -= 1.0
+    L = factor(unit)
+    done = solve(L, answer * size) * size
+    across = np.empty((n, total))
+    for j in range(total):
+        across[:, j] = solve(L, right[:, j] * size) * size
+    left = np.empty(total)
+    for j in range(total):
+        left[j] = whole[rows[j], fixed[0]]
+        for m in range(1, len(fixed)):
+            left[j] -= whole[rows[j], fixed[m]]
+        for i in range(n):
+            left[j] -= right[i, j] * done[i]
+    out = np.empty(len(starts) - 1)
+    for k in range(len(starts) - 1):
+        first, last = starts[k], starts[k + 1]
+        count = last - first
+        H = np.empty((count, count))
+        own = np.ones(count)
+        for i in range(count - 1):
+            own[i] = scale[rows[first + i]]
+        for i in range(count):
+            for j in range(count):
+                value = whole[rows[first + i], rows[first + j]]
+                for p in range(n):
+                    value -= right[p, first + i] * across[p, first + j]
+                H[i, j] = value
+        part = left[first:last] * own
+        out[k] = np.sum(part * solve(factor(scaled(H, own)), part))
+    return out
