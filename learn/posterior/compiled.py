@@ -127,16 +127,16 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
         right = np.empty(len(inner))
         for i in range(len(inner)):
             right[i] = g[inner[i]]
-            for j in outer:
-                right[i] -= H[inner[i], j] * x[j]
+            for held in outer:
+                right[i] -= H[inner[i], held] * x[held]
             for j in range(len(inner)):
                 part[i, j] = H[inner[i], inner[j]]
         new = x.copy()
         new[inner] = solve(factor(part), right)
         crossed = False
-        for i in inner:
-            if new[i] < lower[i] - 1e-12 or new[i] > upper[i] + 1e-12:
-                free[i] = False
+        for own in inner:
+            if new[own] < lower[own] - 1e-12 or new[own] > upper[own] + 1e-12:
+                free[own] = False
                 crossed = True
         if crossed:
             x = np.minimum(np.maximum(new, lower), upper)
