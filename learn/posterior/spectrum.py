@@ -89,12 +89,33 @@ class Spectrum:
             return
         signals = answers(data.records)
         free = transformed(data.records, signals[:, None], without_mean=True)[0][:, 0]
+        measured = np.concatenate([r.measured for r in data.records])
+        moved = transformed(data.records, measured[:, :, None], without_mean=True)[0][:, :, 0]
+        slow = self._slow_answers(data)
         for k in answering:
             power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / self.count[:, k]
             weight = np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5
             basis = spanned(free * weight)
+            own = moved[:, self.axes[k], None] * weight
+            own = spanned(own - basis @ (basis.T @ own))
             part = self.coefficients[:, k] * weight
-            self.coefficients[:, k] = (part - basis @ (basis.T @ part)) / weight
+            part -= basis @ (basis.T @ part)
+            part[:, 1:] -= own @ (own.T @ part[:, 1:])
+            self.coefficients[:, k] = part / weight
+            means = self.coefficients[self.starts, k, 1:]
+            self.coefficients[self.starts, k, 1:] -= slow @ (slow.T @ means)
+
+    def _slow_answers(self, data: Dataset) -> Array:
+        """Orthonormal basis (blocks, B) of how the commands' means over blocks differ within a flight."""
+        sent = np.concatenate([r.commanded for r in data.records])
+        means = transformed(data.records, sent[:, :, None])[0][self.starts, :, 0]
+        size = np.sqrt(np.bincount(self.block))
+        flight = data.flight[self.starts]
+        for one in np.unique(flight):
+            own = flight == one
+            level = size[own] / np.linalg.norm(size[own])
+            means[own] -= np.outer(level, level @ means[own])
+        return spanned(means)
 
     def _products(self) -> Array:
         by_band = [np.moveaxis(self.coefficients[self.band == k], 0, 1) for k in range(len(self.count))]
