@@ -19,17 +19,21 @@ from wrenchgap.learn.data.measurement import Record
 
 LAGS = (0.0, 0.03, 0.08, 0.2)
 """Time constants [s] of the first-order lags behind which commands are seen."""
+SHIFTS = (-0.4, -0.2, 0.2, 0.4)
+"""Delays, in periods of the filter's corner. A command that answers comes after what it answers, so some are leads."""
 
 
 def answers(records: Sequence[Record]) -> Array:
-    """All commands that change, each behind first-order lags of `LAGS`: (K, A), K samples of all records."""
+    """All commands that change, each behind first-order lags of `LAGS` and by `SHIFTS` later: (K, A), K samples of all
+    records.
+    """  # noqa: D205
     moving = [a for a in range(6) if max(float(np.std(r.commanded[:, a])) for r in records) > 0.0]
-    rows = [
-        np.stack([lagged(r.commanded[:, a], tau / r.dt_kept) for a in moving for tau in LAGS], axis=1)
-        if moving
-        else np.zeros((len(r), 0))
-        for r in records
-    ]
+    rows = []
+    for r in records:
+        sent = [r.commanded[:, a] for a in moving]
+        late = [lagged(x, tau / r.dt_kept) for x in sent for tau in LAGS]
+        late += [shifted(x, round(share / (r.cutoff_hz * r.dt_kept))) for x in sent for share in SHIFTS]
+        rows.append(np.stack(late, axis=1) if late else np.zeros((len(r), 0)))
     return np.concatenate(rows)
 
 
@@ -48,6 +52,11 @@ def spanned(signals: Array) -> Array:
         return np.zeros((len(signals), 0))
     left, spread, _ = np.linalg.svd(signals[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     return np.asarray(left[:, spread > 1e-6 * spread.max()])
+
+
+def shifted(signal: Array, samples: int) -> Array:
+    """A signal (N,) so many samples later, or earlier; its ends go on as they are."""
+    return np.asarray(signal[np.clip(np.arange(len(signal)) - samples, 0, len(signal) - 1)])
 
 
 def lagged(signal: Array, samples: float) -> Array:
