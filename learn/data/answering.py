@@ -23,8 +23,8 @@ SHIFTS = (-0.4, -0.2, 0.2, 0.4)
 """Delays, in periods of the filter's corner. A command that answers comes after what it answers, so some are leads."""
 
 
-def answers(records: Sequence[Record]) -> Array:
-    """All commands that change, each behind first-order lags of `LAGS` and by `SHIFTS` later: (K, A), K samples of all
+def answers(records: Sequence[Record], shifts: Sequence[float] = ()) -> Array:
+    """All commands that change, each behind first-order lags of `LAGS` and later by `shifts`: (K, A), K samples of all
     records.
     """  # noqa: D205
     moving = [a for a in range(6) if max(float(np.std(r.commanded[:, a])) for r in records) > 0.0]
@@ -32,7 +32,7 @@ def answers(records: Sequence[Record]) -> Array:
     for r in records:
         sent = [r.commanded[:, a] for a in moving]
         late = [lagged(x, tau / r.dt_kept) for x in sent for tau in LAGS]
-        late += [shifted(x, round(share / (r.cutoff_hz * r.dt_kept))) for x in sent for share in SHIFTS]
+        late += [shifted(x, round(share / (r.cutoff_hz * r.dt_kept))) for x in sent for share in shifts]
         rows.append(np.stack(late, axis=1) if late else np.zeros((len(r), 0)))
     return np.concatenate(rows)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.answering import answers, spanned
+from wrenchgap.learn.data.answering import SHIFTS, answers, spanned
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.trim import Trim
@@ -87,7 +87,7 @@ class Spectrum:
         answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
         if not answering:
             return
-        signals = answers(data.records)
+        signals = answers(data.records, SHIFTS)
         free = transformed(data.records, signals[:, None], without_mean=True)[0][:, 0]
         measured = np.concatenate([r.measured for r in data.records])
         moved = transformed(data.records, measured[:, :, None], without_mean=True)[0][:, :, 0]
