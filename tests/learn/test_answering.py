@@ -1,0 +1,83 @@
+"""On an axis where commands answer the motion: what they answer, or what moves with the motion itself, is no evidence.
+
+The loop closes through the controller, so that commands follow what disturbs, later and with the other sign (Forssell
+and Ljung, Automatica 35, 1999). What no command answers, and the mean of a flight, are left.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wrenchgap.learn.data.answering import LAGS, SHIFTS, answers, shifted
+from wrenchgap.learn.identify.trim import trim_of
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.spectrum import Spectrum
+
+AXIS = 2
+
+
+def column(name, values):
+    jacobian = np.zeros((len(values), 6, 1))
+    jacobian[:, AXIS, 0] = values
+    one = np.ones(1)
+    return Column((name,), 0 * one, 0 * one, 0 * jacobian[:, :, 0], jacobian, -one, one, one, one < 0, 0.05)
+
+
+@pytest.fixture
+def left_of(plain, hexarotor):
+    """What an answering axis leaves of some values over time: their coefficients by block and frequency, and which of
+    them are means.
+    """
+
+    def coefficients(values):
+        data = replace(plain, answering=(AXIS,))
+        residual = plain.noise * np.random.default_rng(0).normal(size=plain.measured.shape)
+        space = Spectrum(data, residual, [column("mass", values)], trim_of(hexarotor))
+        out = space.coefficients[:, AXIS, 1]
+        means = np.zeros(len(out), dtype=bool)
+        means[space.starts] = True
+        return out, means
+
+    return coefficients
+
+
+def sent(plain):
+    return np.concatenate([r.commanded[:, AXIS] for r in plain.records])
+
+
+@pytest.mark.parametrize("samples", [-2, 0, 1])
+def test_what_commands_answer_earlier_or_later_is_gone_and_its_mean_stays(plain, left_of, samples):
+    """A multiple of the command, as a scale of all thrusts is, even some samples before it."""
+    values = shifted(sent(plain), samples)
+    coefficients, means = left_of(values)
+    moving = values - values.mean()
+    assert np.linalg.norm(coefficients[~means]) < 0.02 * np.linalg.norm(moving)
+    assert np.linalg.norm(coefficients[means]) == pytest.approx(abs(values.mean()) * np.sqrt(len(values)), rel=0.01)
+
+
+def test_what_moves_with_the_measured_force_keeps_its_mean_alone(plain, left_of):
+    """A mass: m a is large where a disturbance is, whatever the mass is."""
+    measured = np.concatenate([r.measured[:, AXIS] for r in plain.records])
+    coefficients, means = left_of(measured)
+    assert np.linalg.norm(coefficients[~means]) < 1e-6 * np.linalg.norm(measured)
+    assert np.linalg.norm(coefficients[means]) > 0.9 * abs(measured.mean()) * np.sqrt(len(measured))
+
+
+def test_what_no_command_answers_stays(plain, left_of):
+    """A tone of its own."""
+    tone = np.sin(2 * np.pi * 3.3 * plain.records[0].time)
+    tone = np.resize(tone, len(plain.measured))
+    coefficients, means = left_of(tone)
+    assert np.linalg.norm(coefficients[~means]) > 0.8 * np.linalg.norm(tone)
+
+
+def test_responses_are_seen_behind_lags_and_shifts(plain):
+    """Columns for every moving command: the command itself first, and shifts of a whole number of samples."""
+    record = plain.records[0]
+    moving = [a for a in range(6) if np.std(record.commanded[:, a]) > 0.0]
+    every = answers(plain.records, SHIFTS)
+    assert every.shape == (len(plain.measured), len(moving) * (len(LAGS) + len(SHIFTS)))
+    step = round(SHIFTS[0] / (record.cutoff_hz * record.dt_kept))
+    first = every[: len(record), len(moving) * len(LAGS)]
+    np.testing.assert_array_equal(first[:step], record.commanded[-step:, moving[0]])
