@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from time import perf_counter
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,11 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
+
+if TYPE_CHECKING:
+    from wrenchgap.compensate.fast import Stepper
+
+Solver = Literal["newton", "lbfgs", "onboard"]
 
 REACH = 3.0
 """Default bounds of the correction, in largest mismatches seen. A slope of -2/3, which triples an error's correction,
@@ -53,6 +59,9 @@ class Settings:
     sigma_threshold   standard deviation at which half of the optimum is taken
     kappa             rapidness of the change around the threshold [1/sigma]
     normalise         whether sigma is the maximum of normalised outputs (see `compensate.uncertainty`)
+    solver            "newton": compiled, handing over to L-BFGS where it does not settle, and where a model cannot be
+                      compiled; "lbfgs": the paper's reference, on plain models; "onboard": Newton alone, which is what
+                      `wrenchgap export` writes
     """
 
     dt: float = 0.01
@@ -65,8 +74,11 @@ class Settings:
     sigma_threshold: float | None = None
     kappa: float | None = None
     normalise: bool | None = None
+    solver: Solver = "newton"
 
     def __post_init__(self) -> None:
+        if self.solver not in get_args(Solver):
+            raise UsageError(f"compensate: solver is {self.solver!r}, expected one of {', '.join(get_args(Solver))}")
         positive = {"dt": self.dt, "decay_time": self.decay_time, "accept": self.accept, "kappa": self.kappa}
         for name, value in positive.items():
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -143,7 +155,25 @@ class Compensator:
             kappa=asked.kappa,
             normalise=asked.normalise,
         )
+        self._fast = self._compiled(bound, accept)
         self.reset()
+
+    def _compiled(self, bound: Array, accept: float) -> Stepper | None:
+        """Compiled steps; None where plain models are asked for, or where a model cannot be compiled."""
+        asked = self.settings
+        if asked.solver == "lbfgs" or (asked.solver == "newton" and asked.regulariser > 0.0):
+            return None
+        from wrenchgap.compensate.fast import Limits, Stepper, plan
+        from wrenchgap.compensate.tracing import Untraceable
+
+        limits = Limits(bound, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
+        try:
+            made = plan(self.model, self.physics, self.uncertainty, limits)
+        except Untraceable as error:
+            if asked.solver == "onboard":
+                raise UsageError(f"compensate: solver onboard: {error}") from None
+            return None
+        return Stepper(made, self._optimiser, self._unbounded)
 
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
@@ -152,6 +182,9 @@ class Compensator:
         self._known = np.zeros(len(AXES))  # correction of the physics alone
         self._model: MismatchModel | None = None
         self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else _Fixed(m) for m in self._parts]
+        self._stepped = False
+        if self._fast is not None:
+            self._fast.reset()
 
     @property
     def _parts(self) -> list[MismatchModel | Follows]:
@@ -165,6 +198,8 @@ class Compensator:
         """
         started = perf_counter()
         wrench = _checked(wrench_des)
+        if self._fast is not None:
+            return self._fast_step(self._fast, wrench, state, started)
         here = [f.here(state) for f in self._following]
         model = self._model = _Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
@@ -187,6 +222,14 @@ class Compensator:
         took = perf_counter() - started
         return Result(command, correction, found, sigma, beta, cost, iterations, optimum.accepted, trouble, took)
 
+    def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
+        if state is None and self.needs_state:
+            for follower in self._following:
+                follower.here(None)  # says which model it is that needs the state
+        row = fast.one(wrench, state)
+        self._stepped = True
+        return result_of(row.copy(), fast.trouble, perf_counter() - started)
+
     @property
     def needs_state(self) -> bool:
         """Whether `step` must be told the state."""
@@ -194,9 +237,21 @@ class Compensator:
 
     def expected(self, wrench_cmd: Array) -> Array:
         """Mismatch (L,) of a command (6,) at the last step, as the models then had it."""
+        if self._fast is not None and self._stepped:
+            return self._fast.expected(wrench_cmd)
         if self._model is None:
             raise UsageError("compensate: nothing is expected before the first step")
         return np.asarray(self._model.mean(wrench_cmd[None])[0])
+
+
+def result_of(row: Array, trouble: str, took: float) -> Result:
+    """A row of `compensate.compiled` as a result."""
+    sigma, beta, cost, evaluations, accepted = row[18:23].tolist()
+    if not math.isfinite(sigma):
+        trouble = trouble or "the model's standard deviation is not finite: correction withheld"
+    if not math.isfinite(cost):
+        trouble = trouble or "no correction: the mismatch model gave a value that is not finite"
+    return Result(row[:6], row[6:12], row[12:18], sigma, beta, cost, int(evaluations), accepted > 0.0, trouble, took)
 
 
 @dataclass(frozen=True)
