@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.optimiser import Optimiser, linearisation
+from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser, linearisation
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
@@ -62,6 +62,7 @@ class Settings:
     solver            "newton": compiled, handing over to L-BFGS where it does not settle, and where a model cannot be
                       compiled; "lbfgs": the paper's reference, on plain models; "onboard": Newton alone, which is what
                       `wrenchgap export` writes
+    good_enough       share of `accept` at which L-BFGS stops; Newton, which converges faster, goes on to 1e-14
     """
 
     dt: float = 0.01
@@ -75,6 +76,7 @@ class Settings:
     kappa: float | None = None
     normalise: bool | None = None
     solver: Solver = "newton"
+    good_enough: float = GOOD_ENOUGH
 
     def __post_init__(self) -> None:
         if self.solver not in get_args(Solver):
@@ -145,7 +147,7 @@ class Compensator:
             raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
         bound = _bounds(model, self.settings)
         accept, asked = _accept(model, self.settings), self.settings
-        self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations)
+        self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations, asked.good_enough)
         everywhere = np.where(bound > 0, np.inf, 0.0)
         self._unbounded = replace(self._optimiser, lower=-everywhere, upper=everywhere)
         self.uncertainty = default_filter(
@@ -229,6 +231,23 @@ class Compensator:
         row = fast.one(wrench, state)
         self._stepped = True
         return result_of(row.copy(), fast.trouble, perf_counter() - started)
+
+    def rows(self, wrenches: Array, numbers: Array, states: State | None) -> tuple[Array, list[str]]:
+        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and the trouble of each.
+
+        `numbers` (K, 15) are `states` as rows. See `compensate.run`, which names the columns.
+        """
+        if self._fast is not None and (states is not None or not self.needs_state):
+            self._stepped = True
+            return self._fast.many(wrenches, numbers)
+        rows, trouble = [], []
+        for k, wrench in enumerate(wrenches):
+            one = self.step(wrench, None if states is None else states.take(slice(k, k + 1)))
+            numbers_of = [one.sigma, one.beta, one.cost, one.iterations, one.accepted]
+            expected = [self.expected(wrench), self.expected(one.wrench_cmd)]
+            rows.append(np.concatenate([one.wrench_cmd, one.correction, one.optimum, numbers_of, *expected]))
+            trouble.append(one.trouble)
+        return np.array(rows), trouble
 
     @property
     def needs_state(self) -> bool:

@@ -1,9 +1,9 @@
 """A step of the compensation in compiled code, over as many periods as are at hand.
 
 Pieces: a tape with its tangents, the expansion of a process, one proposal of Newton's method. Each has its
-specification elsewhere, in plain numpy: the effects and `plant.wrench_model` for a tape, `learn.process.gp` for an expansion, nlopt's
-L-BFGS for the optimum. numba compiles them once per machine (`cache=True`) and not again for another vehicle: what
-differs between vehicles is data.
+specification elsewhere, in plain numpy: the effects and `plant.wrench_model` for a tape, `learn.process.gp` for an
+expansion, nlopt's L-BFGS for the optimum. numba compiles them once per machine (`cache=True`) and not again for another
+vehicle: what differs between vehicles is data.
 
 The step is what `compensate.compensator` does with plain models, in the same order: further inputs of the process, the
 correction of the physics, the optimum of both, sigma, gate, correction, what the followers remember. A step that Newton

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.compensate import compiled as step
 from wrenchgap.compensate.compiled import (
@@ -41,6 +40,7 @@ from wrenchgap.plant.state import State
 
 ENOUGH = 1e-14
 """Newton stops where J is below this share of the acceptance threshold: a ten-millionth of its error."""
+WITHHELD = "the model's standard deviation is not finite: correction withheld"
 MOST = 30
 """Evaluations of one Newton search. Four are usual."""
 
@@ -168,6 +168,8 @@ class Stepper:
                 self._hand_over(wrenches[done], states[done], out[done], True)
                 trouble[done] = self.trouble
                 done += 1
+        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])):
+            trouble[k] = trouble[k] or WITHHELD
         return out, trouble
 
     def expected(self, wrench: Array) -> Array:
@@ -237,10 +239,3 @@ def _room(count: int, dims: int, inputs: int) -> Room:
     sizes |= {"xi": dims, "inputs": max(inputs, 22), "A": (count, count), "square": (count + 1, count)}
     sizes |= {"kept": count * (1 + count)}
     return Room(**{name: np.zeros(size) for name, size in sizes.items()})
-
-
-def rows_of(states: State, index: NDArray[np.intp]) -> Array:
-    """States (K, 15) for `Stepper.many`."""
-    voltage = np.full(len(index), np.nan) if states.voltage is None else states.voltage[index]
-    parts = [getattr(states, n)[index] for n in ("position_E", "quat_EB", "velocity_E", "omega_B")]
-    return np.hstack([*parts, states.time[index, None], voltage[:, None]])

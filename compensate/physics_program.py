@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.tape import Program, Tape, program
@@ -43,6 +44,13 @@ def state_row(state: State) -> Array:
     voltage = [math.nan] if state.voltage is None else state.voltage[:1]
     parts = (state.position_E[0], state.quat_EB[0], state.velocity_E[0], state.omega_B[0], state.time[:1], voltage)
     return np.concatenate(parts)
+
+
+def rows_of(states: State, index: NDArray[np.intp]) -> Array:
+    """States (K, 15) at some of the samples, as `STATE`."""
+    voltage = np.full(len(index), np.nan) if states.voltage is None else states.voltage[index]
+    parts = [getattr(states, n)[index] for n in ("position_E", "quat_EB", "velocity_E", "omega_B")]
+    return np.hstack([*parts, states.time[index, None], voltage[:, None]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,11 +182,8 @@ class _Tracer:
 
     def run(self) -> tuple[Tape, list[int], list[int]]:
         """The tape, the lines of the mismatch, and those of what is kept after a command was sent."""
-        wrench, numbers, fresh = (
-            self._inputs("wrench", AXES),
-            self._inputs("state", STATE),
-            self._inputs("fresh", ("",)),
-        )
+        wrench, numbers = self._inputs("wrench", AXES), self._inputs("state", STATE)
+        fresh = self._inputs("fresh", ("",))
         p, q, v, w, t, u = np.split(numbers, [3, 7, 10, 13, 14])
         state = State(t, p[None], q[None], v[None], w[None], u)
         commands = self._allocated(wrench[None])
@@ -200,11 +205,10 @@ class _Tracer:
         return Traced.of([Node(self.tape, line) for line in lines])
 
     def _nodes(self, values: Any) -> list[Node]:
-        as_node = [n if isinstance(n, Node) else Node(self.tape, self.tape.constant(float(n))) for n in values.flat]
-        return as_node
+        return [n if isinstance(n, Node) else Node(self.tape, self.tape.constant(float(n))) for n in values.flat]
 
     def _allocated(self, wrench: Traced) -> Commands:
-        """`plant.allocation.Allocation.allocate` for one sample next to the angles sent last, without limits of rate."""
+        """`plant.allocation.Allocation.allocate` for one sample next to the angles sent last; no limits of rate."""
         self.tape.section = "allocation"
         if self.allocation is None:
             return Commands(wrench)

@@ -65,9 +65,8 @@ _BY_VALUE = {
     Op.FLOOR: lambda a, b, c: float(math.floor(a)),
     Op.LOG: lambda a, b, c: math.log(a),
 }
-ARITY = {Op.INPUT: 0, Op.CONSTANT: 0, Op.SELECT: 3} | dict.fromkeys(
-    (Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.ATAN2, Op.MAX, Op.MIN, Op.LESS, Op.LESS_EQUAL), 2
-)
+_PAIRS = (Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.ATAN2, Op.MAX, Op.MIN, Op.LESS, Op.LESS_EQUAL)
+ARITY = {Op.INPUT: 0, Op.CONSTANT: 0, Op.SELECT: 3, **dict.fromkeys(_PAIRS, 2)}
 """Arguments of an operation; one where it is not listed."""
 
 Line = tuple[int, int, int, int]

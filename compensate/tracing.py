@@ -1,7 +1,7 @@
 """Arrays that write down what is done with them, so that an effect's own `apply` yields its program.
 
-A `Traced` is a numpy array of `Node`; numpy hands its functions over (NEP 13 and 18), so that code which was written for
-numbers runs as it is. What decides by a value (`if thrust > 0`) cannot be written down and raises `Untraceable`.
+A `Traced` is a numpy array of `Node`; numpy hands its functions over (NEP 13 and 18), so that code which was written
+for numbers runs as it is. What decides by a value (`if thrust > 0`) cannot be written down and raises `Untraceable`.
 """
 
 from __future__ import annotations
