@@ -29,7 +29,7 @@ from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs
 from wrenchgap.plant.state import State
 
 if TYPE_CHECKING:
-    from wrenchgap.compensate.fast import Stepper
+    from wrenchgap.compensate.fast import Plan, Stepper
 
 Solver = Literal["newton", "lbfgs", "onboard"]
 
@@ -248,6 +248,11 @@ class Compensator:
             rows.append(np.concatenate([one.wrench_cmd, one.correction, one.optimum, numbers_of, *expected]))
             trouble.append(one.trouble)
         return np.array(rows), trouble
+
+    @property
+    def plan(self) -> Plan | None:
+        """What is compiled, None where plain models step."""
+        return None if self._fast is None else self._fast.plan
 
     @property
     def needs_state(self) -> bool:

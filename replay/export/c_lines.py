@@ -84,7 +84,9 @@ class Printer:
     def __init__(self, program: Program, prefix: str = "v") -> None:
         self.program, self.prefix = program, prefix
         self.ops = [Op(line[0]) for line in program.code.tolist()]
-        self.arguments = [tuple(line[1 : 1 + ARITY.get(op, 1)]) for line, op in zip(program.code.tolist(), self.ops, strict=True)]
+        self.arguments = [
+            tuple(line[1 : 1 + ARITY.get(op, 1)]) for line, op in zip(program.code.tolist(), self.ops, strict=True)
+        ]
         self.inputs = {int(line): k for k, line in enumerate(program.inputs)}
         self.free = {int(program.inputs[k]): i for i, k in enumerate(program.free)}
         moving = range(program.split, len(self.ops))
