@@ -10,10 +10,12 @@ correction of the physics, the optimum of both, sigma, gate, correction, what th
 does not settle (ill-conditioned, not accepted, not finite) is left undone and handed back: L-BFGS decides there.
 """
 
+# mypy: disable-error-code="no-any-return"
 # Long because numba renews its cache by the file in which the outermost function stands, and by no other.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -128,15 +130,15 @@ def _value(op: int, a: float, b: float, c: float) -> float:
     if op == NEG:
         return -a
     if op == SQRT:
-        return np.sqrt(a)
+        return math.sqrt(a)
     if op == EXP:
-        return np.exp(a)
+        return math.exp(a)
     if op == SIN:
-        return np.sin(a)
+        return math.sin(a)
     if op == COS:
-        return np.cos(a)
+        return math.cos(a)
     if op == ATAN2:
-        return np.arctan2(a, b)
+        return math.atan2(a, b)
     if op == ABS:
         return abs(a)
     if op == SIGN:
@@ -153,7 +155,7 @@ def _value(op: int, a: float, b: float, c: float) -> float:
         return b if a != 0.0 else c
     if op == FLOOR:
         return np.floor(a)
-    return np.log(a)
+    return math.log(a)
 
 
 @compiled
@@ -217,9 +219,9 @@ def _slopes(op: int, a: float, b: float, value: float) -> tuple[float, float]:
     if op == EXP:
         return value, 0.0
     if op == SIN:
-        return np.cos(a), 0.0
+        return math.cos(a), 0.0
     if op == COS:
-        return -np.sin(a), 0.0
+        return -math.sin(a), 0.0
     if op == ATAN2:
         square = a * a + b * b
         return (b / square, -a / square) if square > 0.0 else (0.0, 0.0)
@@ -240,7 +242,8 @@ def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[n
     outputs, dims, count = kernel.points.shape
     for k in range(outputs):
         distance = kernel.row
-        distance[:] = 0.0
+        for n in range(count):
+            distance[n] = 0.0
         total = kernel.mean_coefficients[k, 0]
         for d in range(dims):
             x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
@@ -252,7 +255,7 @@ def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[n
                 distance[n] += apart * apart
         sum_ = 0.0
         for n in range(count):
-            weighted = kernel.alpha[k, n] * kernel.signal_variance[k] * np.exp(-0.5 * distance[n])
+            weighted = kernel.alpha[k, n] * kernel.signal_variance[k] * math.exp(-0.5 * distance[n])
             distance[n] = weighted
             sum_ += weighted
         mean[k] = kernel.output_scale[k] * (total + sum_)
@@ -276,8 +279,9 @@ def spread(kernel: Kernel, xi: Array, std: Array) -> None:
     outputs, dims, count = kernel.points.shape
     for k in range(outputs):
         row, whitened = kernel.row, kernel.whitened
-        row[:] = 0.0
-        whitened[:] = 0.0
+        for n in range(count):
+            row[n] = 0.0
+            whitened[n] = 0.0
         for d in range(dims):
             q = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
             points = kernel.points[k, d]
@@ -285,7 +289,7 @@ def spread(kernel: Kernel, xi: Array, std: Array) -> None:
                 apart = points[n] - q
                 row[n] += apart * apart
         for n in range(count):
-            value = kernel.signal_variance[k] * np.exp(-0.5 * row[n])
+            value = kernel.signal_variance[k] * math.exp(-0.5 * row[n])
             column = kernel.whitener[k, n]
             for m in range(n if kernel.triangular else 0, count):
                 whitened[m] += column[m] * value
@@ -293,7 +297,7 @@ def spread(kernel: Kernel, xi: Array, std: Array) -> None:
         for n in range(count):
             explained += whitened[n] * whitened[n]
         variance = max(kernel.signal_variance[k] - explained, 0.0) + kernel.noise_variance[k]
-        std[k] = kernel.output_scale[k] * kernel.sigma_scale[k] * np.sqrt(variance)
+        std[k] = kernel.output_scale[k] * kernel.sigma_scale[k] * math.sqrt(variance)
 
 
 @compiled
@@ -306,7 +310,7 @@ def propose(x: Array, r: Array, A: Array, low: Array, high: Array, damping: floa
     `room` (L + 1, L) is scratch, its last row the pivots' ratio.
     """
     count = len(x)
-    H, g = room[:count], found
+    H, g = room, found
     largest = 0.0
     for i in range(count):
         g[i] = 0.0
@@ -342,7 +346,7 @@ def propose(x: Array, r: Array, A: Array, low: Array, high: Array, damping: floa
                 least = min(least, total)
                 if not total > 1e-14 * (largest + damping):
                     return SINGULAR
-                H[i, i] = np.sqrt(total)
+                H[i, i] = math.sqrt(total)
             else:
                 H[i, j] = total / H[j, j]
     for i in range(count):
@@ -400,7 +404,9 @@ class Room(NamedTuple):
     high: Array
     square: Array
     best: Array
-    kept: Array
+    r_at: Array
+    A_at: Array
+    saved: Array
 
 
 @compiled
@@ -448,7 +454,7 @@ def newton(
     for i in range(count):
         x[i] = min(max(start[i], room.low[i]), room.high[i])
     cost = residual(gate, kernel, lines, room, wrench, x, process)
-    r_at, A_at = room.kept[:count], room.kept[count:].reshape(count, count)
+    r_at, A_at = room.r_at, room.A_at
     used, damping, ill = 1, 0.0, False
     proposals = 0
     while used < gate.most and cost > gate.enough and proposals < 2 * gate.most:
@@ -462,7 +468,7 @@ def newton(
         for i in range(count):
             for j in range(count):
                 trace += A_at[i, j] * A_at[i, j]
-        if said == STATIONARY or not np.isfinite(trace):
+        if said == STATIONARY or not math.isfinite(trace):
             break
         if said == SINGULAR:
             ill = True
@@ -506,18 +512,21 @@ def solve(
         room.best[i] = room.x[i]
         cold = cold or start[i] != 0.0
     if not cost < gate.accept:
-        room.start[:] = 0.0
+        for i in range(count):
+            room.start[i] = 0.0
         if cold:
             again, more, _ = newton(gate, kernel, lines, room, wrench, room.start, process)
             used += more
-            if again < cost or not np.isfinite(cost):
+            if again < cost or not math.isfinite(cost):
                 cost = again
-                room.best[:] = room.x
+                for i in range(count):
+                    room.best[i] = room.x[i]
         if not cost < gate.accept:
             nothing = residual(gate, kernel, lines, room, wrench, room.start, process)
             if not cost < nothing:
                 cost = nothing
-                room.best[:] = 0.0
+                for i in range(count):
+                    room.best[i] = 0.0
     return cost, used, ill
 
 
@@ -588,7 +597,7 @@ def search(gate: Gate, kernel: Kernel, lines: Lines, room: Room, memory: Array, 
         if not gate.lenient and (ill or not cost < gate.accept):
             return HANDED_BACK
         for i in range(count):
-            value = room.best[i] if np.isfinite(cost) else 0.0
+            value = room.best[i] if math.isfinite(cost) else 0.0
             memory[KNOWN + gate.rows[i]] = value
             room.low[i], room.high[i] = value - gate.bound[i], value + gate.bound[i]
     for i in range(count):
@@ -597,7 +606,7 @@ def search(gate: Gate, kernel: Kernel, lines: Lines, room: Room, memory: Array, 
     if not gate.lenient and (ill or not cost < gate.accept):
         return HANDED_BACK
     for i in range(count):
-        memory[OPTIMUM + gate.rows[i]] = room.best[i] if np.isfinite(cost) else 0.0
+        memory[OPTIMUM + gate.rows[i]] = room.best[i] if math.isfinite(cost) else 0.0
     out[COST], out[EVALUATIONS], out[ACCEPTED] = cost, evaluations + used, (1.0 if cost < gate.accept else 0.0)
     return DONE
 
@@ -637,8 +646,8 @@ def gated(gate: Gate, kernel: Kernel, room: Room, memory: Array, wrench: Array, 
         for i in range(count):
             if gate.watched[i]:
                 sigma = max(sigma, -gate.offset[i] / gate.scale[i])
-    beta = 0.0 if np.isinf(gate.threshold) else 1.0 / (1.0 + np.exp(-gate.kappa * (sigma - gate.threshold)))
-    if not np.isfinite(sigma):
+    beta = 0.0 if math.isinf(gate.threshold) else 1.0 / (1.0 + math.exp(-gate.kappa * (sigma - gate.threshold)))
+    if not math.isfinite(sigma):
         beta = 1.0
     for i in range(6):
         found = memory[OPTIMUM + i] - memory[KNOWN + i]
@@ -667,7 +676,8 @@ def remember(gate: Gate, sent: Lines, room: Room, memory: Array, out: Array) -> 
 def expected(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, found: Array) -> None:
     """Mismatch (L,) of a command (6,) as the models have it in the step at hand; the lines' inputs must be set."""
     count = len(gate.rows)
-    found[:] = 0.0
+    for i in range(count):
+        found[i] = 0.0
     if gate.has_process:
         for i in range(6):
             room.xi[i] = wrench[i]
@@ -690,12 +700,14 @@ def advance(
     Returns how many were done; `out` (K, 23 + 2 L) has their results, with the mismatch expected of desired and sent
     command where `expects`. The memory is as it was before a step that is handed back.
     """
-    saved = memory.copy()
+    saved = room.saved
     for k in range(len(wrenches)):
-        saved[:] = memory
+        for i in range(len(memory)):
+            saved[i] = memory[i]
         prepare(gate, lines, room, memory, wrenches[k], states[k])
         if search(gate, kernel, lines, room, memory, wrenches[k], out[k]) != DONE:
-            memory[:] = saved
+            for i in range(len(memory)):
+                memory[i] = saved[i]
             return k
         finish(gate, kernel, lines, sent, room, memory, wrenches[k], out[k], expects)
     return len(wrenches)

@@ -34,7 +34,7 @@ from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.expansion import Expands, Expansion
-from wrenchgap.plant.mismatch import Follows, MismatchModel, output_indices
+from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
 
@@ -237,5 +237,18 @@ def _shapes(count: int) -> tuple[tuple[int, ...], ...]:
 def _room(count: int, dims: int, inputs: int) -> Room:
     sizes: dict[str, int | tuple[int, int]] = dict.fromkeys(Room._fields, count)
     sizes |= {"xi": dims, "inputs": max(inputs, 22), "A": (count, count), "square": (count + 1, count)}
-    sizes |= {"kept": count * (1 + count)}
+    sizes |= {"A_at": (count, count), "saved": TILT + max(inputs - 22, 0)}
     return Room(**{name: np.zeros(size) for name, size in sizes.items()})
+
+
+def warm() -> None:
+    """Compile what is not in numba's cache yet: some twenty seconds of processor time, once per machine and version."""
+    count = 1
+    gate = UncertaintyFilter(np.ones(1, dtype=bool), np.zeros(1), np.ones(1), math.inf, 1.0, 0.9)
+    line = LinearMismatch((AXES[-1],), np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
+    bound = np.ones(len(AXES))
+    made = plan(line, None, gate, Limits(bound, 1e-4, MOST, 0.01, True))
+    stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound))
+    stepper.one(np.zeros(len(AXES)), None)
+    stepper.expected(np.zeros(len(AXES)))
+    stepper._hand_over(np.zeros(len(AXES)), np.zeros(len(STATE)), stepper._row[0], False)

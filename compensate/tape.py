@@ -8,7 +8,7 @@ written once; what is constant is worked out while writing.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -44,7 +44,7 @@ class Op(IntEnum):
     LOG = 20
 
 
-_BY_VALUE = {
+_BY_VALUE: dict[Op, Callable[[float, float, float], float]] = {
     Op.ADD: lambda a, b, c: a + b,
     Op.SUB: lambda a, b, c: a - b,
     Op.MUL: lambda a, b, c: a * b,

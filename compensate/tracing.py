@@ -70,7 +70,7 @@ class Node:
             for _ in range(int(power) - 1):
                 found = found * self
             return found
-        return (self._do(Op.LOG) * power)._do(Op.EXP)
+        return self._do(Op.LOG)._do(Op.MUL, power)._do(Op.EXP)
 
     def sqrt(self) -> Node:
         """Square root, as numpy asks it of objects; likewise the next ones."""
@@ -94,7 +94,7 @@ class Node:
     def __float__(self) -> float:
         raise Untraceable("asks for a value as a plain number")
 
-    __index__ = __int__ = __float__  # type: ignore[assignment]
+    __index__ = __int__ = __float__
 
 
 def _binary(op: Op) -> Callable[[Any, Any], Any]:

@@ -156,6 +156,8 @@ def replay(
     compensator = made_for(gp, model, settings, lead=lead)
     motion = _motion(opened, model, compensator, gp, series) if compensator.needs_state else None
     with threadpool_limits(1):
+        if progress is not None:
+            progress(0.0, "compiling, the first time on this machine")
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
