@@ -17,6 +17,8 @@ from wrenchgap.compensate.compiled import (
     EXPECTED,
     TILT,
     Gate,
+    Kernel,
+    Lines,
     Room,
     advance,
     as_kernel,
@@ -151,7 +153,8 @@ class Stepper:
         self.trouble = ""
         if advance(*self._given, self.memory, self._wrench, self._state, self._row, False) == 0:
             self._hand_over(self._wrench[0], self._state[0], self._row[0], False)
-        return self._row[0]
+        row: Array = self._row[0]
+        return row
 
     def many(self, wrenches: Array, states: Array) -> tuple[Array, list[str]]:
         """Results (K, 23 + 2 L) of consecutive steps, with the mismatch expected before and after; trouble of each.
@@ -204,7 +207,7 @@ class Stepper:
 class _Linear:
     """The compiled models of this period, as L-BFGS asks for them."""
 
-    def __init__(self, given: tuple[Gate, ...], process: bool) -> None:
+    def __init__(self, given: tuple[Gate, Kernel, Lines, Lines, Room], process: bool) -> None:
         self._gate, self._kernel, self._lines, _, self._room = given
         self._process = process
         self.outputs = tuple(AXES[k] for k in self._gate.rows)

@@ -110,7 +110,7 @@ def _wrapped(item: ModelEffect) -> ModelEffect:
         if tape is not None:
             tape.section = item.name
         try:
-            return _traced(effect.apply(*given))  # type: ignore[call-arg]
+            return _traced(effect.apply(*given))
         except Untraceable as error:
             raise Untraceable(f"effect {item.name} {error}") from None
         except (TypeError, AttributeError, ValueError) as error:
@@ -120,8 +120,8 @@ def _wrapped(item: ModelEffect) -> ModelEffect:
             if tape is not None:
                 tape.section = before or ""
 
-    kind = type(f"Traced{type(effect).__name__}", (type(effect),), {"apply": apply})
-    made: AnyEffect = kind.__new__(kind)
+    kind: Any = type(f"Traced{type(effect).__name__}", (type(effect),), {"apply": apply})
+    made: AnyEffect = object.__new__(kind)
     made.__dict__.update(getattr(effect, "__dict__", {}))
     return ModelEffect(made, item.theta)
 
@@ -186,7 +186,7 @@ class _Tracer:
         fresh = self._inputs("fresh", ("",))
         p, q, v, w, t, u = np.split(numbers, [3, 7, 10, 13, 14])
         state = State(t, p[None], q[None], v[None], w[None], u)
-        commands = self._allocated(wrench[None])
+        commands = self._allocated(Traced.of(wrench[None]))
         tilt = [] if commands.tilt is None else [node.line for node in self._nodes(commands.tilt)]
         memory = self._memory(commands, state, fresh[0])
         self.tape.section = "effects on commands"
@@ -232,9 +232,9 @@ class _Tracer:
         for arm, condition in weak.items():
             tilt[arm] = np.where(condition, before[arm : arm + 1], tilt[arm : arm + 1])[0]
         turns = np.floor((before - tilt) / (2.0 * np.pi) + 0.5)
-        tilt = np.clip(tilt + 2.0 * np.pi * turns, arms.tilt_min, arms.tilt_max)
-        speed = np.clip(np.sqrt(np.maximum(speed, 0.0)), rotors.speed_min, rotors.speed_max)
-        return Commands(wrench, tilt[None], speed[None])
+        angles = np.clip(tilt + 2.0 * np.pi * turns, arms.tilt_min, arms.tilt_max)
+        turning = np.clip(np.sqrt(np.maximum(speed, 0.0)), rotors.speed_min, rotors.speed_max)
+        return Commands(wrench, angles[None], turning[None])
 
     def _memory(self, commands: Commands, state: State, fresh: Node) -> Any:
         """What effects remember of the commands sent: inputs, or before the first, the equilibrium at this command."""
@@ -245,7 +245,8 @@ class _Tracer:
         def leaf(array: Any) -> Traced:
             given = self._inputs("memory", [f"{self.memory + k}" for k in range(np.size(array))])
             self.memory += np.size(array)
-            return np.where(Traced.of(np.full(np.shape(array), fresh)), array, given.reshape(np.shape(array)))
+            asked = Traced.of(np.full(np.shape(array), fresh))
+            return Traced.of(np.where(asked, array, given.reshape(np.shape(array))))
 
         return _rebuilt(equilibrium, leaf)
 
@@ -267,5 +268,9 @@ class _Tracer:
 
 def _between(last: Commands, before: Commands, back: float) -> Commands:
     """Commands `back` (0 to 1) samples before the last."""
-    pairs = ((getattr(last, n), getattr(before, n)) for n in ("wrench_B", "tilt", "rotor_speed"))
-    return Commands(*(None if a is None else back * b + (1.0 - back) * a for a, b in pairs))
+
+    def mixed(name: str) -> Any:
+        newer, older = getattr(last, name), getattr(before, name)
+        return None if newer is None else back * older + (1.0 - back) * newer
+
+    return Commands(*map(mixed, ("wrench_B", "tilt", "rotor_speed")))

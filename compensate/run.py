@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.compensate.compensator import Compensator
 from wrenchgap.compensate.physics_program import STATE, rows_of
@@ -30,8 +31,8 @@ class Run:
     sigma: Array
     beta: Array
     cost: Array
-    iterations: Array
-    accepted: Array
+    iterations: NDArray[np.int64]
+    accepted: NDArray[np.bool_]
     before: Array
     after: Array
     solve_time: Array

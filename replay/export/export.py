@@ -290,8 +290,7 @@ def _values(name: str, values: Array) -> str:
     """Numbers of a table, a few in a row."""
     if np.ndim(values) > 1:
         return ",\n".join("{\n" + _values(name, part) + "\n}" for part in values)
-    form = (lambda v: str(int(v))) if name == "wg_watched" else (lambda v: literal(float(v)))
-    texts = [form(v) for v in values]
+    texts = [str(int(v)) if name == "wg_watched" else literal(float(v)) for v in values]
     return ",\n".join("    " + ", ".join(texts[k : k + 5]) for k in range(0, len(texts), 5))
 
 

@@ -22,7 +22,7 @@ SPEED, RATE, HEIGHT, VOLTAGE = 1.5, 0.6, 2.0, 15.0
 
 def motion(dt: float) -> State:
     """A slow turn about all axes (N = STEPS)."""
-    t = np.arange(STEPS) * dt
+    t = np.arange(STEPS, dtype=float) * dt
     turn = np.stack((np.sin(3.0 * t), np.sin(2.0 * t + 1.0), np.sin(2.5 * t + 2.0)), axis=1)
     place = turn + np.array([0.0, 0.0, HEIGHT])
     return State(t, place, so3.exp(0.5 * turn), SPEED * turn[:, ::-1], RATE * turn, np.full(STEPS, VOLTAGE))

@@ -83,7 +83,7 @@ def export(
             output,
             settings,
             lead=lead,
-            precision=precision.value,
+            precision="float" if precision is Precision.float else "double",
             without=without or (),
             names=(Path(model).name, "-" if gp is None else gp.name),
             command=shlex.join(["wrenchgap", *sys.argv[1:]]),
