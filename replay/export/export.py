@@ -21,10 +21,10 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
-from wrenchgap.replay.compensation.compensators import TORQUE, compensator
+from wrenchgap.replay.compensation.compensators import TORQUE, ProcessCaveat, caveats, compensator
 from wrenchgap.replay.export.c_lines import Code, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, cost, evaluations
-from wrenchgap.replay.export.vectors import STEPS, recorded
+from wrenchgap.replay.export.vectors import recorded
 
 Precision = Literal["double", "float"]
 BYTES = {"double": 8, "float": 4}
@@ -53,6 +53,8 @@ class Export(Result):
 
     files      content by name
     effects    names of the effects in it, and `left_out` of those that were left out, with the reason
+    solved     share of the recorded steps that the search solves
+    caveats    what `learn` warned of
     precision  "double" or "float", of the build unless it says otherwise
     """
 
@@ -67,6 +69,8 @@ class Export(Result):
     inputs: tuple[str, ...]
     cost: Cost
     has_process: bool
+    solved: float
+    caveats: tuple[ProcessCaveat, ...]
 
 
 def export(
@@ -98,14 +102,14 @@ def export(
     plan = loop.plan
     assert plan is not None
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
-    given, wanted, usual = recorded(loop, commands, kept.vehicle.body.mass)
+    given, wanted, usual, solved = recorded(loop, commands, kept.vehicle.body.mass)
     pieces = _pieces(plan)
     tables = _tables(plan)
     numbers = sum(int(np.size(values)) for _, values, _ in tables)
     price = cost(plan, pieces, usual, BYTES[precision], numbers)
     said: dict[str, Any] = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
     said |= _names(process, kept, names) | _context(plan, pieces, loop, tables)
-    said |= {"given": _rows(given), "wanted": _rows(wanted), "steps": STEPS, "columns": given.shape[1]}
+    said |= {"given": _rows(given), "wanted": _rows(wanted), "steps": len(given), "columns": given.shape[1]}
     said |= {"tolerance_double": TOLERANCE["double"], "tolerance_float": TOLERANCE["float"], "com": _com(kept)}
     has_physics = plan.physics is not None
     return Export(
@@ -120,6 +124,8 @@ def export(
         inputs=() if plan.expansion is None else plan.expansion.input_groups,
         cost=price,
         has_process=plan.expansion is not None,
+        solved=solved,
+        caveats=() if process is None else caveats(process, model),
     )
 
 

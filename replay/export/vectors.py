@@ -40,8 +40,12 @@ def wrenches(commands: Array | None, mass: float, dt: float) -> Array:
     return np.stack([np.interp(place, np.arange(len(stops)), column) for column in stops.T], axis=1)
 
 
-def recorded(compensator: Compensator, commands: Array | None, mass: float) -> tuple[Array, Array, float]:
-    """Inputs (STEPS, 27) and results (STEPS, 13) of the self-test, and the mean number of evaluations."""
+def recorded(compensator: Compensator, commands: Array | None, mass: float) -> tuple[Array, Array, float, float]:
+    """Inputs (K, 27) and results (K, 13) of the self-test, the mean number of evaluations, and the share solved.
+
+    The self-test ends before the first of the `STEPS` that is not solved: where there is no solution, rounding decides
+    where the search ends, and another precision ends elsewhere.
+    """
     dt = compensator.settings.dt
     desired, states = wrenches(commands, mass, dt), motion(dt)
     compensator.reset()
@@ -50,4 +54,5 @@ def recorded(compensator: Compensator, commands: Array | None, mass: float) -> t
     expected = found.wrench_cmd.copy()
     expected[:, output_indices(compensator.model.outputs)] += found.after
     wanted = np.hstack((found.wrench_cmd, expected, found.beta[:, None]))
-    return given, wanted, float(found.iterations.mean())
+    count = STEPS if found.accepted.all() else max(1, int(np.argmin(found.accepted)))
+    return given[:count], wanted[:count], float(found.iterations.mean()), float(found.accepted.mean())

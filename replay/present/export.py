@@ -8,7 +8,8 @@ import pandas as pd
 
 from wrenchgap.replay.export.counting import KINDS
 from wrenchgap.replay.export.export import Export
-from wrenchgap.replay.present.numbers import entries
+from wrenchgap.replay.present.learning import of_process
+from wrenchgap.replay.present.numbers import entries, share
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
 
 HEADS = {
@@ -43,17 +44,26 @@ def parts(made: Export) -> list[Part]:
         ("stack, at most", f"{cost.stack}"),
     ]
     out.append(plain("memory", ("", "bytes"), sizes))
+    if made.solved < 1.0:
+        text = (
+            f"the search solves {share(made.solved)} of the steps recorded for the self-test, which ends before the first "
+            "that it does not solve: the mismatch cannot be inverted there"
+        )
+        out += note_lines([text], "warning")
+    out += note_lines(of_process(made.caveats), "warning")
     left = [f"{name} is not in it: {why}" for name, why in made.left_out.items()]
     return [*out, *note_lines(left, "warning")]
 
 
 def to_json(made: Export) -> dict[str, Any]:
     """See docs/json.md."""
-    body = entries(made, "outputs", "effects", "left_out", "precision", "dt", "points", "inputs")
+    body = entries(made, "outputs", "effects", "left_out", "precision", "dt", "points", "further_inputs=inputs")
     return {
         "vehicle": made.model.vehicle.name,
         **body,
         "files": sorted(made.files),
+        "solved": made.solved,
+        "warnings": list(of_process(made.caveats)),
         "operations": {"usual": made.cost.usual, "at_worst": made.cost.at_worst},
         "evaluations": {"usual": made.cost.evaluations_usual, "at_worst": made.cost.evaluations_worst},
         "bytes": {"constants": made.cost.tables, "state": made.cost.memory, "stack": made.cost.stack},

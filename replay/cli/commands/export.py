@@ -41,9 +41,9 @@ Without = Annotated[
 
 
 def export(
-    gp: Process,
     model: o.ModelOption,
     output: Folder,
+    gp: Process = None,
     precision: Numbers = Precision.double,
     dt: Period = None,
     evaluations: Evaluations = 12,
