@@ -46,8 +46,8 @@ def parts(made: Export) -> list[Part]:
     out.append(plain("memory", ("", "bytes"), sizes))
     if made.solved < 1.0:
         text = (
-            f"the search solves {share(made.solved)} of the steps recorded for the self-test, which ends before the first "
-            "that it does not solve: the mismatch cannot be inverted there"
+            f"the search solves {share(made.solved)} of the steps recorded for the self-test, which ends before the "
+            "first that it does not solve: the mismatch cannot be inverted there"
         )
         out += note_lines([text], "warning")
     out += note_lines(of_process(made.caveats), "warning")

@@ -228,6 +228,7 @@ def test_command_prints_what_a_step_costs_and_overwrites_only_when_told(run, ref
     assert found["evaluations"]["at_worst"] == 25
     assert sorted(found["files"]) == sorted(p.name for p in (tmp_path / "made").iterdir())
     assert {i["role"] for i in found["inputs"]} == {"model", "gp"}
+    assert found["solved"] == 1.0
     assert "exists already" in refused("export", "torque.gp", "-m", "voliro_x", "-o", "made")
     again = run("export", "torque.gp", "-m", "voliro_x", "-o", "made", "--force")
     assert again.exit_code == 0
