@@ -1,17 +1,15 @@
-"""Time of one solve: Newton on compiled models, L-BFGS on plain ones, and L-BFGS with GPy's own predict; in one run.
+"""Time of one solve, beside the same solve with GPy's own predict inside the optimiser; both in one run.
 
-The desired wrenches of a pitch flight, one after the other, through the same `Compensator`: as it is by default, with
-the paper's optimiser, and with GPy regressions of the same points and hyperparameters inside that optimiser. Processor
-time of the step, since the machine may be busy with others; how busy it was is noted.
+The desired wrenches of a pitch flight, one after the other, through the same `Compensator` with two models: the GP in
+closed form of `learn.process.gp`, and GPy regressions with the same points and hyperparameters. The optimiser is the
+paper's, L-BFGS on plain models; what is flown by default is measured by `benchmarks.compensation_speed`.
 """
 
 from __future__ import annotations
 
-import os
 import platform
 from dataclasses import replace
 from pathlib import Path
-from time import process_time_ns
 from typing import Any
 
 import GPy
@@ -32,10 +30,7 @@ from wrenchgap.plant.trajectory import named
 
 PAPER = (7.5, 24.0)
 POINTS = (100, 200)
-RECORDED = ("iterations", "correction")
-LBFGS, BY_GPY, TIGHT = "L-BFGS", "L-BFGS, GPy's predict", "L-BFGS stopped late"
-SLOW = 600
-"""Solves with the search that stops late, which only serves to compare corrections."""
+RECORDED = ("solve_time", "iterations", "correction")
 
 
 class ByGPy:
@@ -73,16 +68,10 @@ class ByGPy:
 
 
 def solve(compensator: Any, wrenches: Array, states: list[State]) -> tuple[Array, Array, Array]:
-    """Processor times [ms] (N,), evaluations of the model (N,), corrections (N, 6) of consecutive solves."""
-    compensator.step(wrenches[0], states[0])  # what is compiled is loaded
-    compensator.reset()
-    times, results = [], []
-    for wrench, state in zip(wrenches, states, strict=True):
-        started = process_time_ns()
-        results.append(compensator.step(wrench, state))
-        times.append(process_time_ns() - started)
-    counts, corrections = (np.array([getattr(r, k) for r in results]) for k in RECORDED)
-    return 1e-6 * np.array(times), counts, corrections
+    """Times [ms] (N,), evaluations of the model (N,), corrections (N, 6) of consecutive solves."""
+    results = [compensator.step(w, s) for w, s in zip(wrenches, states, strict=True)]
+    times, counts, corrections = (np.array([getattr(r, k) for r in results]) for k in RECORDED)
+    return 1e3 * times, counts, corrections
 
 
 def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
@@ -96,15 +85,12 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     rows = slice(None, 100) if quick else slice(None)
     wrenches = desired.wrench_B[rows]
     states = [_state(pose, t) for t in desired.time[rows]]
-    times, found, load = {}, {}, [os.getloadavg()[0]]
+    times, found = {}, {}
     makers = _makers(known, quick)
     for number, (name, make) in enumerate(makers.items()):
         report(number / len(makers), name)
-        some = slice(None, SLOW) if name.endswith(TIGHT) else slice(None)
-        ms, evaluations, correction = solve(make(), wrenches[some], states[some])
-        load.append(os.getloadavg()[0])
-        if not name.endswith(TIGHT):
-            times[name] = ms
+        ms, evaluations, correction = solve(make(), wrenches, states)
+        times[name] = ms
         found[name] = {
             "mean": ms.mean(),
             "percentile_99": np.percentile(ms, 99),
@@ -113,46 +99,28 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
             "correction": correction,
         }
     time_figure(out.image("compute"), times)
-    differs = {name: _apart(found, name) for name in makers if f"{name}, {TIGHT}" in found}
-    differs |= {f"{name}, GPy": _apart(found, f"{name}, {LBFGS}", f"{name}, {BY_GPY}") for name in _by_points(quick)}
-    kept = {name: {k: v for k, v in row.items() if k != "correction"} for name, row in found.items()}
-    rows_found = {name: row for name, row in kept.items() if not name.endswith(TIGHT)}
-    said = {"solves": len(wrenches), "processor": _processor(), "load": [min(load), max(load)]}
-    return {**said, "rows": rows_found, "largest_difference_Nm": differs}
-
-
-def _apart(found: dict[str, Any], one: str, other: str = "") -> float:
-    """Largest difference of the corrections of two rows over the steps that both have [Nm]."""
-    pair = [found[name]["correction"] for name in (one, other or f"{one}, {TIGHT}")]
-    count = min(map(len, pair))
-    return float(np.abs(pair[0][:count] - pair[1][:count]).max())
-
-
-def _by_points(quick: bool) -> list[str]:
-    return [f"GP, {points} points" for points in (POINTS[:1] if quick else POINTS)]
+    differs = {}
+    for points in POINTS[: 1 if quick else 2]:
+        both = [found[f"GP, {points} points, {w}"]["correction"] for w in ("wrenchgap", "GPy's predict")]
+        differs[str(points)] = float(np.abs(both[0] - both[1]).max())
+    for row in found.values():
+        del row["correction"]
+    return {"solves": len(wrenches), "processor": _processor(), "rows": found, "largest_difference_Nm": differs}
 
 
 def _makers(known: Knowledge, quick: bool) -> dict[str, Any]:
-    """Every row: as it is by default, with L-BFGS on plain models, with L-BFGS that stops late, with GPy."""
-    plain, tight = replace(known.settings, solver="lbfgs"), replace(known.settings, solver="lbfgs", good_enough=1e-14)
     makers: dict[str, Any] = {}
-    for name, points in zip(_by_points(quick), POINTS, strict=False):
+    plain = replace(known.settings, solver="lbfgs")
+    for points in POINTS[: 1 if quick else 2]:
         gp = known.gp(points=points)
-        makers[name] = lambda gp=gp: Compensator(gp, known.settings)
-        makers[f"{name}, {LBFGS}"] = lambda gp=gp: Compensator(gp, plain)
-        makers[f"{name}, {BY_GPY}"] = lambda gp=gp: Compensator(ByGPy(gp), plain)
-        makers[f"{name}, {TIGHT}"] = lambda gp=gp: Compensator(gp, tight)
+        makers[f"GP, {points} points, wrenchgap"] = lambda gp=gp: Compensator(gp, plain)
+        makers[f"GP, {points} points, GPy's predict"] = lambda gp=gp: Compensator(ByGPy(gp), plain)
     for method in (m.LINEAR,) if quick else (m.SPARSE, m.PAST, m.LINEAR, m.PHYSICS, m.BOTH):
-        makers[method.name] = lambda method=method: method.build(known)
-        for words, settings in ((LBFGS, plain), (TIGHT, tight)):
-            if method in (m.PHYSICS, m.BOTH):
-                makers[f"{method.name}, {words}"] = lambda method=method, settings=settings: _otherwise(
-                    method.build(known), settings
-                )
+        makers[method.name] = lambda method=method: _with(method.build(known), plain)
     return makers
 
 
-def _otherwise(compensator: Any, settings: Any) -> Compensator:
+def _with(compensator: Any, settings: Any) -> Compensator:
     """The same compensation with other settings."""
     return Compensator(compensator.model, settings, physics=compensator.physics)
 
@@ -171,16 +139,13 @@ def _processor() -> str:
 
 
 def tables(body: dict[str, Any]) -> str:
-    """Times, and the largest difference from a search that stops late."""
-    head = [f"processor time of one solve [ms], {body['solves']} solves", "mean", "99th percentile", "maximum"]
-    rows = [["paper, GPy, 100 points, NUC i7", f"{PAPER[0]:.1f}", "-", f"{PAPER[1]:.1f}", "-", "-"]]
+    """Times."""
+    head = [f"time of one solve [ms], {body['solves']} solves", "mean", "99th percentile", "maximum", "evaluations"]
+    rows = [["paper, GPy, 100 points, NUC i7", f"{PAPER[0]:.1f}", "-", f"{PAPER[1]:.1f}", "-"]]
     for name, row in body["rows"].items():
-        cells = [f"{row[k]:.3f}" for k in ("mean", "percentile_99", "maximum")]
-        apart = body["largest_difference_Nm"].get(name)
-        rows.append([name, *cells, f"{row['evaluations']:.1f}", "-" if apart is None else f"{apart:.1e}"])
-    low, high = body["load"]
-    noted = f"Two cores, {body['processor']}; other work on the machine: load {low:.1f} to {high:.1f}."
-    return table([*head, "evaluations", "from L-BFGS, stopped late [Nm]"], rows) + f"\n{noted}\n"
+        cells = [f"{row[k]:.2f}" for k in ("mean", "percentile_99", "maximum")]
+        rows.append([name, *cells, f"{row['evaluations']:.1f}"])
+    return table(head, rows)
 
 
 if __name__ == "__main__":
