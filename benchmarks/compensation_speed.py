@@ -5,7 +5,7 @@
 
 A tilt-arm hexarotor with twelve rotors, a process with 100 points and 3 outputs, 4 effects; 200 Hz along a smooth
 flight about all axes. Processor time, not the clock on the wall, because the machine may be busy; but a busy core
-that two share is slower in processor time too. So the ratio of two rows of one run is what counts, and the load is stated.
+that two share is slower in processor time too. So the ratio of two rows of one run is what counts; the load is stated.
 """
 
 import argparse

@@ -130,6 +130,7 @@ class Stepper:
         self.memory = np.zeros(TILT + (0 if physics is None else physics.arms + physics.memory))
         self._row = np.zeros((1, EXPECTED + 2 * count))
         self._wrench, self._state = np.zeros((1, len(AXES))), np.zeros((1, len(STATE)))
+        self._looks = self.needs_state
         self.trouble = ""
         self.reset()
 
@@ -147,9 +148,9 @@ class Stepper:
     def one(self, wrench: Array, state: State | None) -> Array:
         """Results of one step (see `compiled`), from the desired wrench (6,); `trouble` says what went wrong."""
         self._wrench[0] = wrench
-        if state is not None:
+        if state is not None and self._looks:
             self._state[0] = state_row(state)
-        self._check_voltage(self._state)
+            self._check_voltage(self._state)
         self.trouble = ""
         if advance(*self._given, self.memory, self._wrench, self._state, self._row, False) == 0:
             self._hand_over(self._wrench[0], self._state[0], self._row[0], False)
