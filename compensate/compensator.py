@@ -15,17 +15,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from time import perf_counter
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.optimiser import Optimiser, linearisation
+from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser, linearisation
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
+
+if TYPE_CHECKING:
+    from wrenchgap.compensate.fast import Plan, Stepper
+
+Solver = Literal["newton", "lbfgs", "onboard"]
 
 REACH = 3.0
 """Default bounds of the correction, in largest mismatches seen. A slope of -2/3, which triples an error's correction,
@@ -53,6 +59,10 @@ class Settings:
     sigma_threshold   standard deviation at which half of the optimum is taken
     kappa             rapidness of the change around the threshold [1/sigma]
     normalise         whether sigma is the maximum of normalised outputs (see `compensate.uncertainty`)
+    solver            "newton": compiled, handing over to L-BFGS where it does not settle, and where a model cannot be
+                      compiled; "lbfgs": the paper's reference, on plain models; "onboard": Newton alone, which is what
+                      `wrenchgap export` writes
+    good_enough       share of `accept` at which L-BFGS stops; Newton, which converges faster, goes on to 1e-14
     """
 
     dt: float = 0.01
@@ -65,8 +75,12 @@ class Settings:
     sigma_threshold: float | None = None
     kappa: float | None = None
     normalise: bool | None = None
+    solver: Solver = "newton"
+    good_enough: float = GOOD_ENOUGH
 
     def __post_init__(self) -> None:
+        if self.solver not in get_args(Solver):
+            raise UsageError(f"compensate: solver is {self.solver!r}, expected one of {', '.join(get_args(Solver))}")
         positive = {"dt": self.dt, "decay_time": self.decay_time, "accept": self.accept, "kappa": self.kappa}
         for name, value in positive.items():
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -133,7 +147,7 @@ class Compensator:
             raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
         bound = _bounds(model, self.settings)
         accept, asked = _accept(model, self.settings), self.settings
-        self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations)
+        self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations, asked.good_enough)
         everywhere = np.where(bound > 0, np.inf, 0.0)
         self._unbounded = replace(self._optimiser, lower=-everywhere, upper=everywhere)
         self.uncertainty = default_filter(
@@ -143,7 +157,25 @@ class Compensator:
             kappa=asked.kappa,
             normalise=asked.normalise,
         )
+        self._fast = self._compiled(bound, accept)
         self.reset()
+
+    def _compiled(self, bound: Array, accept: float) -> Stepper | None:
+        """Compiled steps; None where plain models are asked for, or where a model cannot be compiled."""
+        asked = self.settings
+        if asked.solver == "lbfgs" or (asked.solver == "newton" and asked.regulariser > 0.0):
+            return None
+        from wrenchgap.compensate.fast import Limits, Stepper, plan
+        from wrenchgap.compensate.tracing import Untraceable
+
+        limits = Limits(bound, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
+        try:
+            made = plan(self.model, self.physics, self.uncertainty, limits)
+        except Untraceable as error:
+            if asked.solver == "onboard":
+                raise UsageError(f"compensate: solver onboard: {error}") from None
+            return None
+        return Stepper(made, self._optimiser, self._unbounded)
 
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
@@ -152,6 +184,9 @@ class Compensator:
         self._known = np.zeros(len(AXES))  # correction of the physics alone
         self._model: MismatchModel | None = None
         self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else _Fixed(m) for m in self._parts]
+        self._stepped = False
+        if self._fast is not None:
+            self._fast.reset()
 
     @property
     def _parts(self) -> list[MismatchModel | Follows]:
@@ -165,6 +200,8 @@ class Compensator:
         """
         started = perf_counter()
         wrench = _checked(wrench_des)
+        if self._fast is not None:
+            return self._fast_step(self._fast, wrench, state, started)
         here = [f.here(state) for f in self._following]
         model = self._model = _Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
@@ -187,6 +224,36 @@ class Compensator:
         took = perf_counter() - started
         return Result(command, correction, found, sigma, beta, cost, iterations, optimum.accepted, trouble, took)
 
+    def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
+        if state is None and self.needs_state:
+            for follower in self._following:
+                follower.here(None)  # says which model it is that needs the state
+        row = fast.one(wrench, state)
+        self._stepped = True
+        return result_of(row.copy(), fast.trouble, perf_counter() - started)
+
+    def rows(self, wrenches: Array, numbers: Array, states: State | None) -> tuple[Array, list[str]]:
+        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and the trouble of each.
+
+        `numbers` (K, 15) are `states` as rows. See `compensate.run`, which names the columns.
+        """
+        if self._fast is not None and (states is not None or not self.needs_state):
+            self._stepped = True
+            return self._fast.many(wrenches, numbers)
+        rows, trouble = [], []
+        for k, wrench in enumerate(wrenches):
+            one = self.step(wrench, None if states is None else states.take(slice(k, k + 1)))
+            numbers_of = [one.sigma, one.beta, one.cost, one.iterations, one.accepted]
+            expected = [self.expected(wrench), self.expected(one.wrench_cmd)]
+            rows.append(np.concatenate([one.wrench_cmd, one.correction, one.optimum, numbers_of, *expected]))
+            trouble.append(one.trouble)
+        return np.array(rows), trouble
+
+    @property
+    def plan(self) -> Plan | None:
+        """What is compiled, None where plain models step."""
+        return None if self._fast is None else self._fast.plan
+
     @property
     def needs_state(self) -> bool:
         """Whether `step` must be told the state."""
@@ -194,9 +261,21 @@ class Compensator:
 
     def expected(self, wrench_cmd: Array) -> Array:
         """Mismatch (L,) of a command (6,) at the last step, as the models then had it."""
+        if self._fast is not None and self._stepped:
+            return self._fast.expected(wrench_cmd)
         if self._model is None:
             raise UsageError("compensate: nothing is expected before the first step")
         return np.asarray(self._model.mean(wrench_cmd[None])[0])
+
+
+def result_of(row: Array, trouble: str, took: float) -> Result:
+    """A row of `compensate.compiled` as a result."""
+    sigma, beta, cost, evaluations, accepted = row[18:23].tolist()
+    if not math.isfinite(sigma):
+        trouble = trouble or "the model's standard deviation is not finite: correction withheld"
+    if not math.isfinite(cost):
+        trouble = trouble or "no correction: the mismatch model gave a value that is not finite"
+    return Result(row[:6], row[6:12], row[12:18], sigma, beta, cost, int(evaluations), accepted > 0.0, trouble, took)
 
 
 @dataclass(frozen=True)

@@ -119,6 +119,7 @@ class Optimiser:
     accept        J below which the optimum solves the problem (paper: 1e-4, i.e. 0.01 Nm)
     regulariser   weight of |dW_torque|^2 in the search
     max_evaluations  of the model in one search
+    good_enough   share of `accept` at which the search stops
     """
 
     lower: Array
@@ -126,6 +127,7 @@ class Optimiser:
     accept: float = 1e-4
     regulariser: float = 0.0
     max_evaluations: int = 100
+    good_enough: float = GOOD_ENOUGH
 
     def solve(self, model: MismatchModel, wrench_des: Array, start: Array, centre: Array | None = None) -> Optimum:
         """Optimum of `model` for `wrench_des` (6,): searched from the correction `start` (6,), else from zero.
@@ -159,7 +161,7 @@ class Optimiser:
         descent.set_min_objective(search.objective)
         descent.set_lower_bounds(lower)
         descent.set_upper_bounds(upper)
-        descent.set_stopval(GOOD_ENOUGH * self.accept)
+        descent.set_stopval(self.good_enough * self.accept)
         descent.set_ftol_rel(1e-9)
         descent.set_xtol_rel(1e-9)
         descent.set_maxeval(self.max_evaluations)

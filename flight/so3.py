@@ -40,7 +40,7 @@ def multiply(p_wxyz: Array, q_wxyz: Array) -> Array:
 
 def conjugate(quat_wxyz: Array) -> Array:
     """The inverse rotation of unit quaternion(s), shape (..., 4)."""
-    return np.asarray(quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0]))
+    return np.asanyarray(quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def exp(rotation_vector: Array) -> Array:
@@ -106,7 +106,7 @@ def rotate(quat_wxyz: Array, vector: Array) -> Array:
     """v_E = R_EB v_B for quat_EB, shapes (..., 4) and (..., 3)."""
     w, u = quat_wxyz[..., :1], quat_wxyz[..., 1:]
     t = 2.0 * np.cross(u, vector)
-    return np.asarray(vector + w * t + np.cross(u, t))
+    return np.asanyarray(vector + w * t + np.cross(u, t))
 
 
 def rotate_inverse(quat_wxyz: Array, vector: Array) -> Array:

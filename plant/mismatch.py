@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.plant.expansion import Expansion, straight_line
 from wrenchgap.plant.state import State
 
 
@@ -145,6 +146,10 @@ class LinearMismatch:
     def jacobian(self, wrench_cmd: Array, /) -> Array:
         """`gain` at every command (N, L, 6)."""
         return np.broadcast_to(self.gain, (len(wrench_cmd), *self.gain.shape)).copy()
+
+    def expansion(self) -> Expansion:
+        """See `plant.expansion.Expands`."""
+        return straight_line(self.outputs, self.offset, self.gain, self.sigma)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.process.subsample import Method, Scale
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
+from wrenchgap.plant.expansion import Expansion
 from wrenchgap.plant.mismatch import MismatchModel, output_indices
 from wrenchgap.plant.state import State
 
@@ -231,6 +232,19 @@ class GaussianProcess:
     def follow(self, dt: float) -> Following:
         """See `plant.mismatch.Follows`."""
         return Following(self, dt)
+
+    def expansion(self) -> Expansion:
+        """See `plant.expansion.Expands`."""
+        shared = ("outputs", "input_mean", "input_scale", "output_scale", "mean_coefficients", "lengthscales")
+        spread = ("signal_variance", "noise_variance", "sigma_scale")
+        f = self._factors
+        return Expansion(
+            input_groups=self.settings.inputs,
+            **{name: getattr(self, name) for name in shared + spread},
+            points=f.points,
+            alpha=f.alpha,
+            whitener=f.whitener,
+        )
 
     def given(self, extra: Array) -> MismatchModel:
         """The process as a function of the command alone, its further inputs being `extra` (D - 6,)."""

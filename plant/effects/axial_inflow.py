@@ -40,4 +40,4 @@ class AxialInflow(ThrustEffect):
 def hub_velocity_B(actuation: Actuation, context: Context) -> Array:
     """Velocity of the hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O through the air."""
     turning = np.cross(context.state.omega_B[:, None], actuation.hub_B)
-    return np.asarray(context.velocity_through_air_B[:, None] + turning)
+    return np.asanyarray(context.velocity_through_air_B[:, None] + turning)

@@ -48,7 +48,7 @@ class DownwashBlockage(ThrustEffect):
 def _share(posture: Posture) -> Array:
     """(N, A): the integral along the booms over R, for the rotors of each arm."""
     arms, rotors = posture.vehicle.geometry()
-    share = np.zeros(posture.tilt.shape)
+    share = np.zeros(posture.tilt.shape, like=posture.tilt)
     for i in range(len(arms)):
         on = np.flatnonzero(rotors.arm == i)
         if on.size == 0:

@@ -45,4 +45,4 @@ class GroundEffect(ThrustEffect):
     def heights_E(self, actuation: Actuation, context: Context) -> Array:
         """Of the rotors, (N, R) or (N, 1), in E [m]."""
         hubs = rotate(context.state.quat_EB[:, None], actuation.hub_B)[..., 2]
-        return np.asarray(context.state.position_E[:, None, 2] + hubs)
+        return np.asanyarray(context.state.position_E[:, None, 2] + hubs)

@@ -51,7 +51,7 @@ class RotorInterference(ThrustEffect):
         apart = actuation.posture.hold(self.name, lambda: _apart(actuation.posture))
         sources, reach = _sources(context.vehicle)
         reach = width * reach[:, :, None]
-        lost = np.empty(actuation.thrust.shape[::-1])
+        lost = np.empty(actuation.thrust.shape[::-1], like=actuation.thrust)
         for rows in _pieces(actuation.thrust):
             far = apart[:, :, rows] / -(reach**2)
             share = np.exp(far)
@@ -86,9 +86,9 @@ def _apart(posture: Posture) -> Array:
     i = np.broadcast_to(rotors.arm, j.shape)
     h = rotors.offset[None, :, None]
     squared = ((arms.position_B[i] - arms.position_B[j]) ** 2).sum(axis=-1)[:, :, None] + h**2
-    out = np.empty((*j.shape, len(posture.tilt)))
+    out = np.empty((*j.shape, len(posture.tilt)), like=posture.tilt)
     for rows in _pieces(posture.tilt):
-        n = np.ascontiguousarray(posture.arm_normal_B[rows].transpose(1, 2, 0))
+        n = posture.arm_normal_B[rows].transpose(1, 2, 0).copy()
         heights = arms.position_B @ n  # (j, i, N): p_i . n_j
         heights -= np.einsum("jjn->jn", heights)[:, None]
         cosines = np.einsum("ikn,jkn->ijn", n, n)

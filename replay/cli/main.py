@@ -28,7 +28,7 @@ from wrenchgap.replay.cli.requests import grouped
 NAME = "wrenchgap"
 ORDER = (
     *("model", "inspect", "calibrate", "compare", "where", "explain", "changed", "trend", "add", "remove", "history"),
-    *("learn", "report", "replay", "counterfactual", "design", "simulate", "convert", "view", "demo"),
+    *("learn", "report", "replay", "counterfactual", "export", "design", "simulate", "convert", "view", "demo"),
 )
 """Order in the help; commands that are not listed come last."""
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.compensate import Compensator, Settings
+from wrenchgap.compensate.run import BLOCK, run
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array, Flight, WrenchSeries
 from wrenchgap.flight.result import Result
@@ -43,6 +44,10 @@ Progress = Callable[[float, str], None]
 
 CONDITIONED = 2000
 """Commands along the log at which I + dmu/dW is looked at, at most."""
+
+
+SAME = ("correction", "optimum", "sigma", "beta", "cost", "iterations", "accepted", "solve_time")
+"""Fields that `Steps` has of `compensate.run.Run`."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +156,8 @@ def replay(
     compensator = made_for(gp, model, settings, lead=lead)
     motion = _motion(opened, model, compensator, gp, series) if compensator.needs_state else None
     with threadpool_limits(1):
+        if progress is not None:
+            progress(0.0, "compiling, the first time on this machine")
         steps = step_through(compensator, series.wrench_B, motion, starts(series), progress)
         stride = max(1, len(series.time) // CONDITIONED)
         condition = conditioning(gp, _inputs(gp, series.wrench_B, motion, dt)[::stride])
@@ -189,26 +196,23 @@ def step_through(
     progress: Progress | None = None,
 ) -> Steps:
     """Compensate wrenches (K, 6) one after the other; forget the past at every index in `starts`."""
-    fresh, results = set(starts.tolist()), []
-    rows = output_indices(compensator.model.outputs)
-    before, after = [], []
-    every = max(1, len(wrench) // 100)
-    for k, row in enumerate(wrench):
-        if k in fresh:
-            compensator.reset()
-        one = compensator.step(row, None if motion is None else motion.take(slice(k, k + 1)))
-        results.append(one)
-        before.append(compensator.expected(row))
-        after.append(compensator.expected(one.wrench_cmd) + one.correction[rows])
-        if progress is not None and k % every == 0:
-            progress(k / len(wrench), f"step {k} of {len(wrench)}")
-    same = ("correction", "optimum", "sigma", "beta", "cost", "iterations", "accepted", "solve_time")
+    rows, parts = output_indices(compensator.model.outputs), []
+    every = max(BLOCK, len(wrench) // 100)
+    for start, stop in zip(starts, (*starts[1:], len(wrench)), strict=True):
+        compensator.reset()
+        for k in range(start, stop, every):
+            part = slice(k, min(k + every, stop))
+            parts.append(run(compensator, wrench[part], None if motion is None else motion.take(part)))
+            if progress is not None:
+                progress(k / len(wrench), f"step {k} of {len(wrench)}")
+    found = {name: np.concatenate([getattr(p, name) for p in parts]) for name in SAME}
+    after = np.concatenate([p.after for p in parts]) + found["correction"][:, rows]
     return Steps(
-        commanded=np.array([r.wrench_cmd for r in results]),
-        mismatch_before=np.array(before),
-        mismatch_after=np.array(after),
-        trouble=dict(Counter(r.trouble for r in results if r.trouble)),
-        **{name: np.array([getattr(r, name) for r in results]) for name in same},
+        commanded=np.concatenate([p.wrench_cmd for p in parts]),
+        mismatch_before=np.concatenate([p.before for p in parts]),
+        mismatch_after=after,
+        trouble=dict(Counter(said for p in parts for said in p.trouble if said)),
+        **found,
     )
 
 

@@ -24,6 +24,7 @@ MODULES = {
     "Counterfactual": "counterfactual",
     "Design": "design",
     "Explanation": "explanation",
+    "Export": "export",
     "Learnt": "learning",
     "LogReport": "inspection",
     "Replay": "replay",

@@ -42,6 +42,7 @@ VERSIONS = {
     "convert": 1,
     "model": 1,
     "calibrate": 1,
+    "export": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 

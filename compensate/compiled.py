@@ -1,0 +1,713 @@
+"""A step of the compensation in compiled code, over as many periods as are at hand.
+
+Pieces: a tape with its tangents, the expansion of a process, one proposal of Newton's method. Each has its
+specification elsewhere, in plain numpy: the effects and `plant.wrench_model` for a tape, `learn.process.gp` for an
+expansion, nlopt's L-BFGS for the optimum. numba compiles them once per machine (`cache=True`) and not again for another
+vehicle: what differs between vehicles is data.
+
+The step is what `compensate.compensator` does with plain models, in the same order: further inputs of the process, the
+correction of the physics, the optimum of both, sigma, gate, correction, what the followers remember. A step that Newton
+does not settle (ill-conditioned, not accepted, not finite) is left undone and handed back: L-BFGS decides there.
+"""
+
+# mypy: disable-error-code="no-any-return"
+# Long because numba renews its cache by the file in which the outermost function stands, and by no other.
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wrenchgap.compensate.tape import Program
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.expansion import Expansion
+
+compiled = njit(cache=True, error_model="numpy", nogil=True)
+
+INPUT, CONSTANT, ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2 = range(12)
+ABS, SIGN, MAX, MIN, LESS, LESS_EQUAL, SELECT, FLOOR, LOG = range(12, 21)
+
+PROPOSED, STATIONARY, SINGULAR = 0, 1, 2
+ILL = 1e-3
+"""Ratio of pivots of A^T A below which A = I + dmu/dW counts as ill-conditioned: singular values apart by 30."""
+
+OPTIMUM, CORRECTION, KNOWN, STAGE, FRESH, BEFORE, LATE, SENT, TILT = 0, 6, 12, 18, 19, 20, 26, 32, 38
+"""Where the memory of a compensation has what: three wrenches (6,); how many commands the process has seen (0, 1, 2);
+whether the actuators were never commanded; last input and output of the lag of `past`, and the command sent last (6,)
+each; then the physics' tilts and memory."""
+COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, EXPECTED = 0, 6, 12, 18, 19, 20, 21, 22, 23
+"""Where a row of results has what; the mismatch before (L,) and after (L,) comes last."""
+DONE, HANDED_BACK = 0, 1
+
+
+class Lines(NamedTuple):
+    """`tape.Program` as compiled code takes it, with room for values (n,) and tangents (n, L)."""
+
+    code: NDArray[np.int32]
+    split: int
+    inputs: NDArray[np.int64]
+    free: NDArray[np.int64]
+    results: NDArray[np.int64]
+    value: Array
+    tangent: Array
+
+
+class Kernel(NamedTuple):
+    """`plant.expansion.Expansion` as compiled code takes it: points (L, D, N), whitener (L, N, N) column by column."""
+
+    input_mean: Array
+    input_scale: Array
+    output_scale: Array
+    mean_coefficients: Array
+    lengthscales: Array
+    points: Array
+    alpha: Array
+    whitener: Array
+    triangular: bool
+    signal_variance: Array
+    noise_variance: Array
+    sigma_scale: Array
+    row: Array  # (N,) room for kernel values
+    whitened: Array  # (N,)
+
+
+def as_lines(program: Program | None, outputs: int) -> Lines:
+    """Arrays of a program; empty ones where there is none."""
+    none = np.zeros(0, dtype=np.int64)
+    if program is None:
+        empty = np.zeros((0, 4), dtype=np.int32)
+        return Lines(empty, 0, none, none, none, np.zeros(0), np.zeros((0, outputs)))
+    count = len(program.code)
+    code = np.ascontiguousarray(program.code)
+    tangent = np.zeros((count, outputs))
+    for k, place in enumerate(program.free):
+        tangent[program.inputs[place], k] = 1.0
+    start = program.start.copy()
+    return Lines(code, program.split, program.inputs, program.free, program.results, start, tangent)
+
+
+def as_kernel(e: Expansion) -> Kernel:
+    """Arrays of an expansion."""
+    count = e.points.shape[1]
+    arrays = {name: np.array(getattr(e, name), dtype=float, order="C") for name in Kernel._fields[:5]}
+    more = {name: np.array(getattr(e, name), dtype=float, order="C") for name in ("alpha", *Kernel._fields[9:12])}
+    return Kernel(  # copies: compiled code is compiled anew for arrays that are read-only
+        **arrays,
+        **more,
+        points=np.array(e.points.transpose(0, 2, 1), dtype=float, order="C"),
+        whitener=np.array(e.whitener.transpose(0, 2, 1), dtype=float, order="C"),
+        triangular=bool(e.triangular),
+        row=np.zeros(count),
+        whitened=np.zeros(count),
+    )
+
+
+@compiled
+def evaluate(lines: Lines, first: int, last: int) -> None:
+    """Values of the lines first to last, without tangents."""
+    code, v = lines.code, lines.value
+    for k in range(first, last):
+        op, a, b, c = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if op <= CONSTANT:
+            continue
+        v[k] = _value(op, v[a], v[b], v[c])
+
+
+@compiled
+def _value(op: int, a: float, b: float, c: float) -> float:
+    if op == ADD:
+        return a + b
+    if op == SUB:
+        return a - b
+    if op == MUL:
+        return a * b
+    if op == DIV:
+        return a / b
+    if op == NEG:
+        return -a
+    if op == SQRT:
+        return math.sqrt(a)
+    if op == EXP:
+        return math.exp(a)
+    if op == SIN:
+        return math.sin(a)
+    if op == COS:
+        return math.cos(a)
+    if op == ATAN2:
+        return math.atan2(a, b)
+    if op == ABS:
+        return abs(a)
+    if op == SIGN:
+        return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
+    if op == MAX:
+        return a if a >= b else b
+    if op == MIN:
+        return a if a <= b else b
+    if op == LESS:
+        return 1.0 if a < b else 0.0
+    if op == LESS_EQUAL:
+        return 1.0 if a <= b else 0.0
+    if op == SELECT:
+        return b if a != 0.0 else c
+    if op == FLOOR:
+        return np.floor(a)
+    return math.log(a)
+
+
+@compiled
+def differentiate(lines: Lines) -> None:
+    """Values and tangents of the lines that depend on the free inputs.
+
+    The tangent of c = f(a, b) is f_a a' + f_b b'; at a kink it is that of the side that was taken.
+    """
+    code, v, t = lines.code, lines.value, lines.tangent
+    count = t.shape[1]
+    for k in range(lines.split, len(code)):
+        op, a, b, c = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if op <= CONSTANT:
+            continue
+        value = _value(op, v[a], v[b], v[c])
+        v[k] = value
+        if op == ADD:
+            for i in range(count):
+                t[k, i] = t[a, i] + t[b, i]
+        elif op == SUB:
+            for i in range(count):
+                t[k, i] = t[a, i] - t[b, i]
+        elif op == MUL:
+            va, vb = v[a], v[b]
+            if b < lines.split:  # no tangent: and what is infinite there must not meet its zero
+                for i in range(count):
+                    t[k, i] = t[a, i] * vb
+            elif a < lines.split:
+                for i in range(count):
+                    t[k, i] = va * t[b, i]
+            else:
+                for i in range(count):
+                    t[k, i] = t[a, i] * vb + va * t[b, i]
+        elif op == SELECT:
+            chosen = b if v[a] != 0.0 else c
+            for i in range(count):
+                t[k, i] = t[chosen, i]
+        else:
+            da, db = _slopes(op, v[a], v[b], value)
+            if a < lines.split:
+                da = 0.0
+            if b < lines.split:
+                db = 0.0
+            if db == 0.0:
+                for i in range(count):
+                    t[k, i] = da * t[a, i]
+            else:
+                for i in range(count):
+                    t[k, i] = da * t[a, i] + db * t[b, i]
+
+
+@compiled
+def _slopes(op: int, a: float, b: float, value: float) -> tuple[float, float]:
+    """Partial derivatives of an operation with one or two arguments; zero where it is flat."""
+    if op == DIV:
+        return 1.0 / b, -value / b
+    if op == NEG:
+        return -1.0, 0.0
+    if op == SQRT:
+        return (0.5 / value if value > 0.0 else 0.0), 0.0
+    if op == EXP:
+        return value, 0.0
+    if op == SIN:
+        return math.cos(a), 0.0
+    if op == COS:
+        return -math.sin(a), 0.0
+    if op == ATAN2:
+        square = a * a + b * b
+        return (b / square, -a / square) if square > 0.0 else (0.0, 0.0)
+    if op == ABS:
+        return (1.0 if a >= 0.0 else -1.0), 0.0
+    if op == MAX:
+        return (1.0, 0.0) if a >= b else (0.0, 1.0)
+    if op == MIN:
+        return (1.0, 0.0) if a <= b else (0.0, 1.0)
+    if op == LOG:
+        return 1.0 / a, 0.0
+    return 0.0, 0.0
+
+
+@compiled
+def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[np.int64], wanted: bool) -> None:
+    """Mean (L,) at inputs xi (D,), and where `wanted` its derivative to the inputs `rows`: slope (L, len(rows))."""
+    outputs, dims, count = kernel.points.shape
+    for k in range(outputs):
+        distance = kernel.row
+        for n in range(count):
+            distance[n] = 0.0
+        total = kernel.mean_coefficients[k, 0]
+        for d in range(dims):
+            x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
+            total += kernel.mean_coefficients[k, 1 + d] * x
+            q = x / kernel.lengthscales[k, d]
+            points = kernel.points[k, d]
+            for n in range(count):
+                apart = points[n] - q
+                distance[n] += apart * apart
+        sum_ = 0.0
+        for n in range(count):
+            weighted = kernel.alpha[k, n] * kernel.signal_variance[k] * math.exp(-0.5 * distance[n])
+            distance[n] = weighted
+            sum_ += weighted
+        mean[k] = kernel.output_scale[k] * (total + sum_)
+        if not wanted:
+            continue
+        for i in range(len(rows)):
+            d = rows[i]
+            x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
+            q = x / kernel.lengthscales[k, d]
+            points = kernel.points[k, d]
+            part = 0.0
+            for n in range(count):
+                part += distance[n] * (points[n] - q)
+            unit = kernel.output_scale[k] / kernel.input_scale[d]
+            slope[k, i] = unit * (kernel.mean_coefficients[k, 1 + d] + part / kernel.lengthscales[k, d])
+
+
+@compiled
+def spread(kernel: Kernel, xi: Array, std: Array) -> None:
+    """Standard deviation (L,) at inputs xi (D,), noise included."""
+    outputs, dims, count = kernel.points.shape
+    for k in range(outputs):
+        row, whitened = kernel.row, kernel.whitened
+        for n in range(count):
+            row[n] = 0.0
+            whitened[n] = 0.0
+        for d in range(dims):
+            q = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
+            points = kernel.points[k, d]
+            for n in range(count):
+                apart = points[n] - q
+                row[n] += apart * apart
+        for n in range(count):
+            value = kernel.signal_variance[k] * math.exp(-0.5 * row[n])
+            column = kernel.whitener[k, n]
+            for m in range(n if kernel.triangular else 0, count):
+                whitened[m] += column[m] * value
+        explained = 0.0
+        for n in range(count):
+            explained += whitened[n] * whitened[n]
+        variance = max(kernel.signal_variance[k] - explained, 0.0) + kernel.noise_variance[k]
+        std[k] = kernel.output_scale[k] * kernel.sigma_scale[k] * math.sqrt(variance)
+
+
+@compiled
+def propose(x: Array, r: Array, A: Array, low: Array, high: Array, damping: float, room: Array, found: Array) -> int:
+    """The next point (L,) of the search for the least |r|^2 in a box, from r (L,) and A = dr/dx (L, L) at x (L,).
+
+    Newton's step -A^-1 r in the components that are free, by the normal equations with `damping`:
+    (A^T A + damping I) p = -A^T r (Levenberg and Marquardt; Nocedal and Wright, "Numerical Optimization", 2nd ed.,
+    10.3); a component at a bound that the cost pushes against is held (projected Newton, Bertsekas 1982).
+    `room` (L + 1, L) is scratch, its last row the pivots' ratio.
+    """
+    count = len(x)
+    H, g = room, found
+    largest = 0.0
+    for i in range(count):
+        g[i] = 0.0
+        for k in range(count):
+            g[i] += A[k, i] * r[k]
+        for j in range(i + 1):
+            H[i, j] = 0.0
+            for k in range(count):
+                H[i, j] += A[k, i] * A[k, j]
+        largest = max(largest, H[i, i])
+    moving = 0
+    for i in range(count):
+        held = (x[i] <= low[i] and g[i] > 0.0) or (x[i] >= high[i] and g[i] < 0.0)
+        if held:
+            for j in range(i):
+                H[i, j] = 0.0
+            for j in range(i + 1, count):
+                H[j, i] = 0.0
+            H[i, i] = largest
+            g[i] = 0.0
+        elif g[i] != 0.0:
+            moving += 1
+        H[i, i] += damping
+    if moving == 0:
+        return STATIONARY
+    least = largest + damping
+    for i in range(count):  # Cholesky, in place; the solution of the triangular systems in g
+        for j in range(i + 1):
+            total = H[i, j]
+            for k in range(j):
+                total -= H[i, k] * H[j, k]
+            if i == j:
+                least = min(least, total)
+                if not total > 1e-14 * (largest + damping):
+                    return SINGULAR
+                H[i, i] = math.sqrt(total)
+            else:
+                H[i, j] = total / H[j, j]
+    for i in range(count):
+        for k in range(i):
+            g[i] -= H[i, k] * g[k]
+        g[i] /= H[i, i]
+    for i in range(count - 1, -1, -1):
+        for k in range(i + 1, count):
+            g[i] -= H[k, i] * g[k]
+        g[i] /= H[i, i]
+    room[count, 0] = least / (largest + damping)
+    for i in range(count):
+        found[i] = min(max(x[i] - g[i], low[i]), high[i])
+    return PROPOSED
+
+
+class Gate(NamedTuple):
+    """Constants of a compensation. `rows` (L,) are the components that are corrected, `bound` (L,) by how much.
+
+    `groups` (4,) says which of velocity, rates, position and past are inputs; `a`, `b0` and `b1` are the lag of past.
+    """
+
+    rows: NDArray[np.int64]
+    bound: Array
+    accept: float
+    enough: float
+    most: int
+    lenient: bool
+    watched: NDArray[np.bool_]
+    offset: Array
+    scale: Array
+    threshold: float
+    kappa: float
+    decay: float
+    groups: NDArray[np.bool_]
+    a: float
+    b0: float
+    b1: float
+    has_process: bool
+    has_physics: bool
+
+
+class Room(NamedTuple):
+    """Scratch: inputs of process (D,) and physics, and of the searches."""
+
+    xi: Array
+    inputs: Array
+    r: Array
+    A: Array
+    trial: Array
+    x: Array
+    warm: Array
+    start: Array
+    low: Array
+    high: Array
+    square: Array
+    best: Array
+    r_at: Array
+    A_at: Array
+    saved: Array
+
+
+@compiled
+def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, free: Array, process: bool) -> float:
+    """|r|^2 at a correction (L,) of `wrench` (6,), with r and dr/dx left in `room`."""
+    count = len(gate.rows)
+    r, A = room.r, room.A
+    for i in range(count):
+        r[i] = 0.0
+        for j in range(count):
+            A[i, j] = 0.0
+    if process:
+        for d in range(6):
+            room.xi[d] = wrench[d]
+        for i in range(count):
+            room.xi[gate.rows[i]] += free[i]
+        expand(kernel, room.xi, r, A, gate.rows, True)
+    if gate.has_physics:
+        for i in range(count):
+            lines.value[lines.inputs[gate.rows[i]]] = wrench[gate.rows[i]] + free[i]
+        differentiate(lines)
+        for i in range(count):
+            r[i] += lines.value[lines.results[i]]
+            for j in range(count):
+                A[i, j] += lines.tangent[lines.results[i], j]
+    cost = 0.0
+    for i in range(count):
+        r[i] += free[i]
+        A[i, i] += 1.0
+        cost += r[i] * r[i]
+    return cost
+
+
+@compiled
+def newton(
+    gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, start: Array, process: bool
+) -> tuple[float, int, bool]:
+    """Search from `start` (L,) within the box of `room`; the best point is left in `room.x`.
+
+    Its cost, evaluations, and whether A was ill-conditioned on the way. Newton's step is taken where it lowers the
+    cost; else it is damped more and more.
+    """
+    x, trial, r, A = room.x, room.trial, room.r, room.A
+    count = len(x)
+    for i in range(count):
+        x[i] = min(max(start[i], room.low[i]), room.high[i])
+    cost = residual(gate, kernel, lines, room, wrench, x, process)
+    r_at, A_at = room.r_at, room.A_at
+    used, damping, ill = 1, 0.0, False
+    proposals = 0
+    while used < gate.most and cost > gate.enough and proposals < 2 * gate.most:
+        proposals += 1
+        for i in range(count):
+            r_at[i] = r[i]
+            for j in range(count):
+                A_at[i, j] = A[i, j]
+        said = propose(x, r_at, A_at, room.low, room.high, damping, room.square, trial)
+        trace = 0.0
+        for i in range(count):
+            for j in range(count):
+                trace += A_at[i, j] * A_at[i, j]
+        if said == STATIONARY or not math.isfinite(trace):
+            break
+        if said == SINGULAR:
+            ill = True
+            damping = max(10.0 * damping, 1e-6 * trace)
+            continue
+        if damping == 0.0:
+            ill = ill or room.square[count, 0] < ILL
+        moved, size = 0.0, 0.0
+        for i in range(count):
+            moved, size = max(moved, abs(trial[i] - x[i])), max(size, abs(x[i]))
+        if moved <= 1e-13 * size:
+            break
+        new = residual(gate, kernel, lines, room, wrench, trial, process)
+        used += 1
+        if new < cost:
+            stalled = cost - new <= 1e-12 * cost
+            cost = new
+            damping = 0.1 * damping if damping > 1e-9 * trace else 0.0
+            for i in range(count):
+                x[i] = trial[i]
+            if stalled:
+                break
+        else:
+            damping = max(10.0 * damping, 1e-4 * trace)
+            for i in range(count):
+                r[i] = r_at[i]
+                for j in range(count):
+                    A[i, j] = A_at[i, j]
+    return cost, used, ill
+
+
+@compiled
+def solve(
+    gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, start: Array, process: bool
+) -> tuple[float, int, bool]:
+    """As `Optimiser.solve`: from `start`, else from zero, else zero itself; the correction in `room.best` (L,)."""
+    count = len(gate.rows)
+    cost, used, ill = newton(gate, kernel, lines, room, wrench, start, process)
+    cold = False
+    for i in range(count):
+        room.best[i] = room.x[i]
+        cold = cold or start[i] != 0.0
+    if not cost < gate.accept:
+        for i in range(count):
+            room.start[i] = 0.0
+        if cold:
+            again, more, _ = newton(gate, kernel, lines, room, wrench, room.start, process)
+            used += more
+            if again < cost or not math.isfinite(cost):
+                cost = again
+                for i in range(count):
+                    room.best[i] = room.x[i]
+        if not cost < gate.accept:
+            nothing = residual(gate, kernel, lines, room, wrench, room.start, process)
+            if not cost < nothing:
+                cost = nothing
+                for i in range(count):
+                    room.best[i] = 0.0
+    return cost, used, ill
+
+
+@compiled
+def further_inputs(gate: Gate, room: Room, memory: Array, state: Array) -> None:
+    """The inputs of the process beyond the command, in the order of `plant.mismatch_inputs`; and the lag of `past`."""
+    place = 6
+    if gate.groups[0]:
+        w, x, y, z = state[3], -state[4], -state[5], -state[6]
+        a, b, c = state[7], state[8], state[9]
+        tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+        room.xi[place] = a + w * tx + (y * tz - z * ty)
+        room.xi[place + 1] = b + w * ty + (z * tx - x * tz)
+        room.xi[place + 2] = c + w * tz + (x * ty - y * tx)
+        place += 3
+    if gate.groups[1]:
+        for i in range(3):
+            room.xi[place + i] = state[10 + i]
+        place += 3
+    if gate.groups[2]:
+        for i in range(3):
+            room.xi[place + i] = state[i]
+        place += 3
+    if gate.groups[3]:
+        for i in range(6):
+            sent = memory[SENT + i]
+            late = sent
+            if memory[STAGE] >= 2.0:
+                late = gate.a * memory[LATE + i] + gate.b0 * memory[BEFORE + i] + gate.b1 * sent
+            room.xi[place + i] = sent - late
+            memory[BEFORE + i], memory[LATE + i] = sent, late
+        if memory[STAGE] == 1.0:
+            memory[STAGE] = 2.0
+
+
+@compiled
+def prepare(gate: Gate, lines: Lines, room: Room, memory: Array, wrench: Array, state: Array) -> None:
+    """Set the inputs of this period: of the physics, whose part that no correction changes is worked out, and of the
+    process beyond the command.
+    """  # noqa: D205
+    if gate.has_physics:
+        for i in range(6):
+            room.inputs[i] = wrench[i]
+        for i in range(15):
+            room.inputs[6 + i] = state[i]
+        room.inputs[21] = memory[FRESH]
+        for i in range(len(memory) - TILT):
+            room.inputs[22 + i] = memory[TILT + i]
+        for i in range(len(lines.inputs)):
+            lines.value[lines.inputs[i]] = room.inputs[i]
+        evaluate(lines, 0, lines.split)
+    if gate.has_process:
+        further_inputs(gate, room, memory, state)
+
+
+@compiled
+def search(gate: Gate, kernel: Kernel, lines: Lines, room: Room, memory: Array, wrench: Array, out: Array) -> int:
+    """Corrections of the physics alone, about which the bounds are, and of both."""
+    count, evaluations = len(gate.rows), 0
+    for i in range(count):
+        room.low[i], room.high[i] = -gate.bound[i], gate.bound[i]
+    if gate.has_process and gate.has_physics:
+        for i in range(count):
+            room.low[i] = -np.inf if gate.bound[i] > 0.0 else 0.0
+            room.high[i] = -room.low[i]
+            room.warm[i] = memory[KNOWN + gate.rows[i]]
+        cost, evaluations, ill = solve(gate, kernel, lines, room, wrench, room.warm, False)
+        if not gate.lenient and (ill or not cost < gate.accept):
+            return HANDED_BACK
+        for i in range(count):
+            value = room.best[i] if math.isfinite(cost) else 0.0
+            memory[KNOWN + gate.rows[i]] = value
+            room.low[i], room.high[i] = value - gate.bound[i], value + gate.bound[i]
+    for i in range(count):
+        room.warm[i] = memory[OPTIMUM + gate.rows[i]]
+    cost, used, ill = solve(gate, kernel, lines, room, wrench, room.warm, gate.has_process)
+    if not gate.lenient and (ill or not cost < gate.accept):
+        return HANDED_BACK
+    for i in range(count):
+        memory[OPTIMUM + gate.rows[i]] = room.best[i] if math.isfinite(cost) else 0.0
+    out[COST], out[EVALUATIONS], out[ACCEPTED] = cost, evaluations + used, (1.0 if cost < gate.accept else 0.0)
+    return DONE
+
+
+@compiled
+def finish(
+    gate: Gate, kernel: Kernel, lines: Lines, sent: Lines, room: Room, memory: Array, wrench: Array, out: Array,
+    expects: bool,
+) -> None:  # fmt: skip
+    """From the optimum to the command that is sent, and what is remembered of it."""
+    count = len(gate.rows)
+    gated(gate, kernel, room, memory, wrench, out)
+    if expects:
+        expected(gate, kernel, lines, room, wrench, out[EXPECTED : EXPECTED + count])
+        expected(gate, kernel, lines, room, out[:6], out[EXPECTED + count :])
+    if gate.has_physics:
+        remember(gate, sent, room, memory, out)
+    memory[STAGE] = max(memory[STAGE], 1.0)
+    for i in range(6):
+        memory[SENT + i] = out[COMMAND + i]
+
+
+@compiled
+def gated(gate: Gate, kernel: Kernel, room: Room, memory: Array, wrench: Array, out: Array) -> None:
+    """sigma, beta and the correction that the gate lets through (`compensate.uncertainty`)."""
+    count = len(gate.rows)
+    for i in range(6):
+        room.xi[i] = wrench[i] + memory[OPTIMUM + i]
+    sigma = -np.inf
+    if gate.has_process:
+        spread(kernel, room.xi, room.r)
+        for i in range(count):
+            if gate.watched[i]:
+                normal = (room.r[i] - gate.offset[i]) / gate.scale[i]
+                sigma = normal if not normal <= sigma else sigma
+    else:
+        for i in range(count):
+            if gate.watched[i]:
+                sigma = max(sigma, -gate.offset[i] / gate.scale[i])
+    beta = 0.0 if math.isinf(gate.threshold) else 1.0 / (1.0 + math.exp(-gate.kappa * (sigma - gate.threshold)))
+    if not math.isfinite(sigma):
+        beta = 1.0
+    for i in range(6):
+        found = memory[OPTIMUM + i] - memory[KNOWN + i]
+        kept = gate.decay * beta * memory[CORRECTION + i] + (1.0 - beta) * found
+        memory[CORRECTION + i] = kept
+        out[CORRECTED + i] = memory[KNOWN + i] + kept
+        out[COMMAND + i] = wrench[i] + out[CORRECTED + i]
+        out[FOUND + i] = memory[OPTIMUM + i]
+    out[SIGMA], out[BETA] = sigma, beta
+
+
+@compiled
+def remember(gate: Gate, sent: Lines, room: Room, memory: Array, out: Array) -> None:
+    """Where the command has brought the actuators."""
+    for i in range(6):
+        room.inputs[i] = out[COMMAND + i]
+    for i in range(len(sent.inputs)):
+        sent.value[sent.inputs[i]] = room.inputs[i]
+    evaluate(sent, 0, len(sent.code))
+    for i in range(len(sent.results)):
+        memory[TILT + i] = sent.value[sent.results[i]]
+    memory[FRESH] = 0.0
+
+
+@compiled
+def expected(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, found: Array) -> None:
+    """Mismatch (L,) of a command (6,) as the models have it in the step at hand; the lines' inputs must be set."""
+    count = len(gate.rows)
+    for i in range(count):
+        found[i] = 0.0
+    if gate.has_process:
+        for i in range(6):
+            room.xi[i] = wrench[i]
+        expand(kernel, room.xi, found, room.A, gate.rows, False)
+    if gate.has_physics:
+        for i in range(6):
+            lines.value[lines.inputs[i]] = wrench[i]
+        evaluate(lines, 0, len(lines.code))
+        for i in range(count):
+            found[i] += lines.value[lines.results[i]]
+
+
+@compiled
+def advance(
+    gate: Gate, kernel: Kernel, lines: Lines, sent: Lines, room: Room, memory: Array, wrenches: Array, states: Array,
+    out: Array, expects: bool,
+) -> int:  # fmt: skip
+    """Steps through wrenches (K, 6) with states (K, 15) until the end, or the first that is handed back.
+
+    Returns how many were done; `out` (K, 23 + 2 L) has their results, with the mismatch expected of desired and sent
+    command where `expects`. The memory is as it was before a step that is handed back.
+    """
+    saved = room.saved
+    for k in range(len(wrenches)):
+        for i in range(len(memory)):
+            saved[i] = memory[i]
+        prepare(gate, lines, room, memory, wrenches[k], states[k])
+        if search(gate, kernel, lines, room, memory, wrenches[k], out[k]) != DONE:
+            for i in range(len(memory)):
+                memory[i] = saved[i]
+            return k
+        finish(gate, kernel, lines, sent, room, memory, wrenches[k], out[k], expects)
+    return len(wrenches)

@@ -1,0 +1,276 @@
+"""The physics of a compensation as programs: the mismatch of a command, and where a command brings the actuators.
+
+Nothing is written twice: `plant.wrench_model` and the effects' own `apply` run once on arrays that write down what is
+done with them (`compensate.tracing`). Only the allocation, which decides by values, has its single sample here.
+
+Inputs, in this order (`Inputs`): the command (6,) [N, Nm]; the state (15,): position in E [m], quaternion B to E (w, x,
+y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage [V]; whether nothing was sent yet (1 or 0); the tilt
+angles sent last (A,) [rad]; what follows late remembers (M,), with a `lead` only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.compensate.physics import PhysicsMismatch
+from wrenchgap.compensate.tape import Program, Tape, program
+from wrenchgap.compensate.tracing import Node, Traced, Untraceable
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.effects.effect import AnyEffect, CommandEffect
+from wrenchgap.plant.mismatch import output_indices
+from wrenchgap.plant.state import Commands, State
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_origin, measured_wrench
+
+STATE = (
+    *(f"position_{k}" for k in "xyz"),
+    *(f"quat_{k}" for k in "wxyz"),
+    *(f"velocity_{k}" for k in "xyz"),
+    *(f"omega_{k}" for k in "xyz"),
+    "time",
+    "voltage",
+)
+"""Names of the state's numbers, in their order."""
+
+
+def state_row(state: State) -> Array:
+    """The first of the states as `STATE`; nan for a voltage that is not known."""
+    voltage = [math.nan] if state.voltage is None else state.voltage[:1]
+    parts = (state.position_E[0], state.quat_EB[0], state.velocity_E[0], state.omega_B[0], state.time[:1], voltage)
+    return np.concatenate(parts)
+
+
+def rows_of(states: State, index: NDArray[np.intp]) -> Array:
+    """States (K, 15) at some of the samples, as `STATE`."""
+    voltage = np.full(len(index), np.nan) if states.voltage is None else states.voltage[index]
+    parts = [getattr(states, n)[index] for n in ("position_E", "quat_EB", "velocity_E", "omega_B")]
+    return np.hstack([*parts, states.time[index, None], voltage[:, None]])
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsPrograms:
+    """What the physics makes of a command: `mismatch` (L,) with derivatives, and `sent`: new tilts (A,), memory (M,).
+
+    `memory` is M, `arms` A. `needs_voltage` says that an effect asks for it.
+    """
+
+    outputs: tuple[str, ...]
+    mismatch: Program
+    sent: Program
+    arms: int
+    memory: int
+    needs_voltage: bool
+
+
+def trace(physics: PhysicsMismatch, dt: float) -> PhysicsPrograms:
+    """The programs of `physics` stepped every `dt` [s].
+
+    Raises Untraceable, naming the effect, where one cannot be written down.
+    """
+    model = WrenchModel(physics.model.vehicle, tuple(_wrapped(item) for item in physics.model.effects))
+    tracer = _Tracer(physics, model, dt)
+    tape, mean, after = tracer.run()
+    inputs = tracer.inputs
+    free = [inputs[k] for k in output_indices(physics.outputs)]
+    return PhysicsPrograms(
+        outputs=physics.outputs,
+        mismatch=program(tape, inputs, free, mean),
+        sent=program(tape, inputs, [], after),
+        arms=tracer.arms,
+        memory=tracer.memory,
+        needs_voltage=any(item.effect.needs_voltage for item in physics.model.effects),
+    )
+
+
+def untraceable(physics: PhysicsMismatch, dt: float) -> dict[str, str]:
+    """Effects that cannot be written down, and why; each tried on its own."""
+    found = {}
+    for item in physics.model.effects:
+        alone = PhysicsMismatch(WrenchModel(physics.model.vehicle, (item,)), physics.outputs, physics.lead)
+        try:
+            trace(alone, dt)
+        except Untraceable as error:
+            found[item.name] = str(error)
+    return found
+
+
+def _wrapped(item: ModelEffect) -> ModelEffect:
+    """The effect, whose results are arrays that go on writing down, and whose name is in what it raises."""
+    effect = item.effect
+
+    def apply(_: Any, *given: Any) -> Any:
+        tape = _tape_of(given)
+        before = None if tape is None else tape.section
+        if tape is not None:
+            tape.section = item.name
+        try:
+            return _traced(effect.apply(*given))
+        except Untraceable as error:
+            raise Untraceable(f"effect {item.name} {error}") from None
+        except (TypeError, AttributeError, ValueError) as error:
+            said = " ".join(str(error).split())
+            raise Untraceable(f"effect {item.name} is not plain arithmetic: {said}") from None
+        finally:
+            if tape is not None:
+                tape.section = before or ""
+
+    kind: Any = type(f"Traced{type(effect).__name__}", (type(effect),), {"apply": apply})
+    made: AnyEffect = object.__new__(kind)
+    made.__dict__.update(getattr(effect, "__dict__", {}))
+    return ModelEffect(made, item.theta)
+
+
+def _tape_of(given: Sequence[Any]) -> Tape | None:
+    """The tape of the first node among arguments of an effect."""
+    for one in given:
+        for array in vars(one).values() if hasattr(one, "__dataclass_fields__") else (one,):
+            if isinstance(array, np.ndarray) and array.dtype == object:
+                for node in array.flat:
+                    if isinstance(node, Node):
+                        return node.tape
+    return None
+
+
+def _traced(result: Any) -> Any:
+    """Arrays of nodes among the results of an effect as `Traced`."""
+    if isinstance(result, np.ndarray) and result.dtype == object:
+        return Traced.of(result)
+    if isinstance(result, tuple):
+        return tuple(_traced(part) for part in result)
+    if isinstance(result, dict):
+        return {key: _traced(part) for key, part in result.items()}
+    return result
+
+
+def _leaves(memory: Any) -> Iterator[Any]:
+    """The arrays in what effects remember, in a fixed order."""
+    if isinstance(memory, dict):
+        for key in sorted(memory):
+            yield from _leaves(memory[key])
+    elif isinstance(memory, tuple):
+        for part in memory:
+            yield from _leaves(part)
+    elif memory is not None:
+        yield np.asarray(memory)
+
+
+def _rebuilt(memory: Any, make: Callable[[Any], Any]) -> Any:
+    """The same structure with other arrays, made one after the other in the order of `_leaves`."""
+    if isinstance(memory, dict):
+        made = {key: _rebuilt(memory[key], make) for key in sorted(memory)}
+        return {key: made[key] for key in memory}
+    if isinstance(memory, tuple):
+        return tuple(_rebuilt(part, make) for part in memory)
+    return None if memory is None else make(memory)
+
+
+class _Tracer:
+    """Writes one step of the physics down."""
+
+    def __init__(self, physics: PhysicsMismatch, model: WrenchModel, dt: float) -> None:
+        self.physics, self.model, self.dt = physics, model, dt
+        self.allocation = Allocation(model.vehicle) if model.vehicle.has_rotors else None
+        self.late = any(isinstance(item.effect, CommandEffect) for item in model.effects)
+        self.tape, self.inputs = Tape(), list[int]()
+        self.arms, self.memory = 0, 0
+
+    def run(self) -> tuple[Tape, list[int], list[int]]:
+        """The tape, the lines of the mismatch, and those of what is kept after a command was sent."""
+        wrench, numbers = self._inputs("wrench", AXES), self._inputs("state", STATE)
+        fresh = self._inputs("fresh", ("",))
+        p, q, v, w, t, u = np.split(numbers, [3, 7, 10, 13, 14])
+        state = State(t, p[None], q[None], v[None], w[None], u)
+        commands = self._allocated(Traced.of(wrench[None]))
+        tilt = [] if commands.tilt is None else [node.line for node in self._nodes(commands.tilt)]
+        memory = self._memory(commands, state, fresh[0])
+        self.tape.section = "effects on commands"
+        effective, kept = self._effective(commands, state, memory)
+        self.tape.section = "rotors"
+        made = self.model.motion(Traced.of(self.model.wrench(effective, state)), state.omega_B)
+        self.tape.section = "measured wrench"
+        mean = Traced.of(measured_wrench(self.model.vehicle.body, made))[0] - wrench
+        rows = output_indices(self.physics.outputs)
+        after = [node.line for leaf in _leaves(kept) for node in self._nodes(leaf)]
+        return self.tape, [node.line for node in self._nodes(mean[rows])], tilt + after
+
+    def _inputs(self, kind: str, names: Sequence[str]) -> Traced:
+        lines = [self.tape.input(f"{kind} {name}".strip()) for name in names]
+        self.inputs += lines
+        return Traced.of([Node(self.tape, line) for line in lines])
+
+    def _nodes(self, values: Any) -> list[Node]:
+        return [n if isinstance(n, Node) else Node(self.tape, self.tape.constant(float(n))) for n in values.flat]
+
+    def _allocated(self, wrench: Traced) -> Commands:
+        """`plant.allocation.Allocation.allocate` for one sample next to the angles sent last; no limits of rate."""
+        self.tape.section = "allocation"
+        if self.allocation is None:
+            return Commands(wrench)
+        vehicle = self.model.vehicle
+        arms, rotors = vehicle.geometry()
+        self.arms = len(arms)
+        before = self._inputs("tilt", [f"arm_{k}" for k in range(len(arms))])
+        unknowns = (Traced.of(about_origin(vehicle.body, wrench)) @ self.allocation.inverse.T)[0]
+        tilt, speed = Traced.of(np.zeros(len(arms))), Traced.of(np.zeros(len(rotors)))
+        weak: dict[int, Any] = {}
+        column = 0
+        for arm, group in self.allocation._groups:
+            thrust = unknowns[column]
+            if arms.tilts[arm]:
+                lateral, vertical = unknowns[column], unknowns[column + 1]
+                thrust = np.hypot(*(Traced.of([n]) for n in (lateral, vertical)))[0]
+                tilt[arm] = np.arctan2(*(Traced.of([n]) for n in (lateral, vertical)))[0]
+                weak[arm] = np.less(Traced.of([thrust]), self.allocation.hold_thrust)
+            column += 1 + bool(arms.tilts[arm])
+            speed[group] = thrust / float(rotors.c_f[group].sum())
+        for arm, condition in weak.items():
+            tilt[arm] = np.where(condition, before[arm : arm + 1], tilt[arm : arm + 1])[0]
+        turns = np.floor((before - tilt) / (2.0 * np.pi) + 0.5)
+        angles = np.clip(tilt + 2.0 * np.pi * turns, arms.tilt_min, arms.tilt_max)
+        turning = np.clip(np.sqrt(np.maximum(speed, 0.0)), rotors.speed_min, rotors.speed_max)
+        return Commands(wrench, angles[None], turning[None])
+
+    def _memory(self, commands: Commands, state: State, fresh: Node) -> Any:
+        """What effects remember of the commands sent: inputs, or before the first, the equilibrium at this command."""
+        if self.physics.lead is None or not self.late:
+            return None
+        _, equilibrium = self.model.command(commands, state, self.dt, None)
+
+        def leaf(array: Any) -> Traced:
+            given = self._inputs("memory", [f"{self.memory + k}" for k in range(np.size(array))])
+            self.memory += np.size(array)
+            asked = Traced.of(np.full(np.shape(array), fresh))
+            return Traced.of(np.where(asked, array, given.reshape(np.shape(array))))
+
+        return _rebuilt(equilibrium, leaf)
+
+    def _effective(self, commands: Commands, state: State, memory: Any) -> tuple[Commands, Any]:
+        """As `PhysicsHere._effective`, sample by sample; and what is remembered after the first."""
+        if not self.late:
+            return commands, None
+        lead = self.physics.lead
+        ahead = 1.0 if lead is None else max(1.0, lead / self.dt + 0.5)
+        count = math.ceil(ahead)
+        found, kept = [], None
+        for k in range(count):
+            held, memory = self.model.command(commands, state, self.dt, memory)
+            found.append(held)
+            kept = memory if k == 0 else kept
+        back = count - ahead
+        return _between(found[-1], found[-2], back) if back > 0.0 else found[-1], kept if lead is not None else None
+
+
+def _between(last: Commands, before: Commands, back: float) -> Commands:
+    """Commands `back` (0 to 1) samples before the last."""
+
+    def mixed(name: str) -> Any:
+        newer, older = getattr(last, name), getattr(before, name)
+        return None if newer is None else back * older + (1.0 - back) * newer
+
+    return Commands(*map(mixed, ("wrench_B", "tilt", "rotor_speed")))

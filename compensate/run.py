@@ -1,0 +1,71 @@
+"""Many steps of a compensation at once, as a replay takes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.compensate.compensator import Compensator
+from wrenchgap.compensate.physics_program import STATE, rows_of
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.state import State
+
+BLOCK = 20
+"""Steps whose time is taken together, so that the clock costs nothing."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """K consecutive steps; names and shapes are those of `compensate.Result`, with the steps first.
+
+    `before` and `after` (K, L) are the mismatch expected of the desired and of the sent command. `solve_time` (K,) [s]
+    is the mean over the block of `BLOCK` steps in which a step lies, both expectations included.
+    """
+
+    wrench_cmd: Array
+    correction: Array
+    optimum: Array
+    sigma: Array
+    beta: Array
+    cost: Array
+    iterations: NDArray[np.int64]
+    accepted: NDArray[np.bool_]
+    before: Array
+    after: Array
+    solve_time: Array
+    trouble: tuple[str, ...]
+
+
+def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
+    """Step through desired wrenches (K, 6) in `states` (N = K), from what the compensator remembers.
+
+    Raises UsageError where the states are needed and None.
+    """
+    outputs = len(compensator.model.outputs)
+    rows = np.empty((len(wrenches), 23 + 2 * outputs))
+    took, trouble = np.empty(len(wrenches)), list[str]()
+    for start in range(0, len(wrenches), BLOCK):
+        index = np.arange(start, min(start + BLOCK, len(wrenches)))
+        began = perf_counter()
+        numbers = np.zeros((len(index), len(STATE))) if states is None else rows_of(states, index)
+        done = compensator.rows(wrenches[index], numbers, None if states is None else states.take(index))
+        rows[index], said = done
+        trouble += said
+        took[index] = (perf_counter() - began) / len(index)
+    return Run(
+        wrench_cmd=rows[:, :6],
+        correction=rows[:, 6:12],
+        optimum=rows[:, 12:18],
+        sigma=rows[:, 18],
+        beta=rows[:, 19],
+        cost=rows[:, 20],
+        iterations=rows[:, 21].astype(int),
+        accepted=rows[:, 22] > 0.0,
+        before=rows[:, 23 : 23 + outputs],
+        after=rows[:, 23 + outputs :],
+        solve_time=took,
+        trouble=tuple(trouble),
+    )

@@ -1,0 +1,202 @@
+"""Arithmetic written down as it is done: a tape of scalar operations, each on the results of earlier ones.
+
+What is written on a tape can be evaluated by a small compiled loop with its derivatives beside it (tangent propagation:
+Griewank and Walther, "Evaluating Derivatives", 2nd ed., 2008, ch. 3), and printed as a C program. Equal operations are
+written once; what is constant is worked out while writing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+
+
+class Op(IntEnum):
+    """What a line of a tape does with its arguments a, b and c. Conditions are 1.0 where they hold, else 0.0."""
+
+    INPUT = 0
+    CONSTANT = 1
+    ADD = 2
+    SUB = 3
+    MUL = 4
+    DIV = 5
+    NEG = 6
+    SQRT = 7
+    EXP = 8
+    SIN = 9
+    COS = 10
+    ATAN2 = 11
+    ABS = 12
+    SIGN = 13
+    MAX = 14
+    MIN = 15
+    LESS = 16
+    LESS_EQUAL = 17
+    SELECT = 18  # b where a holds, else c
+    FLOOR = 19
+    LOG = 20
+
+
+_BY_VALUE: dict[Op, Callable[[float, float, float], float]] = {
+    Op.ADD: lambda a, b, c: a + b,
+    Op.SUB: lambda a, b, c: a - b,
+    Op.MUL: lambda a, b, c: a * b,
+    Op.DIV: lambda a, b, c: a / b,
+    Op.NEG: lambda a, b, c: -a,
+    Op.SQRT: lambda a, b, c: math.sqrt(a),
+    Op.EXP: lambda a, b, c: math.exp(a),
+    Op.SIN: lambda a, b, c: math.sin(a),
+    Op.COS: lambda a, b, c: math.cos(a),
+    Op.ATAN2: lambda a, b, c: math.atan2(a, b),
+    Op.ABS: lambda a, b, c: abs(a),
+    Op.SIGN: lambda a, b, c: float((a > 0) - (a < 0)),
+    Op.MAX: lambda a, b, c: max(a, b),
+    Op.MIN: lambda a, b, c: min(a, b),
+    Op.LESS: lambda a, b, c: float(a < b),
+    Op.LESS_EQUAL: lambda a, b, c: float(a <= b),
+    Op.SELECT: lambda a, b, c: b if a else c,
+    Op.FLOOR: lambda a, b, c: float(math.floor(a)),
+    Op.LOG: lambda a, b, c: math.log(a),
+}
+_PAIRS = (Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.ATAN2, Op.MAX, Op.MIN, Op.LESS, Op.LESS_EQUAL)
+ARITY = {Op.INPUT: 0, Op.CONSTANT: 0, Op.SELECT: 3, **dict.fromkeys(_PAIRS, 2)}
+"""Arguments of an operation; one where it is not listed."""
+
+Line = tuple[int, int, int, int]
+
+
+class Tape:
+    """Lines (operation, a, b, c); the arguments are numbers of earlier lines, and every line has one result.
+
+    `section` names what is being written, and `sections` says of every line in which it was first written.
+    """
+
+    def __init__(self) -> None:
+        self.lines: list[Line] = []
+        self.constants: dict[int, float] = {}
+        self.names: dict[int, str] = {}
+        self.sections: list[str] = []
+        self.section = ""
+        self._found: dict[object, int] = {}
+
+    def input(self, name: str) -> int:
+        """A new input; its line's number."""
+        number = self._add((Op.INPUT, 0, 0, 0))
+        self.names[number] = name
+        return number
+
+    def constant(self, value: float) -> int:
+        """The line of a constant."""
+        key = ("constant", value, math.copysign(1.0, value))
+        if key not in self._found:
+            self._found[key] = self._add((Op.CONSTANT, 0, 0, 0))
+            self.constants[self._found[key]] = float(value)
+        return self._found[key]
+
+    def write(self, op: Op, a: int, b: int = 0, c: int = 0) -> int:
+        """The line with the result of an operation: a new one, or one that has it already."""
+        given = (a, b, c)[: ARITY.get(op, 1)]
+        if all(k in self.constants for k in given):
+            return self.constant(self._folded(op, [self.constants[k] for k in given]))
+        short = self._shortened(op, a, b, c)
+        if short is not None:
+            return short
+        if op in (Op.ADD, Op.MUL) and a > b:
+            a, b = b, a
+        key = (op, a, b, c)
+        if key not in self._found:
+            self._found[key] = self._add(key)
+        return self._found[key]
+
+    def _add(self, line: Line) -> int:
+        self.lines.append(line)
+        self.sections.append(self.section)
+        return len(self.lines) - 1
+
+    @staticmethod
+    def _folded(op: Op, values: Sequence[float]) -> float:
+        padded = (*values, 0.0, 0.0)
+        try:
+            return float(_BY_VALUE[op](*padded[:3]))
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return math.nan
+
+    def _shortened(self, op: Op, a: int, b: int, c: int) -> int | None:
+        """A line that is there already where the operation changes nothing; products with zero are zero."""
+        zero, one = (self._found.get(("constant", value, 1.0), -1) for value in (0.0, 1.0))
+        if op is Op.ADD and zero in (a, b):
+            return b if a == zero else a
+        if op is Op.SUB and a == b:
+            return self.constant(0.0)
+        if op is Op.SUB and b == zero:
+            return a
+        if op is Op.MUL and zero in (a, b):
+            return zero
+        if op is Op.MUL and one in (a, b):
+            return b if a == one else a
+        if op is Op.DIV and (b == one or a == zero):
+            return a
+        if op is Op.SELECT and (b == c or a in self.constants):
+            return b if b == c or self.constants[a] else c
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """What of a tape some results need, in an order in which all that does not depend on the `free` inputs comes first.
+
+    code        (n, 4) operation and arguments of every line
+    start       (n,) constants in their places, zero elsewhere
+    inputs      (I,) lines of the inputs, -1 for one that nothing needs
+    free        (L,) places, among the inputs, of those with respect to which is differentiated
+    split       number of lines that do not depend on the free inputs
+    results     (K,) lines of the results
+    sections    (n,) what each line was written for
+    """
+
+    code: NDArray[np.int32]
+    start: Array
+    inputs: NDArray[np.int64]
+    free: NDArray[np.int64]
+    split: int
+    results: NDArray[np.int64]
+    sections: tuple[str, ...]
+
+
+def program(tape: Tape, inputs: Sequence[int], free: Sequence[int], results: Sequence[int]) -> Program:
+    """The program of a tape for lines `results`, with lines `inputs`, of which `free` are differentiated to."""
+    needed, pending = set(inputs), list(results)
+    while pending:
+        line = pending.pop()
+        if line not in needed:
+            needed.add(line)
+            op, *arguments = tape.lines[line]
+            pending.extend(arguments[: ARITY.get(Op(op), 1)])
+    moving: set[int] = set()
+    for line in sorted(needed):
+        op, *arguments = tape.lines[line]
+        if line in free or any(k in moving for k in arguments[: ARITY.get(Op(op), 1)]):
+            moving.add(line)
+    order = sorted(needed, key=lambda line: (line in moving, line))
+    place = {line: k for k, line in enumerate(order)}
+    code = np.zeros((len(order), 4), dtype=np.int32)
+    for line, k in place.items():
+        op, *arguments = tape.lines[line]
+        count = ARITY.get(Op(op), 1)
+        code[k] = [op, *(place[a] for a in arguments[:count]), *[0] * (3 - count)]
+    return Program(
+        code=code,
+        start=np.array([tape.constants.get(line, 0.0) for line in order]),
+        inputs=np.array([place[line] for line in inputs], dtype=np.int64),
+        free=np.array([list(inputs).index(line) for line in free], dtype=np.int64),
+        split=len(needed) - len(moving),
+        results=np.array([place[line] for line in results], dtype=np.int64),
+        sections=tuple(tape.sections[line] for line in order),
+    )

@@ -1,0 +1,222 @@
+"""Arrays that write down what is done with them, so that an effect's own `apply` yields its program.
+
+A `Traced` is a numpy array of `Node`; numpy hands its functions over (NEP 13 and 18), so that code which was written
+for numbers runs as it is. What decides by a value (`if thrust > 0`) cannot be written down and raises `Untraceable`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.compensate.tape import Op, Tape
+
+
+class Untraceable(Exception):
+    """Code that decides by a value, or uses a function that a tape does not have."""
+
+
+class Node:
+    """One number on a tape."""
+
+    __slots__ = ("line", "tape")
+    __array_priority__ = 1000
+
+    def __init__(self, tape: Tape, line: int) -> None:
+        self.tape, self.line = tape, line
+
+    def _as(self, other: Any) -> Node:
+        return other if isinstance(other, Node) else Node(self.tape, self.tape.constant(float(other)))
+
+    def _do(self, op: Op, *others: Any) -> Node:
+        return Node(self.tape, self.tape.write(op, self.line, *(self._as(o).line for o in others)))
+
+    def __add__(self, other: Any) -> Node:
+        return NotImplemented if isinstance(other, np.ndarray) else self._do(Op.ADD, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Node:
+        return NotImplemented if isinstance(other, np.ndarray) else self._do(Op.SUB, other)
+
+    def __rsub__(self, other: Any) -> Node:
+        return self._as(other)._do(Op.SUB, self)
+
+    def __mul__(self, other: Any) -> Node:
+        return NotImplemented if isinstance(other, np.ndarray) else self._do(Op.MUL, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Node:
+        return NotImplemented if isinstance(other, np.ndarray) else self._do(Op.DIV, other)
+
+    def __rtruediv__(self, other: Any) -> Node:
+        return self._as(other)._do(Op.DIV, self)
+
+    def __neg__(self) -> Node:
+        return self._do(Op.NEG)
+
+    def __abs__(self) -> Node:
+        return self._do(Op.ABS)
+
+    def __pow__(self, power: Any) -> Node:
+        if power == 0.5:
+            return self._do(Op.SQRT)
+        if isinstance(power, int | float | np.number) and float(power) in (1.0, 2.0, 3.0, 4.0):
+            found = self
+            for _ in range(int(power) - 1):
+                found = found * self
+            return found
+        return self._do(Op.LOG)._do(Op.MUL, power)._do(Op.EXP)
+
+    def sqrt(self) -> Node:
+        """Square root, as numpy asks it of objects; likewise the next ones."""
+        return self._do(Op.SQRT)
+
+    def exp(self) -> Node:  # noqa: D102
+        return self._do(Op.EXP)
+
+    def sin(self) -> Node:  # noqa: D102
+        return self._do(Op.SIN)
+
+    def cos(self) -> Node:  # noqa: D102
+        return self._do(Op.COS)
+
+    def __bool__(self) -> bool:
+        constant = self.tape.constants.get(self.line)
+        if constant is None:
+            raise Untraceable("decides by a value")
+        return bool(constant)
+
+    def __float__(self) -> float:
+        raise Untraceable("asks for a value as a plain number")
+
+    __index__ = __int__ = __float__
+
+
+def _binary(op: Op) -> Callable[[Any, Any], Any]:
+    def apply(a: Any, b: Any) -> Any:
+        return (a if isinstance(a, Node) else b._as(a))._do(op, b) if isinstance(b, Node) else a._do(op, b)
+
+    return apply
+
+
+def _either(numbers: Callable[..., Any], nodes: Callable[..., Any]) -> Callable[..., Any]:
+    """`nodes` where one of the arguments is a Node, else `numbers`: arrays may hold both."""
+
+    def apply(*given: Any) -> Any:
+        return nodes(*given) if any(isinstance(g, Node) for g in given) else numbers(*given)
+
+    return apply
+
+
+def _swapped(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    return lambda a, b: function(b, a)
+
+
+def _choose(condition: Any, yes: Any, no: Any) -> Any:
+    if not isinstance(condition, Node):
+        return yes if condition else no
+    return condition._do(Op.SELECT, yes, no)
+
+
+_less, _at_most = _binary(Op.LESS), _binary(Op.LESS_EQUAL)
+_TABLE: dict[Any, Callable[..., Any]] = {
+    np.add: lambda a, b: a + b,
+    np.subtract: lambda a, b: a - b,
+    np.multiply: lambda a, b: a * b,
+    np.divide: lambda a, b: a / b,
+    np.negative: lambda a: -a,
+    np.positive: lambda a: a,
+    np.power: lambda a, b: a**b,
+    np.square: lambda a: a * a,
+    np.sqrt: _either(math.sqrt, lambda a: a.sqrt()),
+    np.exp: _either(math.exp, lambda a: a.exp()),
+    np.log: _either(math.log, lambda a: a._do(Op.LOG)),
+    np.sin: _either(math.sin, lambda a: a.sin()),
+    np.cos: _either(math.cos, lambda a: a.cos()),
+    np.floor: _either(math.floor, lambda a: a._do(Op.FLOOR)),
+    np.absolute: abs,
+    np.sign: _either(np.sign, lambda a: a._do(Op.SIGN)),
+    np.arctan2: _either(math.atan2, _binary(Op.ATAN2)),
+    np.hypot: _either(math.hypot, lambda a, b: (a * a + b * b) ** 0.5),
+    np.maximum: _either(max, _binary(Op.MAX)),
+    np.minimum: _either(min, _binary(Op.MIN)),
+    np.less: _either(lambda a, b: a < b, _less),
+    np.less_equal: _either(lambda a, b: a <= b, _at_most),
+    np.greater: _either(lambda a, b: a > b, _swapped(_less)),
+    np.greater_equal: _either(lambda a, b: a >= b, _swapped(_at_most)),
+    np.equal: _either(lambda a, b: a == b, lambda a, b: _at_most(a, b) * _at_most(b, a)),
+    np.logical_or: _either(lambda a, b: a or b, _binary(Op.MAX)),
+    np.logical_and: lambda a, b: a * b,
+    np.bitwise_and: lambda a, b: a * b,
+    np.logical_not: lambda a: 1.0 - a,
+    np.invert: lambda a: 1.0 - a,
+}
+
+
+class Traced(np.ndarray[Any, Any]):
+    """An array of nodes; numbers may stand among them."""
+
+    @classmethod
+    def of(cls, values: Any) -> Traced:
+        """These values as an array that writes down what is done with it."""
+        return np.asarray(values, dtype=object).view(cls)
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **kwargs: Any) -> Any:
+        if ufunc not in _TABLE and ufunc is not np.matmul:
+            raise Untraceable(f"uses numpy.{ufunc.__name__}")
+        plain = [np.asarray(i, dtype=object) for i in inputs]
+        if method == "__call__" and ufunc is not np.matmul:
+            found = np.frompyfunc(_TABLE[ufunc], len(plain), 1)(*plain)
+        else:
+            found = getattr(ufunc, method)(*plain, **kwargs)
+        if out is not None:
+            out[0][...] = found
+            return out[0]
+        return Traced.of(found) if isinstance(found, np.ndarray) else found
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        if func in _FUNCTIONS:
+            return _FUNCTIONS[func](*args, **kwargs)
+        found = super().__array_function__(func, types, args, kwargs)
+        return Traced.of(found) if isinstance(found, np.ndarray) and found.dtype == object else found
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        if isinstance(key, Traced):
+            value = _where(key, value, self)
+            key = ...
+        super().__setitem__(key, value)
+
+
+def _where(condition: Any, yes: Any, no: Any) -> Traced:
+    return Traced.of(np.frompyfunc(_choose, 3, 1)(*(np.asarray(x, dtype=object) for x in (condition, yes, no))))
+
+
+def _clip(values: Any, low: Any, high: Any, **_: Any) -> Any:
+    return np.minimum(np.maximum(Traced.of(values), low), high)
+
+
+def _norm(values: Any, axis: Any = None, keepdims: bool = False) -> Any:
+    return np.sqrt(np.sum(values * values, axis=axis, keepdims=keepdims))
+
+
+def _einsum(form: str, *operands: Any) -> Traced:
+    return Traced.of(np.einsum(form, *(np.asarray(o, dtype=object) for o in operands)))
+
+
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.where: _where,
+    np.clip: _clip,
+    np.linalg.norm: _norm,
+    np.einsum: _einsum,
+    np.zeros_like: lambda like, **_: Traced.of(np.zeros(np.shape(like))),
+    np.ones_like: lambda like, **_: Traced.of(np.ones(np.shape(like))),
+    np.empty: lambda shape, *_, **__: Traced.of(np.zeros(shape)),
+    np.zeros: lambda shape, *_, **__: Traced.of(np.zeros(shape)),
+    np.empty_like: lambda like, shape=None, **_: Traced.of(np.zeros(np.shape(like) if shape is None else shape)),
+}
+"""Functions of numpy that would decide by a value, or make an array of plain numbers."""

@@ -1,0 +1,95 @@
+"""`wrenchgap export`: the compensation as C99 for the vehicle."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.commands.replay import DecayTime, NoFilter, Slope, Threshold
+from wrenchgap.replay.cli.requests import Run
+
+MANY = ("--without",)
+Precision = StrEnum("Precision", ["double", "float"])
+
+Process = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="[GP]", help="A GP of `wrenchgap learn`; without one, the effects alone.", show_default=False
+    ),
+]
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write.", show_default=False)]
+Numbers = Annotated[Precision, typer.Option("--precision", help="Of the build, unless it says otherwise.")]
+Period = Annotated[
+    float | None,
+    typer.Option("--dt", metavar="S", help="Control period in seconds; default: that of MODEL's controller."),
+]
+Evaluations = Annotated[
+    int, typer.Option("--evaluations", metavar="N", min=1, help="Evaluations of the model in one search, at most.")
+]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without", metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=o.complete_effects
+    ),
+]
+
+
+def export(
+    model: o.ModelOption,
+    output: Folder,
+    gp: Process = None,
+    precision: Numbers = Precision.double,
+    dt: Period = None,
+    evaluations: Evaluations = 12,
+    lead: o.Lead = None,
+    without: Without = None,
+    no_filter: NoFilter = False,
+    sigma_threshold: Threshold = None,
+    kappa: Slope = None,
+    decay_time: DecayTime = 0.15,
+    *,
+    run: Run,
+) -> None:
+    """Write the compensation as C99 without dependencies: a library, its self-test, a Makefile, a README.
+
+    The process, the effects that it was learnt on, the gate and the search, without allocation and with bounded
+    iterations. What a step costs at worst is printed. An effect that cannot be exported is refused by name.
+
+    Example: `wrenchgap export torque.gp -m fitted.toml -o compensator/`
+    """
+    from wrenchgap.compensate import Settings
+    from wrenchgap.replay.onboard import export_compensator
+
+    run.claim({}, model, gp)
+    base, process = run.model(model), run.gp(gp)
+    settings = Settings(
+        dt=1.0 / base.controller.rate_hz if dt is None else dt,
+        max_evaluations=evaluations,
+        filter_uncertain=not no_filter,
+        sigma_threshold=sigma_threshold,
+        kappa=kappa,
+        decay_time=decay_time,
+    )
+    with run.progress("exporting", "compiling, the first time on this machine"):
+        made = export_compensator(
+            process,
+            base,
+            output,
+            settings,
+            lead=lead,
+            precision="float" if precision is Precision.float else "double",
+            without=without or (),
+            names=(Path(model).name, "-" if gp is None else gp.name),
+            command=shlex.join(["wrenchgap", *sys.argv[1:]]),
+            force=run.force,
+        )
+    run.write("export", {**made.to_json(), "folder": str(output)})
+    run.result(made)
+    run.wrote(folder=output)
+    run.line(f"next: make -C {shlex.quote(str(output))} test")

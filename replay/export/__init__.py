@@ -1,0 +1,1 @@
+"""The compensation as C99, for the vehicle."""

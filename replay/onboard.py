@@ -1,0 +1,56 @@
+"""What a user may call to bring a compensation onto the vehicle; the rest of what may be called is in `replay.api`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from wrenchgap.compensate import Settings
+from wrenchgap.learn.identify.add import Addition, model_of
+from wrenchgap.learn.identify.learning import Learnt
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.model import Model
+from wrenchgap.replay.export import export as exporting
+from wrenchgap.replay.export.export import EVALUATIONS, Export, Precision
+from wrenchgap.replay.export.folder import checked, write_folder
+
+
+def export_compensator(
+    gp: GaussianProcess | Learnt | None,
+    model: Model | Addition,
+    folder: str | Path,
+    settings: Settings | None = None,
+    *,
+    lead: float | None = None,
+    precision: Precision = "double",
+    without: Sequence[str] = (),
+    names: tuple[str, str] = ("-", "-"),
+    command: str = "wrenchgap.export_compensator",
+    force: bool = False,
+) -> Export:
+    """Write the compensation as a folder of C99 (docs/export.md), all of it or nothing.
+
+    Without a process, that of the model's effects alone. `settings` are by default those of the model's control rate,
+    with 12 evaluations of the model in one search. Effects in `without` are left out.
+
+    Raises UsageError where the folder exists and `force` is not given, and for what cannot be exported, by name.
+    """
+    path, known = Path(folder), model_of(model)
+    checked(path, tuple(exporting.FILES), force=force)
+    process = gp.gp if isinstance(gp, Learnt) else gp
+    asked = settings or Settings(dt=1.0 / known.controller.rate_hz, max_evaluations=EVALUATIONS)
+    made = exporting.export(
+        process,
+        known,
+        replace(asked, solver="onboard"),
+        lead=lead,
+        precision=precision,
+        leave_out=without,
+        names=names,
+        command=command,
+        date=f"{datetime.now(UTC):%Y-%m-%d}",
+    )
+    write_folder(path, made.files, force=force)
+    return made

@@ -1,0 +1,75 @@
+"""An exported compensation: what is in it, and what a step costs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from wrenchgap.replay.export.counting import KINDS
+from wrenchgap.replay.export.export import Export
+from wrenchgap.replay.present.learning import of_process
+from wrenchgap.replay.present.numbers import entries, share
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
+
+HEADS = {
+    "add": "+ -",
+    "multiply": "x",
+    "divide": "/",
+    "sqrt": "sqrt",
+    "exp": "exp, log",
+    "trig": "sin, cos, atan2",
+    "other": "comparisons",
+}
+
+
+def parts(made: Export) -> list[Part]:
+    """Contents, operations, memory."""
+    cost = made.cost
+    inputs = ", ".join(("command", *made.inputs))
+    process = [f"process of {made.points} points on {inputs}"] if made.has_process else []
+    effects = [f"effects {', '.join(made.effects)}"] if made.effects else []
+    out: list[Part] = [
+        Line(f"{made.model.vehicle.name}: corrects {', '.join(made.outputs)} every {made.dt:g} s in {made.precision}"),
+        Line(f"in it: {'; '.join([*process, *effects, 'gate' if made.has_process else 'no gate', 'search'])}"),
+    ]
+    rows = [
+        ("usual", *(str(cost.usual[k]) for k in KINDS), f"{cost.evaluations_usual:.1f}"),
+        ("at worst", *(str(cost.at_worst[k]) for k in KINDS), str(cost.evaluations_worst)),
+    ]
+    out.append(plain("operations of one step", ("", *(HEADS[k] for k in KINDS), "evaluations"), rows))
+    sizes = [
+        ("constants (read-only)", f"{cost.tables}"),
+        ("state (wg_memory)", f"{cost.memory}"),
+        ("stack, at most", f"{cost.stack}"),
+    ]
+    out.append(plain("memory", ("", "bytes"), sizes))
+    if made.solved < 1.0:
+        text = (
+            f"the search solves {share(made.solved)} of the steps recorded for the self-test, which ends before the "
+            "first that it does not solve: the mismatch cannot be inverted there"
+        )
+        out += note_lines([text], "warning")
+    out += note_lines(of_process(made.caveats), "warning")
+    left = [f"{name} is not in it: {why}" for name, why in made.left_out.items()]
+    return [*out, *note_lines(left, "warning")]
+
+
+def to_json(made: Export) -> dict[str, Any]:
+    """See docs/json.md."""
+    body = entries(made, "outputs", "effects", "left_out", "precision", "dt", "points", "further_inputs=inputs")
+    return {
+        "vehicle": made.model.vehicle.name,
+        **body,
+        "files": sorted(made.files),
+        "solved": made.solved,
+        "warnings": list(of_process(made.caveats)),
+        "operations": {"usual": made.cost.usual, "at_worst": made.cost.at_worst},
+        "evaluations": {"usual": made.cost.evaluations_usual, "at_worst": made.cost.evaluations_worst},
+        "bytes": {"constants": made.cost.tables, "state": made.cost.memory, "stack": made.cost.stack},
+    }
+
+
+def to_frame(made: Export) -> pd.DataFrame:
+    """Operations of a step, one row each for the usual step and the worst."""
+    return pd.DataFrame([made.cost.usual, made.cost.at_worst], index=["usual", "at worst"])

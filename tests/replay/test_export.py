@@ -1,0 +1,256 @@
+"""The exported C: compiled as strictly as C99 can be, run under sanitisers over a simulated flight, beside Python."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
+from wrenchgap.compensate.physics_program import rows_of
+from wrenchgap.compensate.run import run as run_steps
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
+from wrenchgap.learn.process.store import save
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import named
+
+COMPILER = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler: sudo apt-get install gcc libc6-dev")
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+SANITISED = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+MODEL = wg.load_model("voliro_x")
+TORQUES = ("torque_x", "torque_y", "torque_z")
+OFFSET = np.array([0.004, -0.007, 0.005])
+DT = 0.005
+EFFECTS = {
+    "com_offset": OFFSET,
+    "tilt_offset": np.linspace(-0.03, 0.04, 6),
+    "rotor_interference": [0.2, 1.2],
+    "body_drag": [0.3, 0.3, 0.3, 0.05, 0.05, 0.05, 0.0, 0.0, 0.01],
+    "servo_lag": [0.06],
+}
+
+
+def with_effects(**effects):
+    return MODEL.with_effects([make_effect(MODEL.vehicle, name, values) for name, values in effects.items()])
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Desired wrenches (K, 6) and states of four seconds of a simulated pitch flight with the effects hidden."""
+    path, rng = named("pitch", 4.0), np.random.default_rng(3)
+    log = simulate(with_effects(**EFFECTS), MODEL, path, rng=rng)
+    time, pose = log.desired.time, log.odometry
+    last = np.maximum(np.searchsorted(pose.time, time, side="right") - 1, 0)
+    parts = (getattr(pose, n)[last] for n in ("position_E", "quat_EB", "velocity_E", "omega_B"))
+    return log.desired.wrench_B, State(time, *parts)
+
+
+def process(desired, mean="zero", groups=(), points=60):
+    """A process whose points are commands of the flight, with hills of a tenth of a newton metre."""
+    extra = {"velocity": 3, "rates": 3, "position": 3, "past": 6}
+    rng, dims = np.random.default_rng(5), 6 + sum(extra[g] for g in groups)
+    scale = np.concatenate((np.std(desired, axis=0) + 0.05, np.ones(dims - 6)))
+    rows = rng.integers(0, len(desired), points)
+    inputs = np.hstack(((desired[rows] - desired.mean(axis=0)) / scale[:6], rng.normal(size=(points, dims - 6))))
+    made = GaussianProcess(
+        outputs=TORQUES,
+        input_mean=np.concatenate((desired.mean(axis=0), np.zeros(dims - 6))),
+        input_scale=scale,
+        output_scale=np.full(3, 0.1),
+        mean_coefficients=np.zeros((3, 1 + dims)),
+        inputs=inputs + 0.1 * rng.normal(size=inputs.shape),
+        residuals=np.tanh(rng.normal(size=(points, 3))),
+        lengthscales=np.full((3, dims), 1.5),
+        signal_variance=np.ones(3),
+        noise_variance=np.full(3, 0.05),
+        sigma_training=np.full(3, 0.05),
+        mismatch_max=np.full(3, 0.1),
+        settings=FitSettings(points=points, mean=mean, inputs=groups),
+        provenance=Provenance(vehicle=MODEL.vehicle.name, physics="effects"),
+    )
+    assert made.input_groups == groups
+    return made
+
+
+def built(folder, *flags, name="run"):
+    program = folder / name
+    sources = [folder / "wrenchgap_compensator.c", folder / "selftest.c"]
+    words = [COMPILER, *STRICT, *flags, "-o", program, *sources, "-lm"]
+    done = subprocess.run([str(w) for w in words], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return program
+
+
+def stepped(program, desired, states, feedback=None):
+    """What the C program makes of steps (K, 29)."""
+    seen = np.zeros_like(desired) if feedback is None else feedback
+    rows = np.hstack(
+        (desired, seen, rows_of(replace(states, voltage=np.full(len(desired), 15.0)), np.arange(len(desired))))
+    )
+    text = "\n".join(" ".join(repr(float(v)) for v in row) for row in rows)
+    done = subprocess.run([str(program), "-"], input=text, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return np.array([[float(v) for v in line.split()] for line in done.stdout.splitlines()])
+
+
+def selftest(program):
+    return subprocess.run([str(program)], capture_output=True, text=True, check=False)
+
+
+CASES = {
+    "process": ({}, ("zero", ()), None),
+    "process with further inputs": ({}, ("zero", ("velocity", "rates", "position", "past")), None),
+    "effects": (EFFECTS, None, None),
+    "process on effects, lags led": (EFFECTS, ("physics", ()), 0.07),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", CASES)
+def test_c_under_sanitisers_is_python_over_a_flight(name, flown, tmp_path):
+    """Every step of 800: command, correction, optimum, sigma, beta to 1e-9; and what is expected of the command."""
+    effects, fitted, lead = CASES[name]
+    desired, states = flown
+    model = with_effects(**effects)
+    gp = None if fitted is None else process(desired, *fitted)
+    settings = Settings(dt=DT, max_evaluations=12, solver="onboard")
+    made = wg.export_compensator(gp, model, tmp_path / "c", settings, lead=lead)
+    program = built(tmp_path / "c", *SANITISED)
+    test = selftest(program)
+    assert test.returncode == 0, test.stdout
+    got = stepped(program, desired, states)
+    physics = PhysicsMismatch(model.wrench_model, TORQUES, lead) if effects else None
+    loop = Compensator(physics, settings) if gp is None else Compensator(gp, settings, physics=physics)
+    python = run_steps(loop, desired, states)
+    for k, field in enumerate(("wrench_cmd", "correction", "optimum")):
+        assert got[:, 6 * k : 6 * k + 6] == pytest.approx(getattr(python, field), abs=1e-9), field
+    expected = python.wrench_cmd.copy()
+    expected[:, 3:] += python.after
+    assert got[:, 18:24] == pytest.approx(expected, abs=1e-9)
+    assert got[:, 25] == pytest.approx(python.beta, abs=1e-9)
+    assert np.abs(got[:, 6:12]).max() > 0.005
+    assert got[:, 27].max() <= made.cost.evaluations_worst + 1
+    assert len(got) == len(desired) >= 700
+
+
+@needs_compiler
+def test_single_precision_is_near(flown, tmp_path):
+    """A ten-thousandth of a newton metre beside forty newtons; the recorded steps likewise."""
+    desired, states = flown
+    model = with_effects(**EFFECTS)
+    gp = process(desired, "physics")
+    wg.export_compensator(gp, model, tmp_path / "c", Settings(dt=DT, max_evaluations=12), precision="float")
+    single, double = built(tmp_path / "c", "-O2"), built(tmp_path / "c", "-O2", "-DWG_DOUBLE", name="double")
+    assert selftest(single).returncode == selftest(double).returncode == 0
+    apart = np.abs(stepped(single, desired, states) - stepped(double, desired, states))[:, :6]
+    assert 0.0 < apart.max() < 2e-4
+
+
+@needs_compiler
+def test_c_knows_the_lever_of_the_force(flown, tmp_path):
+    """Physics, not parity: against a centre of mass at c the torque c x F is added, and then the wrench is right."""
+    desired, states = flown
+    wg.export_compensator(None, with_effects(com_offset=OFFSET), tmp_path / "c")
+    got = stepped(built(tmp_path / "c", "-O2"), desired, states)
+    assert got[:, 9:12] == pytest.approx(np.cross(OFFSET, desired[:, :3]), abs=1e-8)
+    assert (got[:, 6:9] == 0).all()
+    assert got[:, 18:24] == pytest.approx(desired, abs=1e-8)
+
+
+@needs_compiler
+def test_observer_enters_where_the_header_says(flown, tmp_path):
+    """Feedback moves the wrench that is wanted; what is not finite changes nothing and is told."""
+    desired, states = (flown[0][:50], flown[1].take(slice(0, 50)))
+    wg.export_compensator(process(flown[0]), MODEL, tmp_path / "c", Settings(dt=DT))
+    program = built(tmp_path / "c", "-O2")
+    told = np.tile([0, 0, 0, 0.02, -0.03, 0.01], (50, 1))
+    with_feedback, moved = stepped(program, desired, states, told), stepped(program, desired + told, states)
+    assert np.array_equal(with_feedback, moved)
+    broken = desired.copy()
+    broken[10, 4] = np.nan
+    got, clean = (
+        stepped(program, broken, states),
+        stepped(program, np.delete(desired, 10, axis=0), states.take(np.r_[:10, 11:50])),
+    )
+    assert got[10, -1] == 1
+    assert np.array_equal(got[10, :4], desired[10, :4])
+    assert got[10, 4] == 0
+    assert np.array_equal(np.delete(got, 10, axis=0), clean)
+
+
+def test_source_allocates_nothing_and_needs_nothing(flown, tmp_path):
+    made = wg.export_compensator(process(flown[0], "physics"), with_effects(**EFFECTS), tmp_path / "c")
+    source = made.files["wrenchgap_compensator.c"] + made.files["wrenchgap_tables.h"]
+    assert re.findall(r"#include\s+(\S+)", source) == ['"wrenchgap_compensator.h"', "<math.h>", '"wrenchgap_tables.h"']
+    assert not re.search(r"\b(malloc|calloc|realloc|free|while|goto|printf)\b", source)
+    assert not re.search(r"^static (?!const|void|int|wg_real wg_\w+\()", source, re.MULTILINE)
+    again = wg.export_compensator(process(flown[0], "physics"), with_effects(**EFFECTS), tmp_path / "again")
+    assert made.files == again.files
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["again", "c"]
+
+
+def test_what_cannot_be_exported_is_refused_by_name(tmp_path, flown):
+    slow = with_effects(asymmetric_motor_lag=[0.02, 0.05], com_offset=OFFSET)
+    with pytest.raises(UsageError, match="export: asymmetric_motor_lag cannot be exported") as caught:
+        wg.export_compensator(None, slow, tmp_path / "c", lead=0.05)
+    assert "--without asymmetric_motor_lag" in str(caught.value)
+    assert "com_offset" not in str(caught.value)
+    assert not (tmp_path / "c").exists()
+    left = wg.export_compensator(None, slow, tmp_path / "c", lead=0.05, without=["asymmetric_motor_lag"])
+    assert left.effects == ("com_offset",)
+    assert "asymmetric_motor_lag is not in it: left out as asked" in str(left)
+    for words, how in (
+        ("no such effect", {"without": ["wind"]}),
+        ("precision is 'half'", {"precision": "half"}),
+        ("regulariser", {"settings": Settings(regulariser=1.0)}),
+    ):
+        with pytest.raises(UsageError, match=words):
+            wg.export_compensator(process(flown[0], "physics"), slow, tmp_path / "d", **how)
+    with pytest.raises(UsageError, match="nothing to export"):
+        wg.export_compensator(None, MODEL, tmp_path / "d")
+
+
+def test_command_prints_what_a_step_costs_and_overwrites_only_when_told(run, refused, result_of, flown, tmp_path):
+    save(process(flown[0]), tmp_path / "torque.gp")
+    found = result_of("export", "torque.gp", "-m", "voliro_x", "-o", "made")
+    assert found["schema"] == "wrenchgap.export/1"
+    assert found["dt"] == pytest.approx(0.005)
+    assert found["operations"]["at_worst"]["exp"] > found["operations"]["usual"]["exp"] > 3 * 60
+    assert found["evaluations"]["at_worst"] == 25
+    assert sorted(found["files"]) == sorted(p.name for p in (tmp_path / "made").iterdir())
+    assert {i["role"] for i in found["inputs"]} == {"model", "gp"}
+    assert 0.5 < found["solved"] <= 1.0
+    assert "exists already" in refused("export", "torque.gp", "-m", "voliro_x", "-o", "made")
+    again = run("export", "torque.gp", "-m", "voliro_x", "-o", "made", "--force")
+    assert again.exit_code == 0
+    assert "at worst" in again.stdout
+    (tmp_path / "made" / "mine.txt").write_text("keep")
+    assert "mine.txt" in refused("export", "torque.gp", "-m", "voliro_x", "-o", "made", "--force")
+    assert (tmp_path / "made" / "mine.txt").read_text() == "keep"
+    assert "does not exist" in refused("export", "torque.gp", "-m", "voliro_x", "-o", "no/made")
+    assert "is no folder" in refused("export", "torque.gp", "-m", "voliro_x", "-o", "torque.gp")
+    assert "another vehicle" in refused("export", "torque.gp", "-m", "tilt_hexarotor", "-o", "other")
+    assert "positive" in refused("export", "torque.gp", "-m", "voliro_x", "-o", "other", "--dt", "0")
+    assert json.loads(json.dumps(found)) == found
+
+
+@needs_compiler
+def test_make_and_readme_of_the_folder(flown, tmp_path):
+    wg.export_compensator(process(flown[0]), MODEL, tmp_path / "c", names=("voliro_x.toml", "torque.gp"))
+    if shutil.which("make") is None:
+        pytest.skip("no make: sudo apt-get install make")
+    done = subprocess.run(["make", "-C", str(tmp_path / "c"), "test"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"ok: \d+ steps", done.stdout)
+    readme = (tmp_path / "c" / "README.md").read_text()
+    assert "torque.gp" in readme
+    assert "| at worst |" in readme
