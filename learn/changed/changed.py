@@ -30,6 +30,7 @@ from wrenchgap.learn.changed.overlap import NotCompared, not_compared
 from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pool import Pool, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
+from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
 from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
@@ -265,7 +266,7 @@ def compared(pool: Pool, good: Sequence[int], mine: Sequence[int]) -> Changed:
         (),
         not_compared(pool, mine),
         tuple(rows_by_flight(pool, roles, values)),
-        np.where(pool.data.measured_axes, pool.scatter, np.nan),
+        np.where(pool.data.measured_axes, scatter_of_means(pool, good), np.nan),
         len(good) > 1,
         pool.data.answering,
         bool(answered(pool.data)),
@@ -273,6 +274,13 @@ def compared(pool: Pool, good: Sequence[int], mine: Sequence[int]) -> Changed:
         (),
         pool.model,
     )
+
+
+def scatter_of_means(pool: Pool, good: Sequence[int]) -> Array:
+    """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
+    if not pool.deviations:
+        return pool.scatter
+    return scatter_between(means_by_flight(pool.data, pool.left)[list(good)], typical(pool.model))
 
 
 def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:
