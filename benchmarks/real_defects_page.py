@@ -116,7 +116,8 @@ def goals(together: Sequence[Row], single: Sequence[Row], healthy: Sequence[Row]
         ),
         (
             "healthy against healthy: nothing changed",
-            f"{_count(pairs, _nothing)} ordered pairs, {_count(rest, _nothing)} of one against the other four",
+            f"{_count(pairs, _nothing)} ordered pairs that were judged (there are 20), {_count(rest, _nothing)} of one "
+            "against the other four",
         ),
     )
     return "\n".join(f"| {a} | {b} |" for a, b in lines) + "\n"
