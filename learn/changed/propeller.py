@@ -46,7 +46,12 @@ def damaged(line: Column, torque: Array) -> Column:
     return replace(
         line,
         jacobian=np.concatenate((line.jacobian, line.jacobian + (MOST - 1.0) * torque), axis=2),
-        **{k: twice(getattr(line, k)) for k in ("origin", "theta", "low", "high", "scale", "sparse")},
+        origin=twice(line.origin),
+        theta=twice(line.theta),
+        low=twice(line.low),
+        high=twice(line.high),
+        scale=twice(line.scale),
+        sparse=np.concatenate((line.sparse, line.sparse)),
     )
 
 
