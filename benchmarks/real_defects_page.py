@@ -104,7 +104,8 @@ def goals(together: Sequence[Row], single: Sequence[Row], healthy: Sequence[Row]
         ("---", "---"),
         (
             "M3 cut by 2 mm or more on both blades: rotor M3 firm",
-            f"{_count(large, is_rotor)} cases, {_count(large_single, is_rotor)} single flights that were judged (there are 18); "
+            f"{_count(large, is_rotor)} cases, {_count(large_single, is_rotor)} single flights that were judged (there "
+            "are 18); "
             f"missed: {missed}",
         ),
         (
