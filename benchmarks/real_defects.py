@@ -15,9 +15,9 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import wrenchgap as wg
+from wrenchgap.learn.changed.changed import Baseline
 from wrenchgap.learn.changed.places import towards
 from wrenchgap.replay.present.changed import summary
 
@@ -84,10 +84,10 @@ def kind_of(case: str) -> str:
     return kinds[case.split("_")[0]]
 
 
-def judged(case: str, suspects: Sequence[Path], healthy: Sequence[Path], model: Any) -> Row:
-    """One answer of `wrenchgap.changed` as a row."""
-    opened = wg.open_flights([*healthy, *suspects], model, unmeasured=UNMEASURED)
-    found = wg.changed(opened[len(healthy) :], opened[: len(healthy)], model, jobs=1)
+def judged(case: str, suspects: Sequence[Path], healthy: Sequence[Path], baseline: Baseline) -> Row:
+    """One answer of what `wrenchgap.changed` calls as a row."""
+    model = baseline.model
+    found = baseline.against(wg.open_flights(suspects, model, unmeasured=UNMEASURED))
     largest = max(found.parameters, key=lambda p: p.significance, default=None)
     place = found.places[0] if found.places else None
     near = found.alone[0]
@@ -125,14 +125,14 @@ def comparisons(folder: Path) -> Iterator[tuple[str, list[Path], list[Path]]]:
     defects = [p for p in sorted(folder.glob("*__E8*.mcap")) if p not in normal]
     for case in dict.fromkeys(map(case_of, defects)):
         yield case, [p for p in defects if case_of(p) == case], normal
+    for one in sorted(defects, key=lambda p: -min(blades_of(case_of(p)), default=0.0)):
+        yield case_of(one), [one], normal
+    for one in normal:
+        yield "normal_flight", [one], [p for p in normal if p != one]
     for first in normal:
         for second in normal:
             if first != second:
                 yield "normal_flight", [second], [first]
-    for one in normal:
-        yield "normal_flight", [one], [p for p in normal if p != one]
-    for one in sorted(defects, key=lambda p: -min(blades_of(case_of(p)), default=0.0)):
-        yield case_of(one), [one], normal
 
 
 def main() -> None:
@@ -146,12 +146,15 @@ def main() -> None:
     model = wg.load_model(given.folder / "e8.toml")
     model = replace(model, vehicle=replace(model.vehicle, rotor_names=ROTORS))
     rows = json.loads(given.json.read_text())["rows"] if given.json.exists() else []
+    known: tuple[list[Path], Baseline] | None = None
     done = {(tuple(r["suspect"]), tuple(r["healthy"])) for r in rows}
     for case, suspects, healthy in comparisons(given.folder):
         key = (tuple(p.name for p in suspects), tuple(p.name for p in healthy))
         if given.only not in case or key in done:
             continue
-        rows.append(asdict(judged(case, suspects, healthy, model)))
+        if known is None or known[0] != healthy:
+            known = healthy, Baseline(wg.open_flights(healthy, model, unmeasured=UNMEASURED), model, jobs=1)
+        rows.append(asdict(judged(case, suspects, healthy, known[1])))
         print(f"{case}: {rows[-1]['summary']}", flush=True)
         given.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
     if given.page is not None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +24,13 @@ from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.changed.by_flight import FlightRow, rows_by_flight, values_by_flight
-from wrenchgap.learn.changed.laws import laws
+from wrenchgap.learn.changed.laws import Law, laws, together
 from wrenchgap.learn.changed.odd import Odd, odd_flights
 from wrenchgap.learn.changed.overlap import NotCompared, not_compared
 from wrenchgap.learn.changed.places import Place, places, where_of
 from wrenchgap.learn.changed.pool import Pool, calibrated
 from wrenchgap.learn.changed.priors import NAMELESS
+from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
 from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
@@ -47,6 +49,8 @@ from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
 Progress = Callable[[float, str], None]
+Kind = tuple[tuple[str, ...], tuple[int, ...], tuple[bool, ...]]
+"""What healthy flights are compared in: laws, axes on which commands answer the motion, axes that were measured."""
 
 SECONDS = 120.0
 """Most flight time of either side [s]; of longer logs, pieces spread over all of it."""
@@ -128,19 +132,80 @@ def changed(
     `jobs` processes, by default one for each core. Raises UsageError where a side has no flight, LogError for the same
     flight on both sides or one of another vehicle, ModelError for unknown names.
     """
-    tell = progress or (lambda fraction, words: None)
-    flights = checked(suspects, healthy, model)
-    tell(0.0, "timing of the topics")
-    timing = tuple(timing_of(f, model) for f in flights)
-    pool, untried = pooled(flights, len(healthy), model, names, answering_axes(timing), jobs, tell)
-    tell(0.5, "comparing healthy flights")
-    odd = odd_flights(pool, range(len(healthy)))
-    gone = {number for number, _ in odd}
-    good = [f for f in range(len(healthy)) if f not in gone]
-    found = compared(pool, good, list(range(len(healthy), len(flights))), tell)
-    rows = (*(_odd_row(pool, number) for number, _ in odd), *found.rows)
-    found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried)
-    return replace(found, flights=flights, timing=timing)
+    return Baseline(healthy, model, names=names, jobs=jobs).against(suspects, progress)
+
+
+class Baseline:
+    """Healthy flights of one vehicle, with what of them does not depend on the suspects: many can be compared with them
+    at the cost of one. `healthy` are flights that were opened for `model`; the rest is as for `changed`.
+    """  # noqa: D205
+
+    def __init__(
+        self, healthy: Sequence[OpenFlight], model: Model, *, names: Sequence[str] = (), jobs: int | None = None
+    ) -> None:
+        self.healthy, self.model, self.names = tuple(healthy), model, tuple(names)
+        self.jobs = cores() if jobs is None else jobs
+        self._timing: dict[str, FlightTiming] = {}
+        self._laws: tuple[dict[str, Law], dict[str, Untried]] = ({}, {})
+        self._odd: dict[Kind, tuple[tuple[int, Odd], ...]] = {}
+        self._usual: dict[Kind, dict[str, Any]] = {}
+
+    def against(self, suspects: Sequence[OpenFlight], progress: Progress | None = None) -> Changed:
+        """What changed on these flights; errors as for `changed`."""
+        tell = progress or (lambda fraction, words: None)
+        flights = checked(suspects, self.healthy, self.model)
+        tell(0.0, "timing of the topics")
+        timing = tuple(self._timed(f) for f in flights)
+        pool, untried = self._pooled(flights, answering_axes(timing), tell)
+        tell(0.5, "comparing healthy flights")
+        count = len(self.healthy)
+        kind = (tuple(one.name for one in pool.laws), pool.data.answering, tuple(pool.data.measured_axes.tolist()))
+        if kind not in self._odd:
+            self._odd[kind] = odd_flights(pool, range(count))
+        odd = self._odd[kind]
+        gone = {number for number, _ in odd}
+        good = [f for f in range(count) if f not in gone]
+        tell(0.6, "what healthy flights differ by")
+        kept = pool.only([f for f in range(len(flights)) if f not in gone])
+        if kind not in self._usual:
+            usual = calibrated(kept, range(len(good)))
+            self._usual[kind] = {k: getattr(usual, k) for k in ("scatter", "sizes", "deviations")}
+        kept = replace(kept, **self._usual[kind])
+        tell(0.7, "weighing sets of changes")
+        mine = range(len(good), len(flights) - len(gone))
+        found = compared(kept, range(len(good)), mine)
+        rows = (*(_odd_row(pool, number) for number, _ in odd), *found.rows)
+        found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried)
+        return replace(found, flights=flights, timing=timing)
+
+    def _timed(self, flight: OpenFlight) -> FlightTiming:
+        key = f"{flight.flight.name} {flight.flight.content_hash}"
+        if key not in self._timing:
+            self._timing[key] = timing_of(flight, self.model)
+        return self._timing[key]
+
+    def _pooled(
+        self, flights: Sequence[OpenFlight], answering: tuple[int, ...], tell: Progress
+    ) -> tuple[Pool, tuple[Untried, ...]]:
+        """All flights as one problem, the healthy ones first; effects that cannot be tried."""
+        count = len(self.healthy)
+        sides = (flights[:count], flights[count:])
+        calm, odd = (spread_out(tuple(r for f in side for r in f.records), SECONDS) for side in sides)
+        data = dataset([*calm, *odd], self.model, answering)
+        chosen: Candidates = candidates(data.records, self.model, self.names)
+        tell(0.1, "effects one by one")
+        known, failed = self._laws
+        more = [n for n in chosen.tried if n not in known and n not in failed]
+        if more:
+            made, without = laws(dataset(calm, self.model, answering), self.model, more, self.jobs)
+            known.update(made)
+            failed.update({u.effect: u for u in without})
+        suspect = dataset(odd, self.model, answering)
+        found = together(known, chosen.tried, suspect, self.model, data.measured_axes, self.jobs)
+        problem = Problem(data, self.model, ())
+        left = problem.at(np.zeros(problem.low.size)).residual
+        untried = (*chosen.untried, *(failed[n] for n in chosen.tried if n in failed))
+        return Pool(data, self.model, left, found, typical(self.model), {}), untried
 
 
 def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
@@ -173,36 +238,8 @@ def _thrust(flight: OpenFlight) -> float:
     return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))
 
 
-def pooled(
-    flights: Sequence[OpenFlight],
-    healthy: int,
-    model: Model,
-    names: Sequence[str],
-    answering: tuple[int, ...],
-    jobs: int | None,
-    tell: Progress,
-) -> tuple[Pool, tuple[Untried, ...]]:
-    """All flights as one problem, the first `healthy` of them healthy; effects that cannot be tried."""
-    sides = (flights[:healthy], flights[healthy:])
-    records = [r for side in sides for r in spread_out(tuple(r for f in side for r in f.records), SECONDS)]
-    data = dataset(records, model, answering)
-    chosen: Candidates = candidates(data.records, model, names)
-    tell(0.1, "effects one by one")
-    names_of = list(dict.fromkeys(r.flight for r in records))
-    calm = dataset([r for r in records if names_of.index(r.flight) < healthy], model, answering)
-    found, failed = laws(data, model, chosen.tried, calm, cores() if jobs is None else jobs)
-    problem = Problem(data, model, ())
-    left = problem.at(np.zeros(problem.low.size)).residual
-    return Pool(data, model, left, found, typical(model), {}), (*chosen.untried, *failed)
-
-
-def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: Progress) -> Changed:
-    """The answer on a pool, of which `healthy` and `suspects` are flights by number; others are left out."""
-    tell(0.6, "what healthy flights differ by")
-    both = sorted([*healthy, *suspects])
-    good, mine = ([both.index(f) for f in side] for side in (healthy, suspects))
-    pool = calibrated(pool.only(both), good)
-    tell(0.7, "weighing sets of changes")
+def compared(pool: Pool, good: Sequence[int], mine: Sequence[int]) -> Changed:
+    """The answer on a calibrated pool, of which `good` and `mine` are the healthy and the suspect flights by number."""
     found = weigh(pool, mine)
     pool = found.pool
     best = next((c.sets[0] for c in found.posterior.classes if c.sets[0].names), None)
@@ -210,12 +247,12 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if verdict is Verdict.CHANGED else ()
-    values: list[dict[tuple[str, str], float]] = [{} for _ in both]
+    values: list[dict[tuple[str, str], float]] = [{} for _ in pool.names]
     if names:
         *_, prior = deviations(found, found.scorer(tuple(sorted(names))), names)
         keys = [(n, p.name) for n in names for p in find(n).parameters(pool.model.vehicle)]
         values = [dict(zip(keys, v.tolist(), strict=True)) for v in values_by_flight(found, names, prior)]
-    roles = ["suspect" if f in suspects else "healthy" for f in both]
+    roles = ["suspect" if f in mine else "healthy" for f in range(len(pool.names))]
     return Changed(
         verdict,
         names,
@@ -229,14 +266,21 @@ def compared(pool: Pool, healthy: Sequence[int], suspects: Sequence[int], tell: 
         (),
         not_compared(pool, mine),
         tuple(rows_by_flight(pool, roles, values)),
-        np.where(pool.data.measured_axes, pool.scatter, np.nan),
-        len(healthy) > 1,
+        np.where(pool.data.measured_axes, scatter_of_means(pool, good), np.nan),
+        len(good) > 1,
         pool.data.answering,
         bool(answered(pool.data)),
         tuple(AXES[a] for a in loud),
         (),
         pool.model,
     )
+
+
+def scatter_of_means(pool: Pool, good: Sequence[int]) -> Array:
+    """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
+    if not pool.deviations:
+        return pool.scatter
+    return scatter_between(means_by_flight(pool.data, pool.left)[list(good)], typical(pool.model))
 
 
 def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:

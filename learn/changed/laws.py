@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.priors import change_prior
+from wrenchgap.learn.changed.propeller import NAME, damaged, without_drag_torque
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import fit
@@ -38,17 +39,20 @@ class Law:
 
     `line` is what it adds, on all rows, to the model as given, its parameters counted from those that the model has;
     `bent` what a change adds to it, counted from `reference` (P,), what it is in healthy flights. The two differ for
-    lags, which are far from straight lines.
+    lags, which are far from straight lines. `torque` (K, 6, R) is what the drag torque of each rotor adds, where a
+    change of the effect takes that too (`learn.changed.propeller`).
     """
 
     name: str
     reference: Array
     line: Column
     bent: Column
+    torque: Array | None = None
 
     def change(self, rows: NDArray[np.bool_]) -> Column:
         """Its change on some `rows` (K,), with the prior of changes."""
-        prior, line = change_prior(self.name), self.bent
+        prior = change_prior(self.name)
+        line = self.bent if self.torque is None else damaged(self.bent, self.torque)
         size = prior.share * line.scale
         low, high = np.maximum(line.low, -prior.far * line.scale), np.minimum(line.high, prior.far * line.scale)
         return replace(
@@ -63,7 +67,7 @@ class Law:
     def rows(self, kept: NDArray[np.bool_]) -> Law:
         """The law on some of its rows (K,)."""
         line, bent = (replace(c, offset=c.offset[kept], jacobian=c.jacobian[kept]) for c in (self.line, self.bent))
-        return replace(self, line=line, bent=bent)
+        return replace(self, line=line, bent=bent, torque=None if self.torque is None else self.torque[kept])
 
     @property
     def common(self) -> Column:
@@ -77,29 +81,86 @@ class Law:
 
 
 def laws(
-    data: Dataset, model: Model, names: Sequence[str], healthy: Dataset, jobs: int = 1
-) -> tuple[tuple[Law, ...], tuple[Untried, ...]]:
-    """The laws of these effects over all flights, `healthy` being those of them that are; those that have no line."""
+    healthy: Dataset, model: Model, names: Sequence[str], jobs: int = 1
+) -> tuple[dict[str, Law], tuple[Untried, ...]]:
+    """The laws of these effects over healthy flights; those that have no line."""
     alone = [n for n in names if not is_air(n) or any(find(e.name).aerodynamic for e in model.effects)]
 
     def attempt(name: str) -> Law | str:
         try:
-            return law(data, model, name, healthy)
+            return law(healthy, model, name)
         except (ModelError, np.linalg.LinAlgError) as error:  # an inertia that no body has, say
             return str(error).removeprefix(f"effect {name}: ")
 
-    found: list[Law] = []
+    found: dict[str, Law] = {}
     failed = [Untried(n, Lack.AIR) for n in names if n not in alone]
-    for name, one in zip(alone, each(attempt, alone, jobs, (data, model, healthy)), strict=True):
+    for name, one in zip(alone, each(attempt, alone, jobs, (healthy, model)), strict=True):
         if isinstance(one, str):
             failed.append(Untried(name, Lack.FIT, one))
-        elif np.any(one.line.jacobian):
+        else:
+            found[name] = one
+    return found, tuple(failed)
+
+
+def together(
+    healthy: dict[str, Law],
+    names: Sequence[str],
+    suspect: Dataset,
+    model: Model,
+    axes: NDArray[np.bool_],
+    jobs: int = 1,
+) -> tuple[Law, ...]:
+    """Those of the `healthy` laws that are among `names`, over healthy flights and then the suspect ones, linearised
+    where they are for the healthy ones, on the `axes` (6,) that all flights measured; without what adds nothing.
+    """  # noqa: D205
+    points = {
+        n: (one.line.origin, one.line.theta, None if one.bent is one.line else (one.reference, one.bent.theta))
+        for n, one in healthy.items()
+        if n in names
+    }
+
+    def more(name: str) -> tuple[Column, Column, Array | None]:
+        origin, theta, bent = points[name]
+        line = linearised(suspect, model, name, origin, origin + theta)
+        other = line if bent is None else linearised(suspect, model, name, bent[0], bent[0] + bent[1])
+        return line, other, torque_of(suspect, model, name, line)
+
+    found = []
+    for name, parts in zip(points, each(more, list(points), jobs, (suspect, model)), strict=True):
+        one = _stacked(healthy[name], *parts, axes)
+        if np.any(one.line.jacobian):
             found.append(one)
-    return tuple(found), tuple(failed)
+    return tuple(found)
 
 
-def law(data: Dataset, model: Model, name: str, healthy: Dataset) -> Law:
-    """Of one effect, linearised at what it is in healthy flights, or at its typical size where that says nothing."""
+def _stacked(one: Law, line: Column, bent: Column, torque: Array | None, axes: NDArray[np.bool_]) -> Law:
+    """A law with more rows at its end, and nothing on axes that one side did not measure."""
+
+    def both(first: Array, second: Array) -> Array:
+        out = np.concatenate((first, second))
+        out[:, ~axes] = 0.0
+        return out
+
+    def longer(first: Column, second: Column) -> Column:
+        return replace(first, offset=both(first.offset, second.offset), jacobian=both(first.jacobian, second.jacobian))
+
+    whole = longer(one.line, line)
+    turned = None if one.torque is None or torque is None else both(one.torque, torque)
+    return replace(one, line=whole, bent=whole if one.bent is one.line else longer(one.bent, bent), torque=turned)
+
+
+def torque_of(data: Dataset, model: Model, name: str, line: Column) -> Array | None:
+    """What the drag torque of each rotor adds (K, 6, R), where a change of the effect, a `line`, takes that too."""
+    if name != NAME:
+        return None
+    lifting = linearised(replace(data), without_drag_torque(model), name, line.origin, line.origin + line.theta)
+    return np.asarray(line.jacobian - lifting.jacobian)
+
+
+def law(data: Dataset, model: Model, name: str) -> Law:
+    """Of one effect over healthy flights, linearised at what it is in them, or at its typical size where they say
+    nothing.
+    """  # noqa: D205
     parameters = find(name).parameters(model.vehicle)
     origin = {e.name: e.theta for e in model.effects}.get(name, np.zeros(len(parameters)))
     if not any(p.start != 0.0 for p in parameters):
@@ -108,8 +169,8 @@ def law(data: Dataset, model: Model, name: str, healthy: Dataset) -> Law:
         if blind.any():  # the place of a mass shows once there is a mass
             there = np.array([p.scale if p.low >= 0.0 else 0.0 for p in parameters])
             line = linearised(data, model, name, origin, np.maximum(origin, there))
-        return Law(name, origin, line, line)
-    reference = fit(healthy, model, (name,)).theta
+        return Law(name, origin, line, line, torque_of(data, model, name, line))
+    reference = fit(data, model, (name,)).theta
     dull = [r < DULL * p.scale for r, p in zip(reference, parameters, strict=True)]
     there = np.where(dull, [p.scale for p in parameters], reference)
     return Law(

@@ -78,7 +78,8 @@ def places(found: Weighed, names: tuple[str, ...], name: str) -> tuple[Place, ..
     fixed = np.array([0, *(space.offset[k] for k in names)])
     y = np.array([1.0, *(-1.0 for _ in names)])
     gains = []
-    for own in space.parameters[name]:
+    count = len(find(name).parameters(vehicle))
+    for own in space.parameters[name].reshape(-1, count).T:  # all unknowns of one place
         unknown = np.append(rest, own)
         A, b = hunt.whole[np.ix_(unknown, unknown)], hunt.whole[np.ix_(unknown, fixed)] @ y
         scale = np.append(space.scale[rest], 4.0 * space.scale[own])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import ABSOLUTE, Law
-from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
-from wrenchgap.learn.changed.spectrum import ChangeSpectrum
+from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
+from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
+from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, varying
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.trim import trim_of, typical
 from wrenchgap.learn.posterior.columns import Column
@@ -32,7 +33,8 @@ class Pool:
     """Flights with what the given model leaves, `left` (K, 6), and the `laws` of effects over all of them.
 
     `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation; `sizes` those of the laws' common parts,
-    where the healthy flights say more than nothing.
+    where the healthy flights say more than nothing. `deviations` are the scatters of what differs between flights as
+    parameters (`learn.changed.varying`), empty where only means are compared.
     """
 
     data: Dataset
@@ -41,6 +43,7 @@ class Pool:
     laws: tuple[Law, ...]
     scatter: Array
     sizes: dict[str, Array]
+    deviations: dict[str, Array] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,14 +80,24 @@ class Pool:
             out.append(column)
         return tuple(out)
 
+    @cached_property
+    def varying(self) -> tuple[Varying, ...]:
+        """What differs between flights as parameters."""
+        if not self.deviations:
+            return ()
+        return varying(self.data, self.model, self.shared_laws, self.deviations)
+
     def spectrum(self, changes: tuple[Column, ...] = (), suspects: Collection[int] = ()) -> Spectrum:
         """Of these changes, beside what all flights share and what every flight may differ by.
 
         Several suspect flights have a trim in common besides: they may have been flown on one day, and then tell no
-        more about it than one does.
+        more about it than one does. A law that says what flights differ by says what changed as exactly: what it is
+        off by weighs on both alike.
         """
+        same = {v.name for v in self.varying}
+        changes = tuple(replace(c, accuracy=0.0) if c.key in same else c for c in changes)
         trim = trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist())))
-        known = self.common
+        known = (*columns(self.varying, self.data.flight, suspects), *self.common)
         if len(suspects) > 1:
             known = (self._day(suspects), *known)
         return ChangeSpectrum(self.data, self.left, changes, trim, known)
@@ -128,29 +141,45 @@ class Pool:
 
 
 def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
-    """The pool with the scatter of its healthy flights and the sizes of what is common to them.
+    """The pool with the scatters of its healthy flights and the sizes of what is common to them.
 
     Sizes by automatic relevance (`learn.identify.fit`) from what happens within the flights, from `ABSOLUTE` of the
     typical ones up to these: what healthy flights show may be as large as they show it.
     """
     alone = pool.only(healthy)
-    usual, sizes = typical(pool.model), {one.name: one.common.scale for one in pool.laws}
-    alone = replace(alone, scatter=WIDE * usual)
+    flights = len(alone.names)
+    excited = flights > 1 and not answered(alone.data)  # one flight shows no deviations: trims, and the answer says so
+    sizes = {one.name: one.common.scale for one in pool.laws}
+    scales: dict[str, Array] = {}
+    if excited:
+        scales = {v.name: v.scale for v in varying(alone.data, pool.model, alone.shared_laws, {})}
+    usual = remaining(pool.model) if excited else typical(pool.model)
+    alone = replace(alone, scatter=(1.0 if excited else WIDE) * usual)
     for _ in range(ROUNDS):
-        alone = replace(alone, sizes=sizes)
-        theta = solved(alone.spectrum())
+        alone = replace(alone, sizes=sizes, deviations=scales)
+        theta, variance = solved(alone.spectrum())
         at = alone._common_at(theta)
+        own = slice(at - flights * sum(len(v.scale) for v in alone.varying), at)
         for one, column in zip(alone.shared_laws, alone.common, strict=True):
             size, least = column.jacobian.shape[2], one.common.scale
             shown = np.clip(np.abs(theta[at : at + size]), least, least / ABSOLUTE)
             sizes = sizes | {one.name: shown}
             at += size
-    means = means_by_flight(alone.data, alone.left - alone.shared(theta))
-    return replace(pool, scatter=scatter_between(means, pool.model), sizes=sizes)
+        if excited:
+            scales = renewed(alone.varying, theta[own], variance[own], flights, pool.model)
+    left = alone.left - alone.shared(theta)
+    at = own.start
+    for column in columns(alone.varying, alone.data.flight, ()):
+        size = column.jacobian.shape[2]
+        left = left - column.jacobian @ theta[at : at + size]
+        at += size
+    noise = noise_of_means(alone.data, left)
+    scatter = scatter_between(means_by_flight(alone.data, left), usual, noise)
+    return replace(pool, scatter=scatter, sizes=sizes, deviations=scales)
 
 
-def solved(spectrum: Spectrum, rounds: int = 3) -> Array:
-    """The always-there unknowns by themselves, axes and bands weighed by what they leave."""
+def solved(spectrum: Spectrum, rounds: int = 3) -> tuple[Array, Array]:
+    """The always-there unknowns by themselves, and their variances; axes and bands weighed by what they leave."""
     always, left = spectrum.always, spectrum.products[:, :, 0, 0]
     weights = np.zeros(spectrum.low.size)
     weights[0] = 1.0
@@ -158,6 +187,7 @@ def solved(spectrum: Spectrum, rounds: int = 3) -> Array:
         variance = np.maximum(left, spectrum.sensor)
         whole = np.tensordot(spectrum.count / variance, spectrum.products, axes=([0, 1], [0, 1]))
         prior = np.diag(spectrum.scale[always] ** -2.0)
-        weights[always] = -np.linalg.solve(whole[np.ix_(always, always)] + prior, whole[always, 0])
+        covariance = np.linalg.inv(whole[np.ix_(always, always)] + prior)
+        weights[always] = -covariance @ whole[always, 0]
         left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
-    return np.asarray(-weights[always])
+    return np.asarray(-weights[always]), np.diag(covariance)

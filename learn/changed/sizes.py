@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.by_flight import shared, values_by_flight
 from wrenchgap.learn.changed.places import where_of
+from wrenchgap.learn.changed.propeller import read
 from wrenchgap.learn.changed.search import Weighed
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.identify.fit import MATERIAL
@@ -82,7 +84,7 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> 
     out, at = [], 0
     vehicle = found.pool.model.vehicle
     for name in names:
-        theta = scored.theta[name]
+        theta = reading(found, name) @ scored.theta[name]
         for k, p in enumerate(find(name).parameters(vehicle)):
             scatter = float(np.sqrt(max(free[at] ** 2 - std[at] ** 2, 0.0)))
             base, change = float(usual[at]), float(theta[k])
@@ -113,8 +115,15 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     low, high, usual, sparse = (x[unknown] for x in (space.low, space.high, space.scale, space.sparse))
     size = relevant(free, free @ theta, low, high, usual, sparse, usual)
     wide = np.where(sparse, size, WIDE * usual)
-    both = (np.sqrt(np.diag(np.linalg.inv(part + np.diag(wide**-2.0)))) for part in (fixed, free))
-    return (*both, wide)
+    whole = block_diag(*(reading(found, n) for n in names))
+    covariances = (whole @ np.linalg.inv(part + np.diag(wide**-2.0)) @ whole.T for part in (fixed, free))
+    std, loose = (np.sqrt(np.diag(c)) for c in covariances)
+    return std, loose, np.max(whole * wide, axis=1)
+
+
+def reading(found: Weighed, name: str) -> Array:
+    """From the unknowns of a change (S,) to the parameters (P,) of its effect, as a matrix (P, S)."""
+    return read(found.pool.model.vehicle, name, len(found.scorer.spectrum.parameters[name]))
 
 
 def candidate_changes(found: Weighed) -> tuple[Alone, ...]:

@@ -39,6 +39,7 @@ def parts(found: Changed) -> list[Part]:
         out += note_lines(
             [f"{odd.flight} was given as healthy and is not: {odd.effect} ({odds(odd.odds)})."], "warning"
         )
+    out += note_lines(other_recordings(found), "warning")
     out += note_lines([baseline(found), *feedback(found)])
     if found.parameters and found.verdict is not Verdict.NOTHING:
         out += [sizes(found), Line(SIZES_LEGEND + "\n", "dim")]
@@ -66,10 +67,31 @@ def baseline(found: Changed) -> str:
     if not found.scatter_known:
         return (
             "one healthy flight does not show what healthy flights differ by: typical values instead (1 % thrust of "
-            "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust); give more healthy flights."
+            "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust), as one constant wrench; of "
+            "excited flights, changes of these sizes may be named that are usual. Give more healthy flights."
         )
     known = [f"{head.split()[0]} {number(s, 2)}" for head, s in zip(UNIT_HEADS, found.scatter, strict=True) if s == s]
     return f"{healthy} healthy flights differ by (standard deviation, N and Nm): {', '.join(known)}."
+
+
+def other_recordings(found: Changed) -> list[str]:
+    """Suspect flights whose logs play other roles, or play them with other topics, than all of the healthy ones: they
+    may be of another vehicle.
+    """  # noqa: D205
+    healthy = [f for f in found.flights if f.records[0].flight in found.healthy]
+    known = [(set(f.flight.series()), f.flight.mapping) for f in healthy]
+    out = []
+    for one in found.flights:
+        name = one.records[0].flight
+        roles, mapping = set(one.flight.series()), one.flight.mapping
+        if name not in found.suspect or any(roles == r and mapping == m for r, m in known):
+            continue
+        lacks = ", ".join(sorted(set.intersection(*(r for r, _ in known)) - roles)) if known else ""
+        out.append(
+            f"{name} was recorded otherwise than the healthy flights"
+            f"{f' (no {lacks})' if lacks else ' (other topics)'}: if it is of another vehicle, that is what differs."
+        )
+    return out
 
 
 def feedback(found: Changed) -> list[str]:

@@ -58,7 +58,7 @@ def sentences(found: Changed) -> list[str]:
     for name in dict.fromkeys(p.effect for p in sorted(found.parameters, key=lambda p: -p.significance)):
         listed = [p for p in found.parameters if p.effect == name]
         said = _of(found, name, listed, [p for p in found.places if p.effect == name])
-        out += [f"Inspect {said}."] if said else []
+        out += [f"{said}."] if said else []
     return out
 
 
@@ -66,11 +66,11 @@ def _of(found: Changed, name: str, listed: list[Size], places: list[Place]) -> s
     if places:
         likely = places[:1] if places[0].probability >= SURE else [p for p in places if p.probability >= LIKELY]
         which = " or ".join(p.where if len(likely) == 1 else f"{p.where} ({share(p.probability)})" for p in likely)
-        return f"{which}: {PARTS.get(name, 'what is mounted there')}"
+        return f"Inspect {which}: {PARTS.get(name, 'what is mounted there')}"
     if name in ("com_offset", "payload"):
         by = {p.name: p.change for p in listed}
         side = towards(found.model.vehicle, by.get("x", 0.0), by.get("y", 0.0))
         mass = f", {quantity(by['mass'], 'kg')}" if "mass" in by else ""
-        return f"the battery and what is mounted{mass}: the centre of mass has moved towards {side}"
+        return f"Inspect the battery and what is mounted{mass}: the centre of mass has moved towards {side}"
     words = ACTIONS.get(name, "")
-    return f"what {name} is about: {words}" if words else ""
+    return f"{words[0].upper()}{words[1:]} ({name})" if words else ""

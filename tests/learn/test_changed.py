@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.learn.changed.changed import Verdict, changed
+from wrenchgap.learn.changed.changed import Baseline, Verdict, changed
 from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import change_prior
-from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
+from wrenchgap.learn.changed.propeller import MOST, damaged, read
+from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
+from wrenchgap.learn.changed.varying import Varying, renewed, typical_of
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.identify.trim import WORTH, typical
+from wrenchgap.learn.posterior.columns import Column
 
 TRIED = (
     "rotor_thrust",
@@ -69,8 +72,8 @@ def change(found, effect, name):
 
 @pytest.fixture(scope="module")
 def weak(flown, against):
-    """One rotor with 6 % less thrust on the suspect flight, and the truth."""
-    flight, truth = flown("weak_rotor", {"rotor": 4, "loss": 0.06})
+    """One rotor with 12 % less thrust on the suspect flight, and the truth."""
+    flight, truth = flown("weak_rotor", {"rotor": 4, "loss": 0.12})
     return against([flight]), truth.parameters["weak_rotor"]
 
 
@@ -110,9 +113,38 @@ def test_one_healthy_flight_is_enough_for_a_large_change_and_the_answer_says_so(
     assert change(found, "com_offset", "x").change == pytest.approx(0.009, rel=0.1)
 
 
+@pytest.fixture(scope="module")
+def differing(once):
+    """differing(seed) is a healthy flight that differs from others in battery, rotors, mounting and wind."""
+    from benchmarks.changed.fleet import Case
+    from benchmarks.changed.fleet import flown as fly
+
+    return lambda seed: once(f"differing {seed}", lambda: fly(Case("hexa", "none", 0.0, seed, SECONDS)))[0]
+
+
+def test_healthy_flights_that_differ_as_vehicles_do_are_no_change(differing, against):
+    """Another battery place, 0.5 % from rotor to rotor, 0.1 deg of mounting, some wind: no constant trims."""
+    found = against([differing(20004)], [differing(k) for k in (20000, 20001, 20002)], (*TRIED, "imu_misalignment"))
+    assert found.verdict is Verdict.NOTHING
+    assert found.odd == ()
+
+
+def test_a_baseline_says_of_the_second_suspect_what_a_new_comparison_does(flown, wrong, weak):
+    """Nothing of the first suspect stays in it; the answer is that of the function."""
+    names = [flown(seed=s)[0] for s in HEALTHY]
+    baseline = Baseline(open_flights(names, wrong), wrong, names=TRIED, jobs=1)
+    baseline.against(open_flights([flown(seed=7)[0]], wrong))
+    again = baseline.against(open_flights([flown("weak_rotor", {"rotor": 4, "loss": 0.12})[0]], wrong))
+    assert again.firm == weak[0].firm
+    np.testing.assert_allclose(
+        [p.change for p in again.parameters], [p.change for p in weak[0].parameters], rtol=1e-6, atol=1e-9
+    )
+    np.testing.assert_allclose(again.scatter, weak[0].scatter, rtol=1e-9)
+
+
 def test_an_odd_healthy_flight_is_found_named_and_left_out(flown, against):
     """One of the healthy flights has the weak rotor; the suspect is well."""
-    odd = flown("weak_rotor", {"rotor": 4, "loss": 0.06})[0]
+    odd = flown("weak_rotor", {"rotor": 4, "loss": 0.12})[0]
     found = against([flown(seed=7)[0]], [flown(seed=1)[0], odd, flown(seed=2)[0], flown(seed=3)[0]])
     assert [o.effect for o in found.odd] == ["rotor_thrust"]
     assert [r.flight for r in found.rows if r.role == "odd"] == [found.odd[0].flight]
@@ -162,10 +194,50 @@ def test_a_flight_of_another_vehicle_is_an_error(flown, wrong):
 def test_scatter_is_pooled_with_the_typical_one(hexarotor):
     """Flights that agree leave the typical scatter's share; many that differ leave their own standard deviation."""
     usual = typical(hexarotor)
-    np.testing.assert_allclose(scatter_between(np.zeros((3, 6)), hexarotor), np.sqrt(WORTH / (2 + WORTH)) * usual)
-    np.testing.assert_allclose(scatter_between(np.zeros((1, 6)), hexarotor), usual)
+    np.testing.assert_allclose(scatter_between(np.zeros((3, 6)), usual), np.sqrt(WORTH / (2 + WORTH)) * usual)
+    np.testing.assert_allclose(scatter_between(np.zeros((1, 6)), usual), usual)
     means = 50.0 * usual * np.random.default_rng(0).normal(size=(400, 1))
-    np.testing.assert_allclose(scatter_between(means, hexarotor), means.std(axis=0, ddof=1), rtol=0.01)
+    np.testing.assert_allclose(scatter_between(means, usual), means.std(axis=0, ddof=1), rtol=0.01)
+
+
+def test_scatter_is_what_the_noise_of_the_means_leaves(hexarotor):
+    """Variances of what differs and of noise add up; of many flights the noise's is taken out again."""
+    usual, rng = typical(hexarotor), np.random.default_rng(1)
+    means = 3.0 * usual * rng.normal(size=(4000, 1)) + 4.0 * usual * rng.normal(size=(4000, 1))
+    np.testing.assert_allclose(scatter_between(means, usual, (4.0 * usual) ** 2), 3.0 * usual, rtol=0.05)
+
+
+def test_noise_of_a_mean_is_that_of_its_blocks(plain):
+    """White noise of variance v leaves means of n samples with v / n, however it is cut into blocks."""
+    left = np.random.default_rng(2).normal(size=(len(plain.measured), 6))
+    count = len(plain.measured) / len(np.unique(plain.flight))
+    np.testing.assert_allclose(np.mean(noise_of_means(plain, left)) * count, 1.0, rtol=0.5)
+
+
+def test_a_cut_propeller_loses_drag_torque_too(hexarotor):
+    """The second kind of loss: thrust by a share, drag torque by `MOST` times that; what is read of both is thrust."""
+    lift, drag = np.array([0.0, 0.0, -1.0, 0.2, 0.1, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.03])
+    one = np.ones(1)
+    line = Column(
+        ("rotor_thrust",), one, one, np.zeros((1, 6)), (lift + drag)[None, :, None], -one, one, one, one > 0, 0
+    )
+    both = damaged(line, drag[None, :, None]).jacobian[0]
+    np.testing.assert_allclose(both[:5, 0], both[:5, 1])
+    np.testing.assert_allclose(both[5], (0.03, MOST * 0.03))
+    rotors = len(hexarotor.vehicle.rotors)
+    lost = read(hexarotor.vehicle, "rotor_thrust", 2 * rotors) @ np.arange(2.0 * rotors)
+    np.testing.assert_allclose(lost, 2.0 * np.arange(rotors) + rotors)
+
+
+def test_the_scatter_of_parameters_is_the_typical_one_until_flights_say_otherwise(hexarotor):
+    """Deviations of thousands of flights with a scatter of their own give that; none leave the prior's share."""
+    part = Varying("com_offset", np.zeros((1, 6, 3)), np.ones(3))
+    true, rng = np.array([1e-3, 2e-3, 4e-3]), np.random.default_rng(3)
+    many = true * rng.normal(size=(5000, 3))
+    found = renewed((part,), many.ravel(), np.zeros(many.size), len(many), hexarotor)["com_offset"]
+    np.testing.assert_allclose(found, true, rtol=0.05)
+    few = renewed((part,), np.zeros(9), np.zeros(9), 3, hexarotor)["com_offset"]
+    np.testing.assert_allclose(few, np.sqrt(WORTH / (3 + WORTH)) * typical_of(hexarotor.vehicle, "com_offset"))
 
 
 def test_means_by_flight_are_signed(plain):

@@ -5,7 +5,7 @@ import pytest
 
 from tests.viewer.test_analysis_panels import follow_to, listening, move, panel_of, press
 from wrenchgap.viewer.differences import Change, Differences, FlightMean
-from wrenchgap.viewer.panels.changed import ChangedPanel
+from wrenchgap.viewer.panels.changed import WIDEST, ChangedPanel, labels
 
 
 def answer(suspect, healthy, verdict="changed"):
@@ -87,3 +87,15 @@ def test_without_a_healthy_flight_it_says_so(panel, page):
     move(panel.healthy["test"], False)
     press(panel.work.button)
     assert "tick at least one" in str(page.told[-1])
+
+
+def test_long_names_fit_beside_a_box_and_stay_apart():
+    """What all names end in is left out, long ones have a gap; names that would become alike stay whole."""
+    long = ("normal_flight__E8_log00_con", "normal_flight__E8_log01_con", "cut_propeller_M3_2mm_43mm__E8_log01_con")
+    short = labels(long)
+    assert len(set(short)) == 3
+    assert all(len(s) <= WIDEST for s in short)
+    assert short[0].endswith("log00")
+    assert labels(("monday", "tuesday")) == ["monday", "tuesday"]
+    alike = ("a_rather_long_name_x_of_a_flight_that_ends", "a_rather_long_name_y_of_a_flight_that_ends")
+    assert len(set(labels(alike))) == 2

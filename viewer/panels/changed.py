@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -22,6 +23,20 @@ DARKEST = 6.0
 BADGES = {"changed": "effect", "nothing": "nothing", "unknown": "unknown"}
 
 
+WIDEST = 18
+"""Characters of a flight's name beside a box to tick that stay on one line."""
+
+
+def labels(names: Sequence[str]) -> list[str]:
+    """Names of flights as they fit beside a box: without the end that all have, and with a gap where they are long."""
+    ends = ["".join(n.rpartition(c)[1:]) for c in "_-. " for n in names[:1]]
+    end = next((e for e in ends if len(names) > 1 and e != names[0] and all(n.endswith(e) for n in names)), "")
+    bare = [n.removesuffix(end) or n for n in names]
+    half = (WIDEST - 1) // 2
+    short = [n if len(n) <= WIDEST else f"{n[:half]}…{n[-half:]}" for n in bare]
+    return short if len(set(short)) == len(short) else list(names)
+
+
 class ChangedPanel(Panel):
     """The flight shown is the suspect one; others are ticked as healthy. Only where there are several flights."""
 
@@ -35,15 +50,16 @@ class ChangedPanel(Panel):
         with host.tab("Changed"):
             self.suspect = gui.add_html("")
             with gui.add_folder("healthy flights"):
-                self.healthy = {name: self._tick(name) for name in host.session.flights}
+                names = tuple(host.session.flights)
+                self.healthy = {n: self._tick(n, label) for n, label in zip(names, labels(names), strict=True)}
             hint = "One flight against healthy ones; what the model is wrong by in all of them drops out."
             self.work = JobControls(host, "What changed?", self._ask, hint)
             self.answer = gui.add_html("")
             self.links = Links(host)
         host.command("Search for what changed on this flight", self._ask)
 
-    def _tick(self, name: str) -> Any:
-        return self.host.gui.add_checkbox(name, True)
+    def _tick(self, name: str, label: str) -> Any:
+        return self.host.gui.add_checkbox(label, True, hint=None if label == name else name)
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""

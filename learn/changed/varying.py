@@ -1,0 +1,125 @@
+"""What healthy flights differ by, as parameters: a battery that sits elsewhere, an IMU that was taken out and put back.
+
+Where flights are excited, a centre of mass that lies 2 mm off is no constant torque, and no constant trim explains it:
+it would be a change on every flight. So each flight f has, beside its trim, a deviation d_f of its own of the effects
+that are never twice the same (`typical_of`), and the wind of its day, a force fixed in E:
+
+    d_f ~ N(0, s_p^2),    s_p^2 = (sum_f (d_f^2 + var d_f) + WORTH t_p^2) / (F + WORTH)
+
+for each parameter p, F the healthy flights, t_p the typical scatter; rotors, and servos, have one s for all of them.
+Source: a random effect by flight (Pinheiro and Bates, "Mixed-Effects Models in S and S-PLUS", 2000, ch. 1), its
+variance by expectation and maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39, 1977) with a conjugate
+prior. Where only means are compared, trims are all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.laws import Law
+from wrenchgap.learn.data.dataset import Dataset
+from wrenchgap.learn.identify.trim import AIR, PLACE, ROTOR, WORTH, typical
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects.com_offset import span
+from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+
+MOUNTING, SERVO = np.radians(0.15), np.radians(0.15)
+"""Typical between flights: mounting of the IMU about each axis, zero of each servo [rad]: our estimates."""
+BREEZE = 0.004
+"""Typical between flights: force of the wind, relative to the weight: 0.4 m/s on rotors that drag 1 % per m/s."""
+LEFT = 0.2
+"""Share of typical trims that is left for what else differs: our estimate."""
+WIND = "wind of the day"
+FAR = 5.0
+"""Deviation that no flight has, in standard deviations."""
+
+
+def typical_of(vehicle: Vehicle, name: str) -> float:
+    """Standard deviation between flights of each parameter of an effect, in its unit; 0 for what stays as it is."""
+    known = {
+        "com_offset": PLACE * span(vehicle),
+        "thrust_scale": AIR,
+        "rotor_thrust": ROTOR,
+        "imu_misalignment": MOUNTING,
+        "tilt_offset": SERVO,
+        WIND: BREEZE * vehicle.body.mass * GRAVITY,
+    }
+    return float(known.get(name, 0.0))
+
+
+@dataclass(frozen=True)
+class Varying:
+    """One thing that differs between flights: what it adds (K, 6, P), and its scatter (P,)."""
+
+    name: str
+    jacobian: Array
+    scale: Array
+
+    def column(self, rows: NDArray[np.bool_], share: float = 1.0) -> Column:
+        """On some rows, `share` of its scatter."""
+        nothing, size = np.zeros(len(self.scale)), share * self.scale + 1e-12
+        flat = np.zeros(len(size), dtype=bool)
+        jacobian = self.jacobian * rows[:, None, None]
+        empty = np.zeros(jacobian.shape[:2])
+        return Column((), nothing, nothing, empty, jacobian, -FAR * size, FAR * size, size, flat, 0.0)
+
+
+def varying(data: Dataset, model: Model, laws: Sequence[Law], scales: dict[str, Array]) -> tuple[Varying, ...]:
+    """What differs between flights of this data, with `scales` where these are known already, else typical ones."""
+    out = []
+    for one in laws:
+        size = typical_of(model.vehicle, one.name)
+        if size > 0.0:
+            usual = np.full(len(find(one.name).parameters(model.vehicle)), size)
+            out.append(Varying(one.name, one.line.jacobian, scales.get(one.name, usual)))
+    blown = Varying(WIND, blowing(data), scales.get(WIND, np.full(2, typical_of(model.vehicle, WIND))))
+    return (*out, blown)
+
+
+def blowing(data: Dataset) -> Array:
+    """A level force fixed in E, as seen in B, per newton (K, 6, 2)."""
+    quat = np.concatenate([r.state_kept.quat_EB for r in data.records])
+    if not np.all(np.isfinite(quat)):  # no attitude, no wind that could be told
+        return np.zeros((len(quat), 6, 2))
+    turned = Rotation.from_quat(quat, scalar_first=True).inv().as_matrix()
+    out = np.zeros((len(quat), 6, 2))
+    out[:, :3] = turned[:, :, :2]
+    out[:, ~data.measured_axes] = 0.0
+    return out
+
+
+def columns(parts: Sequence[Varying], flight: NDArray[np.intp], suspects: Collection[int]) -> tuple[Column, ...]:
+    """For every flight what it differs by; several suspects differ by some of it together, as on one day."""
+    known = [v.column(flight == f) for f in range(int(flight.max()) + 1) for v in parts]
+    if len(suspects) > 1:
+        share = float(np.sqrt(1.0 - 1.0 / len(suspects)))
+        known += [v.column(np.isin(flight, list(suspects)), share) for v in parts]
+    return tuple(known)
+
+
+def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: int, model: Model) -> dict[str, Array]:
+    """The scatter (P,) of each, from the deviations of the healthy flights (flights x all P,) and their variances."""
+    square = (theta**2 + variance).reshape(flights, -1).sum(axis=0)
+    out, at = {}, 0
+    for v in parts:
+        size = len(v.scale)
+        usual, mine = typical_of(model.vehicle, v.name) ** 2, square[at : at + size]
+        if v.name != WIND and find(v.name).sparse:  # parts of one make: what one of them does, the others may
+            out[v.name] = np.full(size, np.sqrt((mine.sum() + WORTH * usual) / (size * flights + WORTH)))
+        else:
+            out[v.name] = np.sqrt((mine + WORTH * usual) / (flights + WORTH))
+        at += size
+    return out
+
+
+def remaining(model: Model) -> Array:
+    """The typical scatter (6,) [N, Nm] of the trims that are left beside all this."""
+    return LEFT * typical(model)
