@@ -127,8 +127,8 @@ def opened(
     span = (float(resampled.samples[0].time[0]), float(resampled.samples[-1].time[-1]))
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, span)]
     missing = (*outside(between), *left_out)
-    parts_flown = resampled.samples, tuple(flown), tuple(records)
-    return OpenFlight(found, *parts_flown, missing, tuple(dict.fromkeys(told)), asked.checks, phases)
+    cut = resampled.samples, tuple(flown), tuple(records), missing
+    return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 
 
 @dataclass

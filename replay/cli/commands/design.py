@@ -84,14 +84,10 @@ def design(
     from wrenchgap.replay import api
     from wrenchgap.replay.present import design as present
 
-    outputs = {"--output": output, "--csv": csv, "--figure": figure}
-    run.claim(outputs, *(logs or ()), model)
+    run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
     if output.suffix != ".toml":
         raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = (
-        run.model(model),
-        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep),
-    )
+    base, reading = run.model(model), Reading(topic, shift, 8.0, between, unmeasured, accept, keep)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(
