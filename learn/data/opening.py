@@ -124,8 +124,7 @@ def opened(
     asked.pass_((*of_records(found, records, model), *of_phases(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
-    span = (float(resampled.samples[0].time[0]), float(resampled.samples[-1].time[-1]))
-    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, span)]
+    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]
     missing = (*outside(between), *left_out)
     cut = resampled.samples, tuple(flown), tuple(records), missing
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
@@ -171,6 +170,11 @@ def _phases(stretches: Sequence[Samples], vehicle: Vehicle, cutoff_hz: float, ke
     except FitError:
         return ()
     return phases_of(parts, vehicle, cutoff_hz, phase_names(keep, "keep"))
+
+
+def _span(stretches: Sequence[Samples]) -> tuple[float, float]:
+    """First and last time [s]."""
+    return float(stretches[0].time[0]), float(stretches[-1].time[-1])
 
 
 def _flown(stretches: Sequence[Samples], phases: Sequence[Phase]) -> list[Samples]:
