@@ -68,8 +68,6 @@ RIVAL, TWIN = 0.9, 0.98
 """Height of another peak, relative to the highest, at which the delay may not be unique, and at which it is not."""
 WIDEST = 0.05
 """Half width of the 95 % interval [s] beyond which a delay is not worth printing."""
-MOST = 0.9
-"""Largest share of an estimate that one block counts as having made itself."""
 NUDGE = 1e-3
 """By how much stamps are moved to see how the phase of each bin turns [s]."""
 HEARD = (0.0, 1.5)
@@ -247,35 +245,7 @@ class Correlated:
         delay, score, curvature = self.newton(u)
         if not abs(delay) < 0.25 * BLOCK_SECONDS:
             return Part(name, None, None)
-        return Part(name, self.seconds + delay, self.std(score, curvature))
-
-    def std(self, score: Array, curvature: Array) -> float:
-        """Standard deviation [s] of the delay, of scores (B,) and curvatures (B,) at it.
-
-        The scatter of what each block says, with a block weighed down by how much it decided itself (`leverage`).
-        """
-        return scatter(score / (1.0 - leverage(curvature))) / float(curvature.sum())
-
-
-def leverage(curvature: Array) -> Array:
-    """Share (B,) of the estimate that a block, with half of its overlapping neighbours, made itself: up to `MOST`.
-
-    An estimate is near the blocks that it was made of; scores of few that decide are too small by this share
-    (MacKinnon and White, "Some heteroskedasticity-consistent covariance matrix estimators", J. Econometrics 29, 1985).
-    """
-    own = np.maximum(curvature, 0.0) / max(float(np.maximum(curvature, 0.0).sum()), 1e-300)
-    beside = np.concatenate(([0.0], own, [0.0]))
-    return np.asarray(np.minimum(own + 0.5 * (beside[:-2] + beside[2:]), MOST))
-
-
-def freedom(curvature: Array) -> float:
-    """Degrees of freedom of a scatter over overlapping blocks (B,): half of as many as count, 2 at least.
-
-    Blocks count by their weight, (sum c)^2 / sum c^2 of them (Kish, "Survey Sampling", 1965): where one manoeuvre tells
-    the delay, the rest of a long flight makes it no surer.
-    """
-    weight = np.maximum(curvature, 0.0)
-    return max(2.0, 0.5 * float(weight.sum() ** 2 / max(float(weight @ weight), 1e-300)))
+        return Part(name, self.seconds + delay, scatter(score) / float(curvature.sum()))
 
 
 def scatter(score: Array) -> float:
@@ -336,7 +306,7 @@ class _Pair:
             step, score, curvature = found.newton()
             if not abs(seconds + step) < 2.0 * self.reach:
                 return replace(none, blocks=len(self.starts), problem=Problem.UNMATCHED)
-            spread = found.std(score, curvature)
+            spread = scatter(score) / float(curvature.sum())
             seconds += step
             turn, turn_std = _slope(found.when, score, curvature)
             slope += turn if len(self.starts) >= 2 * FEWEST_BLOCKS and abs(turn) > CERTAIN * turn_std else 0.0
@@ -353,11 +323,11 @@ class _Pair:
             return replace(none, problem=Problem.NARROW, about=f"{heard[0]:.1f}-{heard[-1]:.1f} Hz")
         if self._rivalled(found):
             return replace(none, problem=Problem.AMBIGUOUS)
-        _, score, curvature = found.newton()
-        interval = float(student.ppf(0.975, freedom(curvature))) * spread
+        interval = float(student.ppf(0.975, max(2.0, 0.5 * len(self.starts)))) * spread
         if interval > WIDEST:
             about = f"{1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms"
             return replace(none, problem=Problem.VAGUE, about=about)
+        _, score, curvature = found.newton()
         turn, turn_std = _slope(found.when, score, curvature)
         enough = len(self.starts) >= 2 * FEWEST_BLOCKS
         used = np.abs(found.u).sum(axis=0) > 0
