@@ -19,6 +19,7 @@ from wrenchgap.learn.data.measurement import derivative, low_pass
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 
+Flags = NDArray[np.bool_]
 SLOW_HZ, RATES_HZ = 1.0, 8.0
 """Low-pass of forces, of which phases are made, and of the rates of which a lever arm's acceleration is made."""
 SHARE_OF_NYQUIST = 0.3
@@ -64,7 +65,7 @@ def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals |
     weight = vehicle.body.mass * GRAVITY
     pushed = commands.wrench_B[:, :3] / weight
     force = samples.specific_force_B
-    known = np.isfinite(force).all(axis=0)
+    known: Flags = np.asarray(np.isfinite(force).all(axis=0))
     omega = low_pass(np.nan_to_num(samples.omega_B), dt, quick)
     felt = felt_at_origin(np.nan_to_num(force), omega, derivative(omega, dt), vehicle.imu_position_B) / GRAVITY
     felt = np.where(known, felt, pushed)
@@ -108,6 +109,3 @@ def contradiction(part: Signals, scale: float) -> Array:
 def carried(part: Signals, scale: float) -> Array:
     """Share (N,) of the felt force that the rotors do not make: what the ground, or a hand, carries."""
     return np.asarray(np.linalg.norm(part.slow_felt, axis=1) - scale * np.linalg.norm(part.slow_pushed, axis=1))
-
-
-Flags = NDArray[np.bool_]
