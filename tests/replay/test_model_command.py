@@ -1,8 +1,6 @@
 """`model new`, `model show` and `calibrate` as a user calls them: from a PX4 log to a report, and what is refused."""
 
 import importlib.util
-import re
-import shlex
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -188,30 +186,6 @@ def test_the_page_of_px4_has_the_commands_that_are_tested():
     page = (ROOT / "docs" / "px4.md").read_text()
     for command in ("model new", "inspect", "compare", "calibrate", "explain", "report", "view"):
         assert f"    wrenchgap {command} " in page
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_the_commands_of_the_page_run_as_written(run, ulogs, tmp_path):
-    """From the file to the viewer, in order, `explain` with three effects and `report` on seven seconds for the sake of
-    time; `view` serves until it is stopped, so its session is opened here.
-    """
-    (tmp_path / "flight.ulg").write_bytes(ulogs[0].read_bytes())
-    page = (ROOT / "docs" / "px4.md").read_text()
-    commands = [
-        shlex.split(line, comments=True)[1:] for line in re.findall(r"^    (wrenchgap .*)$", page, re.MULTILINE)
-    ]
-    assert len(commands) >= 9
-    for command in commands:
-        if command[0] == "view":
-            known = model_file.load(tmp_path / command[command.index("-m") + 1])
-            session = LogSession([tmp_path / command[1]], known, cutoff_hz=float(command[-1]))
-            assert list(session.flights) == ["flight"]
-            continue
-        quick = {"explain": ("--effects-only", "com_offset,mass,thrust_scale"), "report": ("--between", "2:9")}
-        done = run(*command, *quick.get(command[0], ()))
-        assert done.exit_code == 0, f"{shlex.join(command)}: {done.output}"
-    assert "calibrated" in (tmp_path / "report.html").read_text()
 
 
 def test_model_new_says_what_it_assumed_and_writes_its_json(result_of, ulogs, tmp_path):
