@@ -86,16 +86,18 @@ def open_flights(
     between: Between = None,
     unmeasured: Sequence[str] = (),
     accept: Sequence[str] = (),
+    keep: Sequence[str] = (),
 ) -> list[OpenFlight]:
     """Read logs, or flights of `simulate`, for a model.
 
     `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps one part or several,
-    `unmeasured` are axes that the IMU did not measure ("force_x"), `accept` checks that may be bad (docs/checks.md).
+    `unmeasured` are axes that the IMU did not measure ("force_x"), `accept` checks that may be bad, `keep` phases that
+    are not left out, e.g. "saturation" (docs/checks.md).
     Raises LogError for what cannot be read, never flew, or is bad.
     """
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
     how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
-    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, accept=accept, **how)
+    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, accept=accept, keep=keep, **how)
 
 
 def inspect(
@@ -107,10 +109,11 @@ def inspect(
     cutoff_hz: float = CUTOFF_HZ,
     unmeasured: Sequence[str] = (),
     accept: Sequence[str] = (),
+    keep: Sequence[str] = (),
 ) -> LogReport:
     """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics."""
     how: dict[str, Any] = {"topics": topics, "shifts": shifts, "cutoff_hz": cutoff_hz, "unmeasured": unmeasured}
-    how["accept"] = accept
+    how |= {"accept": accept, "keep": keep}
     return model_checks.inspect(log, None if model is None else model_of(model), **how)
 
 

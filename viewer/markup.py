@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,11 @@ def render(template: str, **values: Any) -> str:
 def style() -> str:
     """The style sheet of all of them, as HTML."""
     return f"<style>{(TEMPLATES / 'page.css').read_text(encoding='utf-8')}</style>"
+
+
+def banner(warnings: Sequence[str]) -> str:
+    """What checks said of a flight, to stand over the page; nothing where they said nothing."""
+    return render("banner", warnings=list(warnings)) if warnings else ""
 
 
 @cache

@@ -156,6 +156,7 @@ class Page(Host):
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(25, 105, 220))
         gui.set_panel_label("wrenchgap")
         gui.add_html(markup.style())
+        self._banner = gui.add_html("")
         self.choice = gui.add_dropdown("flight", names, initial_value=names[0], visible=len(names) > 1)
         self.choice.on_update(self.guarded(self._chosen))
         self.board = Board(gui)
@@ -186,6 +187,7 @@ class Page(Host):
         """Show a flight at the cursor: another one, or the same one after the model changed."""
         self.scene = scene
         self.drawing.open(scene)
+        self._banner.content = markup.banner(scene.warnings)
         if self.choice.value != scene.name:
             self.choice.value = scene.name
         for part in self._parts:

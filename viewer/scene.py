@@ -63,7 +63,7 @@ class Scene:
     sigma                               of some of them, standard deviation (K, 6), nan where unknown
     residual_of                         the wrench that predicts "measured"; what is left is the residual
     series                              what else is worth a plot
-    gaps                                stretches that the log does not cover
+    gaps                                stretches that the log does not cover, or that are left out
     worst                               stretches in which the model is farthest from the measurement
     notes, warnings                     sentences that a user should read; what checks of the log said
     """

@@ -286,6 +286,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("rotor speeds in rpm, no wrench", ("rotor-speed-unit",), _uncommanded(_rotors(lambda s: s * 30 / np.pi))),
     Fault("rotor speeds in rpm", ("rotor-speed-unit", "actuation"), _rotors(lambda s: s * 30 / np.pi)),
     Fault("every spin turned over", ("rotors",), model=_spins, tilting=False),
+    Fault("every spin turned over, no wrench", ("rotors",), _uncommanded(lambda f: f), model=_spins, tilting=False),
     Fault("tilt of the opposite sign", ("rotors",), _tilt, tilting=True),
     Fault("tilt of the opposite sign, no wrench", ("rotors",), _uncommanded(_tilt), tilting=True),
     Fault("inertia ten times too large", ("inertia", "torque-unit"), model=_number("inertia", lambda v: 10.0 * v)),

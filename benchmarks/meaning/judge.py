@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.meaning.answers import answer
 from benchmarks.meaning.faults import Fault
 from wrenchgap import load_model, save_log
 from wrenchgap.flight.check import Check
@@ -28,6 +29,7 @@ REFUSED = re.compile(r"; mend it with (.*), or take it as it is")
 class Row:
     """One log: `stopped` is the one line of the refusal, `found` the checks that are not ok.
 
+    `firm` and `wrong` are those of `benchmarks.meaning.answers`, where it was asked for and the log was not refused.
     `named`: the fault was said by a check that means it. `seen`: anything was said. `mended`: with the option that was
     proposed the log is healthy (None: none was proposed).
     """
@@ -40,10 +42,12 @@ class Row:
     seen: bool
     mend: str | None
     mended: bool | None
+    firm: tuple[str, ...] | None = None
+    wrong: str = ""
 
 
-def judge(vehicle: str, flight: Flight, model: str, fault: Fault, folder: Path) -> Row:
-    """Write it, open it, mend it."""
+def judge(vehicle: str, flight: Flight, model: str, fault: Fault, folder: Path, *, ask: bool = False) -> Row:
+    """Write it, open it, mend it; with `ask` explain it too, if it can be opened."""
     folder.mkdir(parents=True, exist_ok=True)
     changed = flight if fault.flight is None else fault.flight(flight)
     log, model_path = folder / "log.mcap", folder / "vehicle.toml"
@@ -59,7 +63,12 @@ def judge(vehicle: str, flight: Flight, model: str, fault: Fault, folder: Path) 
     mend = mends[0].mend if mends else refused[1] if refused else None
     mended = None if mend is None else _mended(log, model_path, mend)
     names = tuple(dict.fromkeys(check.name for check in said))
-    return Row(vehicle, fault.name, stopped, names, named, bool(said or stopped), mend, mended)
+    row = Row(vehicle, fault.name, stopped, names, named, bool(said or stopped), mend, mended)
+    if not ask or stopped:
+        return row
+    loaded = load_model(model_path)
+    found = answer(open_flights([log], loaded)[0], loaded)
+    return replace(row, firm=found.firm, wrong=found.wrong)
 
 
 def _opened(log: Path, model: Path, **how: Any) -> tuple[str, Sequence[Check]]:
@@ -99,3 +108,9 @@ def _mended(log: Path, model: Path, options: str) -> bool:
 def plain(row: Row) -> dict[str, Any]:
     """For JSON."""
     return asdict(row)
+
+
+def read(row: dict[str, Any]) -> Row:
+    """Of JSON."""
+    firm = row.get("firm")
+    return Row(**{**row, "found": tuple(row["found"]), "firm": None if firm is None else tuple(firm)})

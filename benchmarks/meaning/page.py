@@ -38,6 +38,7 @@ def page(faults: Sequence[Row], healthy: Sequence[Row], seed: int) -> str:
             "\n### By fault\n\n",
             _table(usual),
             _calm(calm),
+            _answers(faults, healthy),
             "\n### Healthy logs\n\n",
             _healthy(healthy),
         )
@@ -89,6 +90,28 @@ def _calm(rows: Sequence[Row]) -> str:
         f"named {_share([row.named for row in rows])}, silent {len(silent)}"
     )
     return f"{text}{': ' + ', '.join(silent) if silent else ''}.\n"
+
+
+def _answers(faults: Sequence[Row], healthy: Sequence[Row]) -> str:
+    """What `explain` said of logs that were not refused: firm, and off, with or without a warning."""
+    asked, fine = ([row for row in rows if row.firm is not None] for rows in (faults, healthy))
+    if not asked:
+        return ""
+    wrong = [row for row in asked if row.wrong]
+    silently = [row for row in wrong if not row.seen]
+    lines = [
+        "\n### Answers on logs that are not refused\n",
+        "`explain`, with the effects of `benchmarks/meaning/answers.py`, on vehicles whose lag and drag are known.",
+        "*Wrong* is a firm effect that is not there, or a lag or drag off by more than three standard deviations as",
+        "stated; *silently wrong* is that without any warning.\n",
+        "| | found | goal |\n|---|---|---|",
+        f"| logs with a fault that were explained | {len(asked)} | - |",
+        f"| silently wrong | {len(silently)} | 0 |",
+        f"| wrong below a warning | {len(wrong) - len(silently)} | - |",
+        f"| healthy logs that were explained, wrong of them | {len(fine)}, {sum(bool(r.wrong) for r in fine)} | 0 |",
+    ]
+    lines += [f"\n- {row.vehicle}, {row.fault} ({', '.join(row.found)}): {row.wrong}" for row in wrong]
+    return "\n".join(lines) + "\n"
 
 
 def _healthy(rows: Sequence[Row]) -> str:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
-from wrenchgap.flight.check import Check, Finding, TimeLeftOut, accepted_names, accepting, stop_where_bad
+from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
-from wrenchgap.flight.flight import Array, Flight, Gap, Samples
+from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside, part
 from wrenchgap.learn.data.between import within as kept_within
@@ -21,25 +21,28 @@ from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.limits import possible
 from wrenchgap.learn.data.checks.records import of_records
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
-from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, low_pass, prepare
+from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, prepare
+from wrenchgap.learn.data.phases import Phase, phases_of, runs, used
+from wrenchgap.learn.data.phases.phase import phase_names
+from wrenchgap.learn.data.phases.told import never_flew, of_phases, times_left_out
 from wrenchgap.learn.data.rotor_commands import as_speeds
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
-from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.vehicle import Vehicle
 
 Loader = Callable[..., Flight]
-GROUNDED = 0.3
-"""Share of the weight below which the commanded force cannot be what carries the vehicle."""
+Part = tuple[Samples, Commands, str]
+"""Samples with their commands, and `Record.source`."""
 
 
 @dataclass(frozen=True)
 class OpenFlight:
     """A flight, its stretches on one clock, and notes that a user should read.
 
-    `flown` are the parts of the stretches in which the vehicle was in the air, `records` what was made of each of them.
-    `left_out` are the times [s] that are not used although the log has them: on the ground, or not asked for.
-    `checks` are what was asked of it (docs/checks.md). Notes are sentences, a `Finding` of each check, and a
-    `TimeLeftOut` of each of those times.
+    `flown` are the parts of the stretches that are flight, `records` what was made of each of them. `phases` are the
+    others: on the ground, take-off, ... (`learn.data.phases`); `left_out` are the times [s] that are not used although
+    the log has them: such phases, or not asked for. `checks` are what was asked of it (docs/checks.md). Notes are
+    sentences, a `Finding` of each check, and a `TimeLeftOut` of each of those times.
     """
 
     flight: Flight
@@ -49,6 +52,7 @@ class OpenFlight:
     left_out: tuple[Gap, ...]
     notes: tuple[object, ...]
     checks: tuple[Check, ...] = ()
+    phases: tuple[Phase, ...] = ()
 
 
 Flights = OpenFlight | Sequence[OpenFlight]
@@ -73,6 +77,7 @@ def opened(
     between: Between = None,
     incomplete: bool = False,
     accept: Sequence[str] = (),
+    keep: Sequence[str] = (),
     gate: bool = True,
 ) -> OpenFlight:
     """A flight in memory as `open_flights` gives it; `rate_hz` is that of the records (default as `prepare`).
@@ -80,7 +85,8 @@ def opened(
     With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
     are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
 
-    With `gate` a check that is bad and not among the names `accept` raises LogError.
+    With `gate` a check that is bad and not among the names `accept` raises LogError. Phases of the names `keep` are not
+    left out.
     """
     found = flight.in_si(as_speeds(found, model))
     asked = _Asked(found.path.name, accepted_names(accept), gate)
@@ -96,9 +102,10 @@ def opened(
             raise
         why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
         return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
-    asked.pass_(against_model(played, model, resampled.samples))
+    phases = _phases(resampled.samples, model.vehicle, cutoff_hz, keep)
+    asked.pass_(against_model(played, model, _flown(resampled.samples, phases)))
     within = kept_within(resampled.samples, between, found)
-    parts, left_out, grounded = _airborne_parts(within, resampled.samples, model.vehicle)
+    parts, left_out = _parts(within, resampled.samples, phases, model.vehicle)
     flown, records, short = [], [], []
     for rows, sent, source in parts:
         try:
@@ -113,13 +120,14 @@ def opened(
             flown.append(rows)
             records.append(made)
     if not records and not (incomplete and short):
-        raise LogError(short[0] if short else _never_flew(found, model))
-    asked.pass_(of_records(found, records, model))
+        raise LogError(short[0] if short else never_flew(found.path.name, phases, model))
+    asked.pass_((*of_records(found, records, model), *of_phases(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
-    told += [*_notes(found, grounded, records), *asked.findings(found), *_times(found, between, left_out)]
+    told += [*_notes(found, records), *asked.findings(found)]
+    told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]
     missing = (*outside(between), *left_out)
-    parts_flown = resampled.samples, tuple(flown), tuple(records)
-    return OpenFlight(found, *parts_flown, missing, tuple(dict.fromkeys(told)), asked.checks)
+    cut = resampled.samples, tuple(flown), tuple(records), missing
+    return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 
 
 @dataclass
@@ -142,13 +150,6 @@ class _Asked:
         return [Finding(found.name, check) for check in self.checks]
 
 
-def _times(found: Flight, between: Between, grounded: Iterable[Gap]) -> list[TimeLeftOut]:
-    """The times that are not used, as notes."""
-    reasons = [(gap, "not asked for (--between)") for gap in outside(between)]
-    reasons += [(gap, f"commanded force below {100 * GROUNDED:.0f} % of the weight") for gap in grounded]
-    return [*found.left_out, *(TimeLeftOut(found.name, gap.start, gap.stop, why) for gap, why in reasons)]
-
-
 def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
     """The flight with something that was commanded, and a note where that is an assumption."""
     if found.commanded is not None or found.actuators is not None:
@@ -162,21 +163,48 @@ def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
     )
 
 
-def _airborne_parts(
-    stretches: Sequence[Samples], every: Sequence[Samples], vehicle: Vehicle
-) -> tuple[list[tuple[Samples, Commands, str]], list[Gap], float]:
-    """Stretches cut to where the vehicle flew, for `MINIMUM_FLIGHT` at least; `every` are all of the flight.
+def _phases(stretches: Sequence[Samples], vehicle: Vehicle, cutoff_hz: float, keep: Sequence[str]) -> tuple[Phase, ...]:
+    """Phases of a flight; none where its commands are not those of the vehicle, which is said where it is prepared."""
+    try:
+        parts = [(samples, *commands_of(samples, vehicle)) for samples in stretches]
+    except FitError:
+        return ()
+    return phases_of(parts, vehicle, cutoff_hz, phase_names(keep, "keep"))
 
-    The parts, with their commands and `Record.source`; what was left out; for how long [s] the vehicle did not fly.
+
+def _span(stretches: Sequence[Samples]) -> tuple[float, float]:
+    """First and last time [s]."""
+    return float(stretches[0].time[0]), float(stretches[-1].time[-1])
+
+
+def _flown(stretches: Sequence[Samples], phases: Sequence[Phase]) -> list[Samples]:
+    """The stretches without what is left out, for checks; all of it where nothing remains of a vehicle that moves.
+
+    Commands in another unit look as if something else carried it, and it is the check that shall say so.
     """
-    flown, left_out, grounded = [], [], 0.0
+    parts = [
+        part(samples, slice(a, b))
+        for samples in stretches
+        for a, b in runs(used(samples.time, phases))
+        if (b - a) * samples.dt >= MINIMUM_FLIGHT
+    ]
+    return parts if parts or not any(p.name == "held" for p in phases) else list(stretches)
+
+
+def _parts(
+    stretches: Sequence[Samples], every: Sequence[Samples], phases: Sequence[Phase], vehicle: Vehicle
+) -> tuple[list[Part], list[Gap]]:
+    """Stretches cut to the flight that an analysis uses, for `MINIMUM_FLIGHT` at least, and the times in between.
+
+    `every` are all stretches of the flight. The parts come with their commands and `Record.source`.
+    """
+    flown, left_out = [], []
     for samples in stretches:
         commands, source = commands_of(samples, vehicle)
-        rows = airborne(commands.wrench_B, samples.dt, vehicle)
+        rows = [slice(a, b) for a, b in runs(used(samples.time, phases))]
         if rows == [slice(0, len(samples))]:
             flown.append((samples, commands, source))
             continue
-        grounded += (len(samples) - sum(r.stop - r.start for r in rows)) * samples.dt
         long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
         flown += [(part(samples, r), commands.take(r), source) for r in long]
         # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
@@ -185,25 +213,12 @@ def _airborne_parts(
         edges = [begin, *(t for r in long for t in (samples.time[r.start], samples.time[r.stop - 1])), end]
         inner = [r.start > 0 for r in long] + [not long or long[-1].stop < len(samples)]
         left_out += [Gap(float(a), float(b)) for a, b, out in zip(edges[::2], edges[1::2], inner, strict=True) if out]
-    return flown, left_out, grounded
+    return flown, left_out
 
 
-def airborne(wrench_B: Array, dt: float, vehicle: Vehicle) -> list[slice]:
-    """The contiguous parts in which the force of commanded wrenches (N, 6), low-passed, could carry the vehicle."""
-    force = np.linalg.norm(low_pass(wrench_B[:, :3], dt, min(1.0, 0.3 / dt)), axis=1)
-    flying = force > GROUNDED * vehicle.body.mass * GRAVITY
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _notes(found: Flight, grounded: float, records: Sequence[Record]) -> list[str]:
-    """What a user should know of where the commands come from, and of time that was left out."""
+def _notes(found: Flight, records: Sequence[Record]) -> list[str]:
+    """What a user should know of where the commands come from."""
     notes = []
-    if grounded > 0.0:
-        notes.append(
-            f"{found.name}: for {grounded:.1f} s the commanded force is below {100 * GROUNDED:.0f} % of the weight (on "
-            "the ground, held or falling): left out."
-        )
     sources = {r.source for r in records}
     if "allocated" in sources:
         notes.append(f"{found.name}: no actuator commands in the log; allocated from the commanded wrench.")
@@ -225,14 +240,6 @@ def _unmeasured(found: Flight, model: Model) -> list[str]:
             "--topic imu=none"
         )
     return [said]
-
-
-def _never_flew(found: Flight, model: Model) -> str:
-    return (
-        f"{found.path.name}: the commanded force never reaches {100 * GROUNDED:.0f} % of {model.vehicle.name}'s weight "
-        f"({model.vehicle.body.mass * GRAVITY:.3g} N) for {MINIMUM_FLIGHT:g} s; is this the right model, and is the "
-        "wrench in newtons?"
-    )
 
 
 def distinct(flights: Sequence[OpenFlight]) -> list[OpenFlight]:
@@ -262,6 +269,7 @@ def open_flights(
     incomplete: bool = False,
     unmeasured: Iterable[str] = (),
     accept: Sequence[str] = (),
+    keep: Sequence[str] = (),
     gate: bool = True,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
@@ -270,9 +278,9 @@ def open_flights(
     Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
-    (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept` and `gate` are those of `opened`;
-    `load` reads as `flight.load` does. Raises
-    LogError for the same log twice, UsageError for an unknown axis.
+    (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept`, `keep` and `gate` are those of
+    `opened`; `load` reads as `flight.load` does. Raises LogError for the same log twice, UsageError for an unknown axis
+    or phase.
     """
     found: list[OpenFlight] = []
     how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}
@@ -282,7 +290,7 @@ def open_flights(
         raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
         moved = flight.shifted(raw, shifts or {})
-        one = opened(moved, model, accept=accept, gate=gate, **how)
+        one = opened(moved, model, accept=accept, keep=keep, gate=gate, **how)
         for other in found:
             if other.flight.content_hash == one.flight.content_hash:
                 raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap import flight
-from wrenchgap.flight.check import Check, accepted_names
+from wrenchgap.flight.check import Check, TimeLeftOut, accepted_names
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
@@ -16,6 +16,7 @@ from wrenchgap.flight.roles import parse_source
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
+from wrenchgap.learn.data.phases import Phase
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
 from wrenchgap.plant.model import Model
 
@@ -24,7 +25,8 @@ from wrenchgap.plant.model import Model
 class LogReport(Result):
     """What is in a log: `inspection`, what the model's numbers say of it, and the timing of its topics.
 
-    `model_checks` is empty without a model, `timing` None where no topic plays a role; `shifts` [s] moved stamps.
+    `model_checks` and `phases` are empty without a model, `timing` None where no topic plays a role; `shifts` [s] moved
+    stamps; `left_out` are the times that an analysis with the model does without.
     """
 
     inspection: Inspection
@@ -32,6 +34,8 @@ class LogReport(Result):
     timing: FlightTiming | None
     shifts: Mapping[str, float]
     notes: tuple[str, ...]
+    phases: tuple[Phase, ...] = ()
+    left_out: tuple[TimeLeftOut, ...] = ()
 
 
 def inspect(
@@ -43,6 +47,7 @@ def inspect(
     cutoff_hz: float = CUTOFF_HZ,
     unmeasured: Iterable[str] = (),
     accept: Iterable[str] = (),
+    keep: Iterable[str] = (),
 ) -> LogReport:
     """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
     path, wanted, moves = Path(path), dict(topics or {}), dict(shifts or {})
@@ -52,12 +57,15 @@ def inspect(
     moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
     found = None if moved is None else timing(moved)
     against: tuple[Check, ...] = ()
+    opened: OpenFlight | None = None
     if model is not None:
-        against, opened = _checks(
-            path, model, topics=wanted, cutoff_hz=cutoff_hz, shifts=moves, unmeasured=absent, accept=accept
-        )
+        how: dict[str, Any] = {"topics": wanted, "cutoff_hz": cutoff_hz, "shifts": moves, "unmeasured": absent}
+        against, opened = _checks(path, model, accept=accept, keep=tuple(keep), **how)
         found = found if opened is None else timing_of(opened, model)
-    return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes))
+    alone = () if seen.flight is None else seen.flight.left_out
+    left = alone if opened is None else tuple(n for n in opened.notes if isinstance(n, TimeLeftOut))
+    phases = () if opened is None else opened.phases
+    return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes), phases, left)
 
 
 def _with_topics_of(

@@ -1,4 +1,4 @@
-"""What the shell completes: models, effects, trajectories, roles, checks."""
+"""What the shell completes: models, effects, trajectories, roles, checks, phases."""
 
 from __future__ import annotations
 
@@ -64,3 +64,11 @@ def complete_checks(incomplete: str) -> list[tuple[str, str]]:
     from wrenchgap.flight.check import NAMES
 
     return [(name, what) for name, what in NAMES.items() if name.startswith(incomplete)]
+
+
+def complete_phases(incomplete: str) -> list[tuple[str, str]]:
+    """Phases of a flight that are left out, by name, and what they are."""
+    from wrenchgap.learn.data.phases.phase import EVERY, NAMES
+
+    every = {**NAMES, EVERY: "all of them"}
+    return [(name, what) for name, what in every.items() if name.startswith(incomplete)]

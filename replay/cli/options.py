@@ -12,7 +12,13 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
-from wrenchgap.replay.cli.completion import complete_checks, complete_effects, complete_models, complete_topics
+from wrenchgap.replay.cli.completion import (
+    complete_checks,
+    complete_effects,
+    complete_models,
+    complete_phases,
+    complete_topics,
+)
 from wrenchgap.replay.cli.completion import complete_trajectories as complete_trajectories
 from wrenchgap.replay.cli.logs import FromLogs as FromLogs
 from wrenchgap.replay.cli.logs import Log as Log
@@ -75,6 +81,15 @@ Accept = Annotated[
         metavar="CHECK",
         help="Go on although this check calls the log bad, e.g. accelerometer-unit (docs/checks.md); repeat for more.",
         autocompletion=complete_checks,
+    ),
+]
+Keep = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--keep",
+        metavar="PHASE",
+        help="Use this phase too: ground, held, take-off, landing, impact, crash, saturation or all; repeat for more.",
+        autocompletion=complete_phases,
     ),
 ]
 Lead = Annotated[
@@ -165,7 +180,7 @@ def command_line(ctx: typer.Context, *without: str) -> str:
     return shlex.join(["wrenchgap", *ctx.command_path.split()[1:], *_words(ctx, lambda name: name not in silent)])
 
 
-COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "accept", "own")
+COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "accept", "keep", "own")
 """Options that say how flights are read, by the names of their parameters."""
 
 
@@ -266,6 +281,15 @@ def parse_accept(texts: Sequence[str] | None) -> tuple[str, ...]:
     from wrenchgap.flight.check import accepted_names
 
     return accepted_names(name for text in texts for name in parse_names(text))
+
+
+def parse_keep(texts: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of phases; raises UsageError for one that there is not."""
+    if not texts:
+        return ()
+    from wrenchgap.learn.data.phases.phase import phase_names
+
+    return phase_names(name for text in texts for name in parse_names(text))
 
 
 def parse_effects(text: str | None) -> tuple[str, ...]:

@@ -29,9 +29,10 @@ class Reading:
     between: o.Between = None
     unmeasured: o.Unmeasured = None
     accept: o.Accept = None
+    keep: o.Keep = None
 
     def __post_init__(self) -> None:
-        self.accepted = o.parse_accept(self.accept)
+        self.accepted, self.kept = o.parse_accept(self.accept), o.parse_keep(self.keep)
         self.absent = o.parse_unmeasured(self.unmeasured)
         self.topics, self.shifts = o.parse_topics(self.topic), o.parse_shifts(self.shift)
         self.cutoff_hz, self.part = o.parse_cutoff(self.cutoff), o.parse_between(self.between)
@@ -106,7 +107,7 @@ class Run:
         from wrenchgap.learn.data.opening import open_flights
 
         how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
-        how |= {"unmeasured": reading.absent, "accept": reading.accepted}
+        how |= {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
         every = open_flights([*logs, *(unseen or ())], model, cutoff_hz=reading.cutoff_hz, **how)
         flights, tests = every[: len(logs)], every[len(logs) :]
         self._logs += [*((one, roles[0]) for one in flights), *((one, roles[1]) for one in tests)]

@@ -14,6 +14,7 @@ from rich.table import Table
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.unmeasured import unmeasured_axes
+from wrenchgap.learn.data.phases import Phase
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.numbers import entries, number
@@ -22,12 +23,16 @@ from wrenchgap.replay.present.tables import Line, Part, note_lines, table
 SCHEMA_VERSION = 2
 SHORTEST = 8
 """Characters of a shared namespace from which on it is said once, above the column."""
+SEVERAL = 4
+"""Phases of one kind that have a line each; of more, one line for all."""
 COLOURS = {"bad": "[bold red]bad[/]", "warn": "[yellow]warn[/]", "ok": "[green]ok[/]"}
 
 
 def parts(seen: LogReport) -> list[Part]:
-    """Topics, checks, timing, notes."""
+    """Topics, checks, phases, timing, notes."""
     out: list[Part] = [topics(seen.inspection), checks((*seen.inspection.checks, *seen.model_checks))]
+    if seen.phases:
+        out += [Line(), phases(seen.phases)]
     if seen.timing is not None:
         out += timing.parts(seen.timing)
     out += note_lines(seen.notes)
@@ -77,6 +82,22 @@ def _words(check: Check) -> str:
     return f"{check.words.rstrip('. ')}: accepted." if check.accepted else f"{check.words.rstrip('. ')}; {check.remedy}"
 
 
+def phases(found: Sequence[Phase]) -> Table:
+    """What is no ordinary flight; phases of one kind that are many in one line."""
+    out = table("phases besides flight", "phase", "time [s]", "length [s]", "analysis", "why", left=5)
+    groups: dict[tuple[str, bool], list[Phase]] = {}
+    for phase in found:
+        groups.setdefault((phase.name, phase.left_out), []).append(phase)
+    rows = [[p] for many in groups.values() if len(many) <= SEVERAL for p in many]
+    rows += [many for many in groups.values() if len(many) > SEVERAL]
+    for row in sorted(rows, key=lambda many: many[0].start):
+        first, last = row[0], row[-1]
+        times = f"{first.start:.2f} - {last.stop:.2f}" + (f", {len(row)} times" if len(row) > 1 else "")
+        length = sum(p.stop - p.start for p in row)
+        out.add_row(first.name, times, f"{length:.2f}", "left out" if first.left_out else "used", escape(first.why))
+    return out
+
+
 def to_json(seen: LogReport) -> dict[str, Any]:
     """One entry of `logs` in the `inspect` schema."""
     names = ("path", "format", "size_bytes=size", "sha256=content_hash", "start_ns", "duration_s=duration", "level")
@@ -84,7 +105,8 @@ def to_json(seen: LogReport) -> dict[str, Any]:
         "version": SCHEMA_VERSION,
         **entries(seen.inspection, *names, "topics", "mapping", "checks"),
         **entries(seen, "model_checks", "notes", "shift_s=shifts"),
-        "left_out": [] if seen.inspection.flight is None else [vars(one) for one in seen.inspection.flight.left_out],
+        "left_out": [vars(one) for one in seen.left_out],
+        "phases": [vars(one) for one in seen.phases],
         "unmeasured": [] if seen.inspection.flight is None else list(unmeasured_axes(seen.inspection.flight)),
         "timing": None if seen.timing is None else timing.to_json(seen.timing),
     }

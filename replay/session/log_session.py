@@ -56,6 +56,7 @@ class LogSession:
         shifts: Mapping[str, float] | None = None,
         unmeasured: Sequence[str] = (),
         accept: Sequence[str] = (),
+        keep: Sequence[str] = (),
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
@@ -69,6 +70,7 @@ class LogSession:
             "shifts": shifts,
             "unmeasured": unmeasured,
             "accept": accept,
+            "keep": keep,
             "load": load,
         }
         opened = open_flights(logs, model, cutoff_hz=cutoff, **how)

@@ -58,10 +58,7 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
             "measured": _at(time, one.records, [r.measured for r in one.records]),
             **_desired(time, one.records),
         },
-        gaps=tuple(
-            Stretch(float(before.time[-1]), float(after.time[0]), "gap")
-            for before, after in zip(one.samples, one.samples[1:], strict=False)
-        ),
+        gaps=_gaps(one),
         notes=tuple(sentences(one.notes)),
         warnings=tuple(warnings(one.notes)),
     )
@@ -69,6 +66,16 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
     rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))
     omega = Series("body rate", "rad/s", time, dict(zip(XYZ, rates.T, strict=True)))
     return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records, vehicle), omega))
+
+
+def _gaps(one: OpenFlight) -> tuple[Stretch, ...]:
+    """What the log does not cover, and the phases of it that are left out."""
+    gaps = [
+        Stretch(float(before.time[-1]), float(after.time[0]), "gap")
+        for before, after in zip(one.samples, one.samples[1:], strict=False)
+    ]
+    gaps += [Stretch(p.start, p.stop, f"{p.name}, left out") for p in one.phases if p.left_out]
+    return tuple(sorted(gaps, key=lambda gap: gap.start))
 
 
 def predicted(

@@ -12,6 +12,7 @@ is found in polynomial time (Kuhn 1955; `scipy.optimize.linear_sum_assignment`).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from wrenchgap.plant.wrench_model import about_com
 
 FITS, BETTER = 0.8, 0.25
 """Cosine with the witness that another reading must reach, and by how much more than as stated."""
+TURN = "turn every spin over"
 SEEN = 1e-3
 """Of the largest: singular values of thrusts below it tell nothing."""
 
@@ -48,10 +50,11 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         return
     order = _order(model.vehicle, seen)
     readings = {
-        "tilt": (-seen.tilt, seen.speed),
-        "order": (seen.tilt, seen.speed[:, order]),
+        "spin": _made(_turned_over(model.vehicle), seen, seen.tilt, seen.speed),
+        "tilt": _made(model.vehicle, seen, -seen.tilt, seen.speed),
+        "order": _made(model.vehicle, seen, seen.tilt, seen.speed[:, order]),
     }
-    found = {what: _alike(seen, _made(model.vehicle, seen, *u), scale) for what, u in readings.items()}
+    found = {what: _alike(seen, made, scale) for what, made in readings.items()}
     what = max(found, key=lambda k: found[k])
     if found[what] < FITS or found[what] < stated + BETTER:
         words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
@@ -59,12 +62,22 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
             yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
         return
     words = f"The logged actuators make torques like {name} by a cosine of {stated:.2f}, with "
+    if what == "spin":
+        words += f"the drag torque of every rotor the other way by {found[what]:.2f}"
+        yield Check("rotors", "bad", f"{words}: {TURN} in the model file")
+        return
     if what == "tilt":
         words += f"the sign of tilt turned by {found[what]:.2f}"
         yield Check("rotors", "bad", words, option(flight, "*-1", "tilt"))
         return
     words += f"the columns of the rotor speeds in the order {', '.join(map(str, order))} by {found[what]:.2f}"
     yield Check("rotors", "bad", words, _columns(flight, [int(k) for k in order]))
+
+
+def _turned_over(vehicle: Vehicle) -> Vehicle:
+    """The same with every rotor turning the other way."""
+    assert vehicle.rotors is not None
+    return replace(vehicle, rotors=replace(vehicle.rotors, spin=-vehicle.rotors.spin))
 
 
 def _columns(flight: Flight, order: list[int]) -> str:
@@ -87,10 +100,8 @@ def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
     truth = moving(seen, witness)[:, [5]]
     alike = max((cosine(truth, moving(seen, seen.made, tau)[:, [5]]) for tau in LAGS), key=abs)
     if alike < -FITS:
-        words = (
-            f"The logged actuators make a torque about z opposite to {name} (cosine {alike:.2f}): turn every spin over"
-        )
-        yield Check("rotors", "bad", f"{words} in the model file")
+        words = f"The logged actuators make a torque about z opposite to {name} (cosine {alike:.2f})"
+        yield Check("rotors", "bad", f"{words}: {TURN} in the model file")
 
 
 def _scale(vehicle: Vehicle, seen: Compared) -> Array:

@@ -73,6 +73,7 @@ def counterfactual(
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
+    keep: o.Keep = None,
     *,
     run: Run,
 ) -> None:
@@ -92,7 +93,7 @@ def counterfactual(
     process = run.gp(gp)
     with run.progress("counterfactual", "reading the log") as report:
         ((flight,), _) = run.open(
-            Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept), [log], base
+            Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep), [log], base
         )
         result = api.counterfactual(
             flight,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wrenchgap.plant.vehicle import Vehicle
 
 MANY = ("--from", "--also")
-READ = ("topic", "shift", "between", "unmeasured", "accept")
+READ = ("topic", "shift", "between", "unmeasured", "accept", "keep")
 """Options that say how logs are read: nothing that a simulation needs."""
 Trajectory = Annotated[
     Path, typer.Option("--output", "-o", metavar="FLIGHT", help="Trajectory to write (.toml).", show_default=False)
@@ -70,6 +70,7 @@ def design(
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
+    keep: o.Keep = None,
     *,
     run: Run,
 ) -> None:
@@ -83,11 +84,10 @@ def design(
     from wrenchgap.replay import api
     from wrenchgap.replay.present import design as present
 
-    outputs = {"--output": output, "--csv": csv, "--figure": figure}
-    run.claim(outputs, *(logs or ()), model)
+    run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
     if output.suffix != ".toml":
         raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = run.model(model), Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept)
+    base, reading = run.model(model), Reading(topic, shift, 8.0, between, unmeasured, accept, keep)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(

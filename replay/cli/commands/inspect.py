@@ -30,6 +30,7 @@ def inspect(
     cutoff: o.Cutoff = 8.0,
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
+    keep: o.Keep = None,
     *,
     run: Run,
 ) -> None:
@@ -45,9 +46,9 @@ def inspect(
     from wrenchgap.replay import api
 
     run.claim({}, *logs)
-    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept)
+    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept, keep=keep)
     how: dict[str, Any] = {"topics": asked.topics, "shifts": asked.shifts, "unmeasured": asked.absent}
-    how["accept"] = asked.accepted
+    how |= {"accept": asked.accepted, "keep": asked.kept}
     known = None if model is None else run.model(model)
     bodies = []
     for path in logs:

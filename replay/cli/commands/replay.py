@@ -51,6 +51,7 @@ def replay(
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
+    keep: o.Keep = None,
     *,
     run: Run,
 ) -> None:
@@ -75,7 +76,7 @@ def replay(
     assert process is not None
     process.check_vehicle(base.vehicle.name)
     usual = process.provenance.cutoff_hz or CUTOFF_HZ
-    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept)
+    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept, keep)
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)

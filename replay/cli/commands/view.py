@@ -38,6 +38,7 @@ def view(
     between: o.Between = None,
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
+    keep: o.Keep = None,
     own: o.OwnEffects = None,
     quiet: o.Quiet = False,
 ) -> None:
@@ -61,7 +62,7 @@ def view(
     base, others, reading = (
         run.model(model),
         list(map(run.model, against or ())),
-        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept),
+        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep),
     )
     process = run.gp(gp)
     with run.progress("opening") as report:
@@ -74,6 +75,7 @@ def view(
             shifts=reading.shifts,
             unmeasured=reading.absent,
             accept=reading.accepted,
+            keep=reading.kept,
             load=cache.load,
             cutoff_hz=None if cutoff is None else o.parse_cutoff(cutoff),
             against=others,

@@ -1,0 +1,70 @@
+"""Commands at the limits of the model file.
+
+A command *at* a limit is as good as any: what the rotors were told is known, and the model is given the same. It is
+shown and not left out. What matters is a command that asks for more than there is: then the wrench that counts as
+commanded is not the one that the vehicle was able to make. It is left out where the missing part, behind the filter of
+the analysis, is larger than `FORCE` of the weight or `TORQUE` of the weight at the rotors' distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.learn.data.measurement import low_pass
+from wrenchgap.learn.data.phases.phase import Phase, closed, runs
+from wrenchgap.learn.data.phases.signals import FEWEST
+from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.state import Commands
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.plant.wrench_model import about_com, about_origin
+
+FORCE, TORQUE = 0.05, 0.02
+"""Missing force in weights, missing torque in weights at the rotors' distance (root mean square), from which it
+matters."""
+AT = 0.999
+"""Share of `speed_max` from which on a rotor is at it."""
+JOINED = 0.2
+"""Saturations closer than this [s] are one."""
+
+
+def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehicle, cutoff_hz: float) -> list[Phase]:
+    """Where rotors are at their limits, and where that takes away from the wrench that counts as commanded.
+
+    `source` is that of `commands_of`. Vehicles without rotors in the model file have no limits.
+    """
+    if not vehicle.has_rotors or commands.rotor_speed is None or len(samples) < FEWEST:
+        return []
+    _, rotors = vehicle.geometry()
+    at = np.any(commands.rotor_speed >= AT * rotors.speed_max, axis=1)
+    join = max(1, round(JOINED / samples.dt))
+    missing = low_pass(_missing(commands, source, vehicle), samples.dt, min(cutoff_hz, 0.3 / samples.dt))
+    weight = vehicle.body.mass * GRAVITY
+    arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
+    force, torque = np.linalg.norm(missing[:, :3], axis=1), np.linalg.norm(missing[:, 3:], axis=1)
+    matters = closed((force > FORCE * weight) | (torque > TORQUE * weight * arm), join)
+    out = []
+    for a, b in runs(matters):
+        most = f"up to {force[a:b].max():.2g} N and {torque[a:b].max():.2g} Nm beyond what the rotors can make"
+        out.append(Phase("saturation", float(samples.time[a]), float(samples.time[b - 1]), most))
+    for a, b in runs(closed(at, join) & ~matters):
+        why = "a rotor is commanded to its largest speed: that is known to the model"
+        out.append(Phase("saturation", float(samples.time[a]), float(samples.time[b - 1]), why, left_out=False))
+    return out
+
+
+def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
+    """Commanded wrench (N, 6) minus the one of the same commands within the rotors' limits."""
+    _, rotors = vehicle.geometry()
+    assert commands.rotor_speed is not None
+    if source == "allocated":
+        asked = Allocation(vehicle).achievable(about_origin(vehicle.body, commands.wrench_B))
+        return np.asarray(asked - nominal_wrench(vehicle, commands))
+    within = np.clip(commands.rotor_speed, 0.0, rotors.speed_max)
+    limited = replace(commands, rotor_speed=within)
+    made = (about_com(vehicle.body, nominal_wrench(vehicle, one)) for one in (commands, limited))
+    asked, given = made
+    return np.asarray(asked - given)
