@@ -9,9 +9,13 @@ The same GP always gives the same bytes. `numpy.load` opens the arrays too.
 from __future__ import annotations
 
 import json
+import lzma
 import os
+import struct
 import tempfile
+import tokenize
 import zipfile
+import zlib
 from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
@@ -20,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 
 FORMAT = "wrenchgap Gaussian process"
@@ -27,6 +32,13 @@ VERSION = 2
 READABLE = (1, 2)
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
+LARGEST = 2**30
+"""Bytes of a part, at most: a few bytes of a zip may unfold to any number."""
+DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(EOFError, ValueError, RuntimeError, OverflowError, SyntaxError, MemoryError, tokenize.TokenError),
+)
+"""What zipfile, numpy and json raise of a file that is none."""
 
 
 def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
@@ -55,13 +67,12 @@ def load(path: Path | str) -> GaussianProcess:
     try:
         with zipfile.ZipFile(path) as archive:
             metadata = _metadata(archive, path)
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-            arrays = {Path(n).stem: np.load(BytesIO(archive.read(n)), allow_pickle=False).astype(float) for n in names}
+            arrays = {Path(n).stem: _array(archive, n) for n in archive.namelist() if n.endswith(".npy")}
     except FileNotFoundError:
         raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, EOFError, ValueError, RuntimeError) as error:
+    except DAMAGED as error:
         raise FitError(f"{path}: not a stored GP, or a damaged one ({_line(error)}); learn it again") from None
     try:
         return GaussianProcess(
@@ -96,10 +107,26 @@ def _bytes(gp: GaussianProcess) -> bytes:
     return whole.getvalue()
 
 
+def _part(archive: zipfile.ZipFile, name: str) -> bytes:
+    """A part of the zip. Raises ValueError where it is larger than any process."""
+    size = archive.getinfo(name).file_size
+    if size > LARGEST:
+        raise ValueError(f"{name} claims {size} bytes")
+    return archive.read(name)
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> Array:
+    """Numbers and nothing else: an object would be a pickle, which is code."""
+    found = np.load(BytesIO(_part(archive, name)), allow_pickle=False)
+    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
+        raise ValueError(f"{name} holds no real numbers")
+    return found.astype(float)
+
+
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if METADATA not in archive.namelist():
         raise FitError(f"{path}: a zip without {METADATA}, so not a stored GP; give a file made by `wrenchgap learn`")
-    metadata = json.loads(archive.read(METADATA))
+    metadata = json.loads(_part(archive, METADATA))
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise FitError(f"{path}: not a stored GP; give a file made by `wrenchgap learn`")
     if metadata.get("format_version") not in READABLE:
