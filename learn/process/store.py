@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import json
 import lzma
-import os
 import struct
-import tempfile
 import tokenize
 import zipfile
 import zlib
@@ -23,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
@@ -46,19 +45,8 @@ def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
     path = Path(path)
     if path.exists() and not force:
         raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}; choose another folder") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(_bytes(gp))
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+    with atomic(path) as partial:
+        partial.write_bytes(_bytes(gp))
 
 
 def load(path: Path | str) -> GaussianProcess:
