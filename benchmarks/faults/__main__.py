@@ -1,39 +1,52 @@
 """Damaged files.
 
-python -m benchmarks.faults --json docs/faults.json --page docs/reliability.md     # the published 20,000 files
-python -m benchmarks.faults --form ulog --files 500                                # one form, printed
-python -m benchmarks.faults --form ulog --case 317 --keep /tmp/here                # one file again, kept
+    python -m benchmarks.faults --json docs/faults.json --page docs/reliability.md     # the published 20,000 files
+    python -m benchmarks.faults --form ulog --files 500                                # one form, printed
+    python -m benchmarks.faults --form ulog --case 317 --keep /tmp/here                # one file again, kept
+
+With `--rows FILE` what came of each file is written as it comes, and an interrupted run goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.faults.cases import Case
+from benchmarks.faults.opening import Outcome, opened
 from benchmarks.faults.page import summary, with_section
-from benchmarks.faults.valid import FORMS
+from benchmarks.faults.valid import FORMS, LOGS
 from benchmarks.faults.workers import Row, rows
 
-FILES = 800
+FILES_OF_LOGS, FILES_OF_OTHERS = 640, 1100
 """Of each form, in the published run."""
 
 
-def run(forms: list[str], files: int, first: int = 0) -> list[Row]:
+def run(forms: Sequence[str], files: int | None, first: int, kept: Path | None) -> list[Row]:
     """Open `files` of each form; faults are printed as they come."""
-    found = []
+    known = [] if kept is None or not kept.exists() else kept.read_text(encoding="utf-8").splitlines()
+    found = {(row.form, row.number): row for row in (Row(**json.loads(line)) for line in known)}
     for form in forms:
-        start, counts = time.monotonic(), Counter[str]()
-        for row in rows([Case(form, number) for number in range(first, first + files)]):
-            found.append(row)
-            counts[row.outcome] += 1
-            if row.outcome == "fault":
+        count = files or (FILES_OF_LOGS if form in LOGS else FILES_OF_OTHERS)
+        cases = [Case(form, number) for number in range(first, first + count)]
+        for row in rows([case for case in cases if (case.form, case.number) not in found]):
+            found[row.form, row.number] = row
+            if kept is not None:
+                with kept.open("a", encoding="utf-8") as stream:
+                    stream.write(json.dumps(vars(row)) + "\n")
+            if row.outcome == Outcome.FAULT:
                 print(f"{form} {row.number} ({row.damage}): {row.error}", flush=True)
-        print(f"{form}: {dict(counts)} in {time.monotonic() - start:.0f} s", flush=True)
-    return found
+        own = [found[case.form, case.number] for case in cases]
+        slow = max(own, key=lambda row: row.seconds)
+        counts = dict(Counter(row.outcome for row in own))
+        total = sum(row.seconds for row in own)
+        print(
+            f"{form}: {counts}; {total:.0f} s, longest {slow.number} ({slow.damage}) {slow.seconds:.2f} s", flush=True
+        )
+    return list(found.values())
 
 
 def again(form: str, number: int, folder: Path) -> None:
@@ -43,8 +56,6 @@ def again(form: str, number: int, folder: Path) -> None:
     valid = FORMS[form](folder / "valid")
     path, damage = Case(form, number).make(valid, folder / "case")
     print(f"{path}: {damage}", flush=True)
-    from benchmarks.faults.opening import opened
-
     print(opened(form, path))
 
 
@@ -52,17 +63,18 @@ def main() -> None:
     """Run, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--form", action="append", choices=sorted(FORMS))
-    parser.add_argument("--files", type=int, default=FILES)
+    parser.add_argument("--files", type=int, help="of each form")
     parser.add_argument("--first", type=int, default=0, help="number of the first file of each form")
     parser.add_argument("--case", type=int, help="one file again")
     parser.add_argument("--keep", type=Path, help="folder for --case")
+    parser.add_argument("--rows", type=Path, help="a file to which rows are added, and from which they are taken")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--page", type=Path)
     asked = parser.parse_args()
     if asked.case is not None:
         again(asked.form[0], asked.case, asked.keep)
         return
-    result = summary(run(asked.form or list(FORMS), asked.files, asked.first))
+    result = summary(run(asked.form or list(FORMS), asked.files, asked.first, asked.rows))
     if asked.json is not None:
         asked.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     if asked.page is not None:

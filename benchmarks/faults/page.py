@@ -17,7 +17,7 @@ Made by `python -m benchmarks.faults --json docs/faults.json --page docs/reliabi
 valid one by damage drawn from a seed (`benchmarks/faults`): cut, flipped, doubled, swapped and absurd bytes, and damage that
 knows the format (records out of order, checksums and compressions that are wrong, chunks that claim terabytes, recursive
 definitions, counts and stamps that cannot be, formats that contradict themselves, values of another kind, other files under
-the name). Each is opened as `wrenchgap inspect` opens it, every fourth log also for a model, in a child process with {seconds:g} s
+the name). Each is opened as `wrenchgap inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s
 of time for a file and {megabytes} MB of memory above an idle process.
 
 - *whole*: the same numbers as of the intact file;

@@ -27,7 +27,7 @@ WAIT = 8
 """Times as long on the clock of a busy machine."""
 MEGABYTES = 1500
 """Of address space above what an idle process has after it has opened the valid files."""
-FOR_MODEL = 4
+FOR_MODEL = 10
 """Every so many logs is opened for a model as well."""
 
 
@@ -64,7 +64,7 @@ class Worker:
         start, used = time.monotonic(), self._processor()
         self.pipe.send(case)
         try:
-            while not self.pipe.poll(0.5):
+            while not self.pipe.poll(1.0):
                 took = self._processor() - used
                 if took > SECONDS or time.monotonic() - start > WAIT * SECONDS:
                     break
