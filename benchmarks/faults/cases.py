@@ -31,7 +31,7 @@ KNOWING: dict[str, tuple[Fault, ...]] = {
     "model": written.TOML,
     "mapping": (*written.TOML, written.bench),
     "trajectory": written.TOML,
-    "gp": (*written.GP * 6, written.gp_bomb),
+    "gp": (*written.GP * 12, written.gp_bomb),
     "parameters": (),
     "sdf": written.XML,
     "urdf": written.XML,

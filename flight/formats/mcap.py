@@ -33,7 +33,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, uncompressed crc, length of the compression's name
-LARGEST_CHUNK = 2**29
+LARGEST_CHUNK = 2**28
 """Bytes of a chunk's records, at most: no recorder holds back more, and a few damaged bytes may claim terabytes."""
 
 
@@ -77,8 +77,10 @@ class McapReader(Reader):
 
     def _records(self, data: mmap.mmap) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it."""
-        size, unpack, header, position = len(data), _RECORD.unpack_from, _RECORD.size, len(MAGIC)
+        size, unpack, header, position, freed = len(data), _RECORD.unpack_from, _RECORD.size, len(MAGIC), 0
         while position + header <= size:
+            if position - freed > RESIDENT:
+                freed = _freed(data, freed, position)
             opcode, length = unpack(data, position)
             start, stop = position + header, position + header + length
             if opcode and stop <= size:
@@ -180,6 +182,14 @@ class McapReader(Reader):
                 self.notes.append(f"{count} {kind} of {self.path.name} {fate}")
 
 
+def _freed(data: mmap.mmap, first: int, stop: int) -> int:
+    """Let go of the pages of a file that were read, as they count as this process's memory; up to where."""
+    stop -= stop % mmap.ALLOCATIONGRANULARITY
+    if hasattr(data, "madvise") and stop > first:
+        data.madvise(mmap.MADV_DONTNEED, first, stop - first)
+    return stop
+
+
 def _next_chunk(data: mmap.mmap, start: int) -> int:
     """Where the next chunk begins; the end of the data where there is none."""
     header, size = _RECORD.size, len(data)
@@ -233,6 +243,8 @@ def _plain(data: bytes, most: int) -> bytes:
     return data[: most + 1]
 
 
+RESIDENT = 2**26
+"""Bytes of a file that stay in memory behind the place that is read, about."""
 PIECE = 2**18
 """Bytes that are decompressed at once."""
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])

@@ -33,6 +33,8 @@ METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 LARGEST = 2**30
 """Bytes of a part, at most: a few bytes of a zip may unfold to any number."""
+ABSURD = 1e100
+"""No number of a process is larger: products of two must not overflow."""
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, ValueError, RuntimeError, OverflowError, SyntaxError, MemoryError, tokenize.TokenError),
@@ -63,15 +65,18 @@ def load(path: Path | str) -> GaussianProcess:
     except DAMAGED as error:
         raise FitError(f"{path}: not a stored GP, or a damaged one ({_line(error)}); learn it again") from None
     try:
-        return GaussianProcess(
-            outputs=tuple(metadata["outputs"]),
-            settings=FitSettings(**{**metadata["settings"], "inputs": tuple(metadata["settings"].get("inputs", ()))}),
-            provenance=_provenance(metadata["provenance"]),
-            **arrays,
-        )
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            return GaussianProcess(
+                outputs=tuple(metadata["outputs"]),
+                settings=FitSettings(
+                    **{**metadata["settings"], "inputs": tuple(metadata["settings"].get("inputs", ()))}
+                ),
+                provenance=_provenance(metadata["provenance"]),
+                **arrays,
+            )
     except (FitError, ModelError, UsageError) as error:
         raise FitError(f"{path}: {error}; the file is damaged, learn it again") from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise FitError(f"{path}: a stored GP with missing or unknown parts ({_line(error)}); learn it again") from None
 
 
@@ -105,10 +110,15 @@ def _part(archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _array(archive: zipfile.ZipFile, name: str) -> Array:
     """Numbers and nothing else: an object would be a pickle, which is code."""
-    found = np.load(BytesIO(_part(archive, name)), allow_pickle=False)
+    try:
+        found = np.load(BytesIO(_part(archive, name)), allow_pickle=False)
+    except ValueError as error:
+        raise ValueError(f"{name} holds objects" if "pickle" in str(error) else f"{name}: {_line(error)}") from None
     if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
         raise ValueError(f"{name} holds no real numbers")
-    return found.astype(float)
+    if np.abs(values := found.astype(float)).max(initial=0.0) > ABSURD:
+        raise ValueError(f"{name} holds numbers above {ABSURD:g}")
+    return values
 
 
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
@@ -139,4 +149,5 @@ def _caution(entry: str | dict[str, Any]) -> Caution:
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else f"{text[:120]}..."
