@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import base64
 import mmap
+import os
 import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
+from io import BufferedReader, BytesIO
 from typing import ClassVar
 
 import lz4.frame
@@ -33,6 +34,8 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, uncompressed crc, length of the compression's name
+PIECE = 2**18
+"""Bytes that are read, or decompressed, at once."""
 LARGEST_CHUNK = 2**28
 """Bytes of a chunk's records, at most: no recorder holds back more, and a few damaged bytes may claim terabytes."""
 
@@ -56,8 +59,8 @@ class McapReader(Reader):
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""
         gathered = Gatherer()
-        with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            for opcode, body in self._records(data):
+        with self.path.open("rb", buffering=PIECE) as file:
+            for opcode, body in self._records(file):
                 if opcode == Opcode.CHUNK:
                     for inner_opcode, inner in self._inner(self._decompressed(body)):
                         yield from self._safely(inner_opcode, inner, wanted, gathered)
@@ -75,26 +78,29 @@ class McapReader(Reader):
             )
         self._report()
 
-    def _records(self, data: mmap.mmap) -> Iterator[tuple[int, bytes]]:
-        """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it."""
-        size, unpack, header, position, freed = len(data), _RECORD.unpack_from, _RECORD.size, len(MAGIC), 0
+    def _records(self, file: BufferedReader) -> Iterator[tuple[int, bytes]]:
+        """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it.
+
+        What is written behind the end that the file has now is not waited for.
+        """
+        size, position, header = os.fstat(file.fileno()).st_size, file.seek(len(MAGIC)), _RECORD.size
         while position + header <= size:
-            if position - freed > RESIDENT:
-                freed = _freed(data, freed, position)
-            opcode, length = unpack(data, position)
+            opcode, length = _RECORD.unpack(file.read(header).ljust(header, b"\0"))
             start, stop = position + header, position + header + length
             if opcode and stop <= size:
-                yield opcode, data[start:stop]
-                position = stop
+                if opcode in _READ:
+                    yield opcode, file.read(length)
+                position = file.seek(stop)
                 continue
-            following = _next_chunk(data, start)
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                following = min(_next_chunk(data, start), size)
             if following < size:
                 self._gaps += 1
             else:
                 self._cut = True
             if opcode == Opcode.CHUNK:
-                yield opcode, data[start:following]
-            position = following
+                yield opcode, file.read(min(following - start, LARGEST_CHUNK))
+            position = file.seek(following)
 
     def _inner(self, records: bytes) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of each record of a chunk, as far as they are records."""
@@ -182,15 +188,7 @@ class McapReader(Reader):
                 self.notes.append(f"{count} {kind} of {self.path.name} {fate}")
 
 
-def _freed(data: mmap.mmap, first: int, stop: int) -> int:
-    """Let go of the pages of a file that were read, as they count as this process's memory; up to where."""
-    stop -= stop % mmap.ALLOCATIONGRANULARITY
-    if hasattr(data, "madvise") and stop > first:
-        data.madvise(mmap.MADV_DONTNEED, first, stop - first)
-    return stop
-
-
-def _next_chunk(data: mmap.mmap, start: int) -> int:
+def _next_chunk(data: mmap.mmap | bytes, start: int) -> int:
     """Where the next chunk begins; the end of the data where there is none."""
     header, size = _RECORD.size, len(data)
     place = data.find(_CHUNK_OPCODE, start)
@@ -243,10 +241,8 @@ def _plain(data: bytes, most: int) -> bytes:
     return data[: most + 1]
 
 
-RESIDENT = 2**26
-"""Bytes of a file that stay in memory behind the place that is read, about."""
-PIECE = 2**18
-"""Bytes that are decompressed at once."""
+_READ = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.DATA_END})
+"""Records that are read; an attachment may be larger than the log."""
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
 _DECOMPRESS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "zstd": _unzstd, "lz4": _unlz4}
 _DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "jsonschema": "jsonschema"}

@@ -84,6 +84,33 @@ def test_zeros_in_a_chunk_end_it_at_once(chunks):
     assert any("1 record(s)" in note for note in log.notes)
 
 
+def test_an_attachment_is_not_read_into_memory(chunks):
+    found, place, read = chunks
+    log = read([*found[:place], (9, bytes(100)), *found[place:]])
+    assert imu(log) == 300
+    assert log.notes == read(found).notes
+
+
+@pytest.mark.parametrize("form", ["mcap-none", "mcap-unchunked", "ulog", "csv", "bag-plain", "db3"])
+def test_a_file_that_grows_while_it_is_read_is_what_it_was_at_the_beginning(form, tmp_path):
+    path = FORMS[form](tmp_path)
+    whole = read_log(path, everything)
+    grown = []
+
+    def growing(topic, kind, fields):
+        if not grown:
+            grown.append(path.stat().st_size)
+            with path.open("ab") as file:
+                file.write(path.read_bytes()[-300:])
+        return True
+
+    log = read_log(path, growing)
+    for topic in log.tables.keys() & whole.tables.keys() if grown else ():
+        assert len(log.tables[topic]) == len(whole.tables[topic])
+    assert not grown or any("grew from" in note for note in log.notes)
+    assert bool(grown) == (form not in ("ulog", "csv"))  # of those the library reads all before anybody asks
+
+
 def test_a_message_that_unfolds_to_gigabytes_is_no_message():
     with pytest.raises(zstandard.ZstdError, match="64 MB"):
         reader.plain_payload(bomb("zstd", 600))
