@@ -30,7 +30,7 @@ DIGITS = 8
 TOLERANCE = 1e-6
 """Relative."""
 TOLERANCE_OF_REPLAY = 2e-5
-"""Relative to a value, and to the largest of its series: the optimiser stops where the mismatch is some 1e-6 of that."""
+"""Relative to a value and to the largest of its series: the optimiser stops at mismatches of some 1e-6 of that."""
 TOLERANCE_OF_EXPLAIN = 1e-4
 """Weights come from searches, which stop where they stop."""
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
@@ -66,8 +66,8 @@ class Divergence:
     def __str__(self) -> str:
         where = "" if self.sample is None else f" at {self.time:.4f} s (sample {self.sample})"
         return (
-            f"{self.case}: first divergence: {self.quantity}{where}: golden {self.golden}, now {self.now}; after a change "
-            "that was meant `make golden` renews them"
+            f"{self.case}: first divergence: {self.quantity}{where}: golden {self.golden}, now {self.now}; "
+            "after a change that was meant `make golden` renews them"
         )
 
 

@@ -49,7 +49,7 @@ def _record(opcode: int, body: bytes) -> bytes:
 
 
 def _numbers(topic: str, time: NDArray[Any]) -> NDArray[Any]:
-    """What a message carries behind its header, float64, (N, K): a vehicle that sways to the sides and pitches a little.
+    """What a message carries behind its header, float64, (N, K): a vehicle that sways to the sides.
 
     With tan(roll) = A sin(w t) and thrust along body z that carries the weight, y = (g A / w^2) sin(w t).
     """
@@ -80,7 +80,14 @@ def _rows(topic: str, channel: int, time: NDArray[Any], picture: int) -> NDArray
     stamps = START + np.round(time * 1e9).astype(np.int64)
     head = b"\x00\x01\x00\x00" + bytes(8) + _text("base_link\0")
     if kind.endswith("Image"):
-        load = head + bytes(2) + struct.pack("<II", 480, 640) + _text("mono8\0") + bytes(3) + struct.pack("<II", 640, picture)
+        load = (
+            head
+            + bytes(2)
+            + struct.pack("<II", 480, 640)
+            + _text("mono8\0")
+            + bytes(3)
+            + struct.pack("<II", 640, picture)
+        )
         numbers = np.zeros((len(time), 0))
         load += bytes(picture)
     else:
@@ -130,7 +137,12 @@ def peak(words: list[str]) -> dict[str, Any]:
     code += "print(use.ru_maxrss, use.ru_utime + use.ru_stime, run.returncode, (run.stdout + run.stderr)[-400:])"
     run = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
     memory, processor, code, *said = run.stdout.split(maxsplit=3)
-    return {"peak_MB": int(memory) // 1024, "processor_s": float(processor), "exit_code": int(code), "said": " ".join(said)}
+    return {
+        "peak_MB": int(memory) // 1024,
+        "processor_s": float(processor),
+        "exit_code": int(code),
+        "said": " ".join(said),
+    }
 
 
 def main() -> None:
@@ -145,10 +157,13 @@ def main() -> None:
     try:
         start = time.monotonic()
         size = write(path, asked.hours, asked.picture)
-        print(f"{size / 1e9:.2f} GB in {time.monotonic() - start:.0f} s, by {resource.getrusage(0).ru_maxrss // 1024} MB", flush=True)
+        print(
+            f"{size / 1e9:.2f} GB in {time.monotonic() - start:.0f} s, by {resource.getrusage(0).ru_maxrss // 1024} MB",
+            flush=True,
+        )
         for command in asked.command or ("inspect", "compare"):
             words = [sys.executable, "-m", "wrenchgap", command, str(path), "-m", "crazyflie"]
-            words += [f"--topic=commanded=/command/wrench", "--topic=imu=/imu", "--topic=odometry=/odometry"]
+            words += ["--topic=commanded=/command/wrench", "--topic=imu=/imu", "--topic=odometry=/odometry"]
             print(json.dumps({"command": command, **peak(words)}), flush=True)
     finally:
         path.unlink(missing_ok=True)

@@ -85,7 +85,7 @@ def _log(path: Path) -> Opened:
             if isinstance(value, np.ndarray):
                 digest.update(f"{role}.{name}".encode() + np.ascontiguousarray(value).tobytes())
     digest.update(repr([(t.topic, t.count) for t in found.topics]).encode())
-    said = {note for note in found.notes} | {t.problem for t in found.topics if t.problem}
+    said = set(found.notes) | {t.problem for t in found.topics if t.problem}
     said |= {f"{check.name} {check.level}" for check in found.checks if check.level != "ok"}
     dropped = {f"{t.topic} {reason} {count}" for t in found.topics for reason, count in t.dropped.items() if count}
     gaps = {f"{t.topic}: {t.gaps} gaps" for t in found.topics if t.gaps}

@@ -13,19 +13,19 @@ from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
 HEADING = "## Damaged files"
 TEXT = """{heading}
 
-Made by `python -m benchmarks.faults --json docs/faults.json --page docs/reliability.md`: {total} files, each made of a small
-valid one by damage drawn from a seed (`benchmarks/faults`): cut, flipped, doubled, swapped and absurd bytes, and damage that
-knows the format (records out of order, checksums and compressions that are wrong, chunks that claim terabytes, recursive
-definitions, counts and stamps that cannot be, formats that contradict themselves, values of another kind, other files under
-the name). Each is opened as `wrenchgap inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s
-of time for a file and {megabytes} MB of memory above an idle process.
+Made by `python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total} files, each
+made of a small valid one by damage drawn from a seed (`benchmarks/faults`): cut, flipped, doubled, swapped and absurd
+bytes, and damage that knows the format (records out of order, checksums and compressions that are wrong, chunks that
+claim terabytes, recursive definitions, counts and stamps that cannot be, formats that contradict themselves, values of
+another kind, other files under the name). Each is opened as `wrenchgap inspect` opens it, every tenth log also for a
+model, in a child process with {seconds:g} s of processor time for a file and {megabytes} MB of memory above an idle process.
 
 - *whole*: the same numbers as of the intact file;
 - *recovered*: other or fewer numbers, and a note, a count of dropped samples or a check says so;
-- *altered*: as many samples, other numbers, and nothing said: one number was turned into another that is as plausible;
-- *shorter*: fewer samples and nothing said: the format does not tell how many there were, and it ends between two of them;
+- *altered*: as many samples, other numbers, nothing said: one number became another that is as plausible;
+- *shorter*: fewer samples, nothing said: the format does not tell how many there were, and it ends between two of them;
 - *refused*: one line;
-- *faults*: a traceback, several lines, a hang, memory, the death of the process, or a file that was changed by opening it.
+- *faults*: a traceback, several lines, a hang, memory, the death of the process, or a file changed by opening it.
 
 """
 

@@ -98,10 +98,11 @@ def _unpacked(path: Path) -> Records:
             continue
         (length,) = struct.unpack_from("<I", body, 28)
         kind, packed = body[32 : 32 + length], body[40 + length :]
-        inner = {b"zstd": lambda: zstandard.ZstdDecompressor().decompressobj().decompress(packed)}.get(
-            kind, lambda: lz4.frame.decompress(packed) if kind == b"lz4" else packed
-        )()
-        out += records(inner, 0)
+        if kind == b"zstd":
+            packed = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+        elif kind == b"lz4":
+            packed = lz4.frame.decompress(packed)
+        out += records(packed, 0)
     return out
 
 

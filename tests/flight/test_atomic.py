@@ -20,7 +20,7 @@ NEW = b"new" * 500_000
 
 
 def in_child(work):
-    """The id of a process that does `work` and ends with code 0, 2 where it raises UsageError, 130 where interrupted."""
+    """The id of a process that does `work`; it ends with code 0, with 2 for UsageError, with 130 where interrupted."""
     child = os.fork()
     if child:
         return child

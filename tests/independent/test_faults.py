@@ -48,7 +48,9 @@ def test_the_published_page_is_that_of_the_published_run():
 
 
 def test_a_section_takes_the_place_of_an_older_one_and_leaves_the_rest():
-    result = page.summary([Row("ulog", 0, "flip_bits", "whole", "", 0.1), Row("gp", 1, "gp_part", "refused", "no", 0.2)])
+    result = page.summary(
+        [Row("ulog", 0, "flip_bits", "whole", "", 0.1), Row("gp", 1, "gp_part", "refused", "no", 0.2)]
+    )
     text = page.with_section("# Page\n\n## Before\n\nwords\n", result)
     assert text.startswith("# Page\n\n## Before\n\nwords\n\n## Damaged files\n")
     behind = f"{text}\n## Behind\n\nmore\n"

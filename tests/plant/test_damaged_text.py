@@ -27,7 +27,7 @@ def test_it_is_said_to_be_no_toml(name, tmp_path):
     for extra in ("", "\n[command]\nunit = 'pwm'\ntable = 'bench.csv'\n"):
         path = tmp_path / "model.toml"
         path.write_text(PLAIN + extra + BROKEN[name], encoding="utf-8")
-        with pytest.raises(ModelError, match="is not TOML|not a known key") as caught:
+        with pytest.raises(ModelError, match=r"is not TOML|not a known key") as caught:
             model_file.load(path)
         assert "\n" not in str(caught.value)
         assert len(str(caught.value)) < 400

@@ -1,4 +1,4 @@
-"""The replay of a simulated flight, compare and explain give what they gave; where not, the first divergence is named."""
+"""Replay, compare and explain of simulated flights give what they gave; else the first divergence is named."""
 
 import copy
 

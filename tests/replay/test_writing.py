@@ -31,8 +31,30 @@ COMMANDS = {
     "add": ("add", "com_offset", *HEXA, "--from", "LOG", "--between", "2:6", "-o", "OUT/new.toml"),
     "learn": ("learn", "LOG", *HEXA, "--between", "2:6", "--points", "15", "-o", "OUT/new.gp"),
     "remove": ("remove", "com_offset", "-m", "IN/fitted.toml", "-o", "OUT/new.toml"),
-    "replay": ("replay", "LOG", *HEXA, "--gp", "IN/a.gp", "--between", "2:4", "-o", "OUT/new.mcap", "--csv", "OUT/new.csv"),
-    "counterfactual": ("counterfactual", "LOG", *HEXA, "--duration", "1", "-o", "OUT/new.mcap", "--json", "OUT/new.json"),
+    "replay": (
+        "replay",
+        "LOG",
+        *HEXA,
+        "--gp",
+        "IN/a.gp",
+        "--between",
+        "2:4",
+        "-o",
+        "OUT/new.mcap",
+        "--csv",
+        "OUT/new.csv",
+    ),
+    "counterfactual": (
+        "counterfactual",
+        "LOG",
+        *HEXA,
+        "--duration",
+        "1",
+        "-o",
+        "OUT/new.mcap",
+        "--json",
+        "OUT/new.json",
+    ),
 }
 QUICK = ("simulate", "convert", "compare", "remove")
 """Those that every run of the suite kills; the others are slow."""

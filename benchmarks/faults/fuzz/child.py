@@ -1,4 +1,7 @@
-"""One turn of libFuzzer on one target: python -m benchmarks.faults.fuzz.child TARGET FINDINGS [options of libFuzzer]."""
+"""One turn of libFuzzer on one target.
+
+python -m benchmarks.faults.fuzz.child TARGET FINDINGS [options of libFuzzer]
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ with atheris.instrument_imports(
     import wrenchgap.flight.inspection
     import wrenchgap.learn.process.store
     import wrenchgap.plant.model_file
-    import wrenchgap.plant.trajectory_file
+    import wrenchgap.plant.trajectory_file  # noqa: F401
     from benchmarks.faults.fuzz.targets import TARGETS
 
 

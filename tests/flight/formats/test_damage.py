@@ -58,7 +58,7 @@ def test_one_chunk_of_an_unknown_compression_costs_what_is_in_it(chunks):
     log = read([*found[: place + 1], strange, *found[place + 1 :]])
     assert any("1 chunk(s)" in note and "compressed with" in note and len(note) < 200 for note in log.notes)
     assert imu(log) == 300
-    with pytest.raises(LogError, match="chunks compressed with 'z*', expected none, lz4 or zstd") as caught:
+    with pytest.raises(LogError, match=r"chunks compressed with 'z*', expected none, lz4 or zstd") as caught:
         read([strange])
     assert len(str(caught.value)) < 400
 
@@ -76,7 +76,7 @@ def test_after_a_record_that_cannot_be_the_walk_goes_on_at_the_next_chunk(chunks
 
 
 def test_zeros_in_a_chunk_end_it_at_once(chunks):
-    found, place, read = chunks
+    found, _, read = chunks
     start = time.process_time()
     log = read([*found, (CHUNK, chunk(bytes(100_000_000), b"zstd"))])
     assert time.process_time() - start < 10.0
@@ -170,10 +170,9 @@ def test_a_damaged_compressed_file_is_read_as_far_as_it_goes(logs, tmp_path):
     assert len(found.imu.time) == 600
     assert any("read as far as it goes" in note for note in found.notes)
     path.write_bytes(data[: len(data) // 2] + bytes(50) + data[len(data) // 2 :])
-    try:
-        assert any("read as far as it goes" in note for note in flight.load(folder).notes)
-    except LogError as error:
-        assert "\n" not in str(error)
+    log = read_log(folder, everything)
+    assert 0 < len(log.tables["/imu"]) < 600
+    assert any("read as far as it goes" in note for note in log.notes)
 
 
 LOOP = "lab_msgs/Loop next\n" + "=" * 80 + "\nMSG: lab_msgs/Loop\n"
