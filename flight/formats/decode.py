@@ -177,12 +177,15 @@ class Decoder:
             self.malformed += len(index)
 
     def columns(self) -> Columns:
-        """All columns, (count,) or (count, K). Where lengths differ, the shorter are filled with NaN (text: empty)."""
+        """All columns, (count,) or (count, K). Where lengths differ, the shorter are filled with NaN (text: empty).
+
+        Once: what was gathered is given away column by column, so that hours of log are not held twice.
+        """
         names = dict.fromkeys(name for _, columns in self.parts for name in columns)
         return {name: self._joined(name) for name in names}
 
     def _joined(self, name: str) -> NDArray[Any]:
-        parts = [(index, columns[name]) for index, columns in self.parts if name in columns]
+        parts = [(index, columns.pop(name)) for index, columns in self.parts if name in columns]
         shape = np.max([values.shape[1:] for _, values in parts], axis=0).astype(int)
         dtype = np.result_type(*{values.dtype for _, values in parts})
         complete = sum(len(i) for i, v in parts if v.shape[1:] == tuple(shape)) == self.count
