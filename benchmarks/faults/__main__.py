@@ -15,14 +15,12 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.faults.cases import Case
+from benchmarks.faults.cases import Case, files_of
 from benchmarks.faults.opening import Outcome, opened
 from benchmarks.faults.page import summary, with_section
-from benchmarks.faults.valid import FORMS, LOGS
+from benchmarks.faults.valid import FORMS
 from benchmarks.faults.workers import Row, rows
 
-FILES_OF_LOGS, FILES_OF_OTHERS = 450, 1500
-"""Of each form, in the whole run."""
 TURN = 25
 """Files of a form before it is the next one's turn."""
 
@@ -31,8 +29,7 @@ def run(forms: Sequence[str], files: int | None, first: int, kept: Path | None) 
     """Open `files` of each form, some of every form in turn; faults are printed as they come."""
     known = [] if kept is None or not kept.exists() else kept.read_text(encoding="utf-8").splitlines()
     found = {(row.form, row.number): row for row in (Row(**json.loads(line)) for line in known)}
-    counts = {form: files or (FILES_OF_LOGS if form in LOGS else FILES_OF_OTHERS) for form in forms}
-    cases = [Case(form, number) for form in forms for number in range(first, first + counts[form])]
+    cases = [Case(form, number) for form in forms for number in range(first, first + (files or files_of(form)))]
     left = [case for case in cases if (case.form, case.number) not in found]
     for row in rows(sorted(left, key=lambda case: case.number // TURN)):
         found[row.form, row.number] = row

@@ -12,9 +12,11 @@ import numpy as np
 
 from benchmarks.faults import autopilot, structured, written
 from benchmarks.faults.mutations import ANY, in_folder
-from benchmarks.faults.valid import FORMS
+from benchmarks.faults.valid import FORMS, LOGS
 
 SEED = 12
+FILES_OF_LOGS, FILES_OF_OTHERS = 450, 1500
+"""Of each form, in the whole run."""
 Fault = Callable[[Path, np.random.Generator], None]
 
 KNOWING: dict[str, tuple[Fault, ...]] = {
@@ -38,6 +40,11 @@ KNOWING: dict[str, tuple[Fault, ...]] = {
     "mjcf": written.XML,
 }
 """Damage that knows the form."""
+
+
+def files_of(form: str) -> int:
+    """Files of a form, in the whole run."""
+    return FILES_OF_LOGS if form in LOGS else FILES_OF_OTHERS
 
 
 def _as_folder(path: Path, rng: np.random.Generator) -> None:

@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from benchmarks.faults.cases import files_of
 from benchmarks.faults.opening import Outcome
-from benchmarks.faults.valid import LOGS
+from benchmarks.faults.valid import FORMS, LOGS
 from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
 
 HEADING = "## Damaged files"
@@ -46,6 +47,12 @@ def summary(found: Sequence[Row]) -> dict[str, Any]:
 def section(result: Mapping[str, Any]) -> str:
     """Heading, words and table."""
     text = TEXT.format(heading=HEADING, total=f"{result['files']:,}", seconds=SECONDS, megabytes=MEGABYTES)
+    whole = sum(map(files_of, FORMS))
+    if result["files"] < whole:
+        text += (
+            f"The whole run has {whole:,} files; this one, in turns over all forms, was stopped before; with the same\n"
+        )
+        text += "`--rows` it goes on.\n\n"
     kinds = [kind.value for kind in Outcome]
     lines = [f"| form | files | {' | '.join(kinds[:-1])} | faults |", "|---" * (len(kinds) + 2) + "|"]
     logs = {form: counts for form, counts in result["forms"].items() if form in LOGS}
