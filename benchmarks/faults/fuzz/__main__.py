@@ -26,7 +26,7 @@ WORK = Path(tempfile.gettempdir()) / "wrenchgap-fuzz"
 TURN = 120
 """Seconds of one target before it is the next one's turn."""
 LIMITS = ("-timeout=40", "-rss_limit_mb=3000", "-max_len=16384", "-print_final_stats=1", "-verbosity=0")
-LARGEST, ALL = 6000, 60_000
+LARGEST, ALL = 4000, 30_000
 """Bytes of an input that is kept, and of all of a target."""
 
 
