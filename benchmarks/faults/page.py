@@ -50,9 +50,9 @@ def section(result: Mapping[str, Any]) -> str:
     whole = sum(map(files_of, FORMS))
     if result["files"] < whole:
         text += (
-            f"The whole run has {whole:,} files; this one, in turns over all forms, was stopped before; with the same\n"
+            f"The whole run has {whole:,} files; this one was stopped before, on a machine that was shared; with the\n"
         )
-        text += "`--rows` it goes on.\n\n"
+        text += "same `--rows` it goes on.\n\n"
     kinds = [kind.value for kind in Outcome]
     lines = [f"| form | files | {' | '.join(kinds[:-1])} | faults |", "|---" * (len(kinds) + 2) + "|"]
     logs = {form: counts for form, counts in result["forms"].items() if form in LOGS}
