@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ class Collector:
         channel = self.channels[topic]
         log_time_ns = np.concatenate(self.times[topic])
         in_order = bool(np.all(log_time_ns[1:] >= log_time_ns[:-1]))  # then hours of log need no copy
-        order = slice(None) if in_order else np.argsort(log_time_ns, kind="stable")
+        order: Any = slice(None) if in_order else np.argsort(log_time_ns, kind="stable")
         decoder = self.decoders[channel]
         problem = self.problems.get(topic)
         if decoder is None:

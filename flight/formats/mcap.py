@@ -15,8 +15,8 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from io import BufferedReader, BytesIO
-from typing import ClassVar
+from io import BytesIO
+from typing import BinaryIO, ClassVar
 
 import lz4.frame
 import zstandard
@@ -78,7 +78,7 @@ class McapReader(Reader):
             )
         self._report()
 
-    def _records(self, file: BufferedReader) -> Iterator[tuple[int, bytes]]:
+    def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it.
 
         What is written behind the end that the file has now is not waited for.

@@ -80,7 +80,7 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
             "joints that turn without limit; describe them by hand in a model file (docs/model-file.md)"
         )
     for one in links:
-        numbers = (one.position, one.rotation, one.centre, one.inertia, [one.mass])
+        numbers = (one.position, one.rotation, one.centre, one.inertia, np.array([one.mass]))
         if not all(np.isfinite(part).all() and np.abs(part).max(initial=0.0) < ABSURD for part in numbers):
             raise ModelError(f"{origin}: {one.name}: mass, inertia and place must be numbers below {ABSURD:g}")
     mass, centre, inertia = together(links)
