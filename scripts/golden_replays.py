@@ -1,9 +1,9 @@
-"""The kept golden results: replay, compare and explain on flights that are simulated from a seed.
+"""The kept golden results: replay and compare on flights that are simulated from a seed.
 
     make golden                                       # after a change that was meant: the results anew
     python scripts/golden_replays.py                  # compare; where they diverge, the first place
 
-Kept are series of the replay (one sample in so many) and the numbers of compare and explain, in tests/golden. The
+Kept are series of the replay (one sample in so many) and the numbers of compare, in tests/golden. The
 process is drawn and not fitted, so that what is compared is the replay and not an optimiser's last digits.
 """
 
@@ -31,24 +31,21 @@ TOLERANCE = 1e-6
 """Relative."""
 TOLERANCE_OF_REPLAY = 2e-5
 """Relative to a value and to the largest of its series: the optimiser stops at mismatches of some 1e-6 of that."""
-TOLERANCE_OF_EXPLAIN = 1e-4
-"""Weights come from searches, which stop where they stop."""
 AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A simulated flight, and the effects among which `explain` looks."""
+    """A simulated flight."""
 
     model: str
     trajectory: str
     hidden: str
-    among: tuple[str, ...]
 
 
 CASES = {
-    "hexarotor": Case("tilt_hexarotor", "multi_axis", "com_offset=x:-0.004,y:0.007,z:-0.005", ("com_offset", "mass")),
-    "quadrotor": Case("asymmetric_quadrotor", "hover", "thrust_scale=scale:-0.08", ("thrust_scale", "inertia")),
+    "hexarotor": Case("tilt_hexarotor", "multi_axis", "com_offset=x:-0.004,y:0.007,z:-0.005"),
+    "quadrotor": Case("asymmetric_quadrotor", "hover", "thrust_scale=scale:-0.08"),
 }
 
 
@@ -72,7 +69,7 @@ class Divergence:
 
 
 def results(name: str) -> dict[str, Any]:
-    """Of one case, the series of a replay and the numbers of compare and explain."""
+    """Of one case, the series of a replay and the numbers of compare."""
     import wrenchgap as wg
 
     case = CASES[name]
@@ -81,11 +78,9 @@ def results(name: str) -> dict[str, Any]:
     flight = wg.simulate(model, case.trajectory, name=name, **how)  # type: ignore[arg-type]
     (opened,) = wg.open_flights([flight], model)
     replayed = wg.replay_compensation(opened, model, _process(_input(flight), model.vehicle.name))
-    explained = wg.explain([opened], model, names=case.among, jobs=1)
     return {
         "replay": _series(replayed),
         "compare": _rounded(wg.compare([opened], model).to_json()["models"]),
-        "explain": _rounded(explained.to_json()["ranking"]),
     }
 
 
@@ -146,13 +141,12 @@ def _rounded(value: Any) -> Any:
 
 
 def divergence(name: str, golden: dict[str, Any], now: dict[str, Any]) -> Divergence | None:
-    """The first place where a case diverges, the replay by time, then compare, then explain; None where it does not."""
+    """The first place where a case diverges, the replay by time, then compare; None where it does not."""
     series = sorted(_diverging(name, golden["replay"], now["replay"]), key=lambda found: found.sample or 0)
     if series:
         return series[0]
-    for part, tolerance in (("compare", TOLERANCE), ("explain", TOLERANCE_OF_EXPLAIN)):
-        for where, old, new in differences(golden[part], now[part], tolerance):
-            return Divergence(name, f"{part}{where}", old, new)
+    for where, old, new in differences(golden["compare"], now["compare"], TOLERANCE):
+        return Divergence(name, f"compare{where}", old, new)
     return None
 
 

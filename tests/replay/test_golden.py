@@ -1,4 +1,4 @@
-"""Replay, compare and explain of simulated flights give what they gave; else the first divergence is named."""
+"""Replay and compare of simulated flights give what they gave; else the first divergence is named."""
 
 import copy
 
