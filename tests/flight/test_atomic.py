@@ -124,6 +124,7 @@ NO_OUTPUT = {
     "flight/formats/rosbag2.py": "a decompressed copy in a folder that goes again",
     "learn/parallel.py": "what worker processes read, in a folder that goes again",
     "plant/trajectory_file.py": "a path that `replay.present.design` gets of `atomic`",
+    "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
     "replay/cli/main.py": "the traceback of a fault, in a file of its own",
     "replay/present/report/elements.py": "a picture in memory",
 }
