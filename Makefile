@@ -11,7 +11,7 @@ export MKL_NUM_THREADS = 1
 export NUMBA_NUM_THREADS = 1
 export MPLBACKEND = Agg
 
-.PHONY: help setup demo test readme check format bench paper docs lock wheel screenshots clean
+.PHONY: help setup demo test readme check format bench golden fuzz faults paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -44,6 +44,15 @@ format: setup ## rewrite the sources in the house format
 bench: setup ## run benchmarks/*.py
 	@set -e; for name in $(filter-out __init__,$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
+
+golden: setup ## keep the golden results of tests/golden anew, after a change that was meant
+	$(VENV) -m scripts.golden_replays --refresh
+
+fuzz: setup ## coverage-guided fuzzing of readers, model files and stored GPs (MINUTES=5; atheris, Linux alone)
+	$(VENV) -m benchmarks.faults.fuzz --minutes $(or $(MINUTES),5)
+
+faults: setup ## the 20,000 damaged files: docs/faults.json, docs/reliability.md
+	$(VENV) -m benchmarks.faults --json docs/faults.json --page docs/reliability.md
 
 paper: setup ## the paper's experiments: benchmarks/paper/results, docs/images/paper-*.png, docs/paper.md (PAPER=figure8: one)
 	$(VENV) -m benchmarks.paper$(if $(PAPER),.$(PAPER))

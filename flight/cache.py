@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import zipfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, fields
 from functools import lru_cache
 from pathlib import Path
@@ -21,14 +18,15 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_path
 
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.check import Check, TimeLeftOut
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import SERIES, Flight, Gap
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.load import load as read
 
 BYTES = 2_000_000_000
 """Of all kept flights together; the oldest go first."""
-UNREADABLE = (OSError, zipfile.BadZipFile, KeyError, ValueError, TypeError)
 
 
 def folder() -> Path:
@@ -51,7 +49,7 @@ def load(
     try:
         found = _unpacked(file, path)
         file.touch()
-    except UNREADABLE:
+    except Exception:  # whatever is wrong with what was kept, the log itself is there
         found = read(path, topics, preferred, unmeasured)
         _keep(found, file)
     return found
@@ -59,20 +57,17 @@ def load(
 
 def _keep(found: Flight, file: Path) -> None:
     """Write a flight, whole or not at all, and make room for it."""
-    partial = file.with_name(f".{file.stem}.{os.getpid()}.part")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as stream:
+        with atomic(file) as partial, partial.open("wb") as stream:
             np.savez(stream, **_packed(found))
-        partial.replace(file)
         left = BYTES
         for old in sorted(file.parent.glob("*.npz"), key=lambda p: p.stat().st_mtime, reverse=True):
             left -= old.stat().st_size
             if left < 0 and old != file:
                 old.unlink()
-    except OSError:
-        with suppress(OSError):
-            partial.unlink()
+    except (OSError, UsageError):
+        return
 
 
 def _packed(found: Flight) -> dict[str, Any]:

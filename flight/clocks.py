@@ -35,6 +35,7 @@ UNIT_RATES = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds", 1e-3
 """Rates of stamps that are no clock but another unit."""
 UNIT_WITHIN = 0.005
 JUMP = 1.0  # s, by which stamps step away from the log's clock and stay there: somebody set a clock
+SLOWEST = 1e-9  # times real time, below which a clock stands still
 STRAIGHT = 0.002  # s, a relation with smaller residual is a line
 
 
@@ -119,7 +120,8 @@ class ClockMap:
         """Log times [ns] of stamps of the other clock."""
         y = (stamps_ns - self.origin_ns) * 1e-9
         x = np.interp(y, self.knots, self.log_knots)
-        x = x + (np.minimum(y - self.knots[0], 0.0) + np.maximum(y - self.knots[-1], 0.0)) / self.rate
+        rate = self.rate if self.rate > SLOWEST else 1.0  # a clock that stands still tells no time
+        x = x + (np.minimum(y - self.knots[0], 0.0) + np.maximum(y - self.knots[-1], 0.0)) / rate
         return self.log_origin_ns + _nanoseconds(x)
 
 

@@ -8,7 +8,11 @@ from __future__ import annotations
 
 
 class WrenchgapError(Exception):
-    """Base of everything that wrenchgap raises on purpose."""
+    """Base of everything that wrenchgap raises on purpose: one line of printable text, whatever a file holds."""
+
+    def __init__(self, said: object = "") -> None:
+        text = " ".join(str(said).split())
+        super().__init__("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text))
 
 
 class LogError(WrenchgapError):

@@ -12,7 +12,6 @@ The same flight gives the same bytes. A file appears under its name when it is c
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +26,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight, ReferenceSeries
 from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
@@ -70,8 +70,8 @@ def write(
 ) -> Path:
     """Write a flight, additional series and provenance; an existing file is only replaced with `force`.
 
-    Raises UsageError: the file exists, its folder does not, its name does not end in .mcap, or two series claim one
-    topic.
+    Raises UsageError: the file exists or cannot be written, its folder does not exist, its name does not end in .mcap,
+    or two series claim one topic.
     """
     path = Path(path)
     _check_target(path, force)
@@ -80,13 +80,8 @@ def write(
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise UsageError(f"{path}: topic {', '.join(twice)} is written twice; give the additional series another name")
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with partial.open("wb") as stream:
-            _write(stream, topics, _start(flight.start_ns, topics), dict(metadata or {}))
-        os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic(path) as partial, partial.open("wb") as stream:
+        _write(stream, topics, _start(flight.start_ns, topics), dict(metadata or {}))
     return path
 
 

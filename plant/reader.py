@@ -29,7 +29,6 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
-from tomlkit.exceptions import ParseError
 
 from wrenchgap.flight.errors import ModelError, WrenchgapError
 from wrenchgap.flight.flight import AXES
@@ -177,10 +176,17 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
 
 def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:
     """A TOML document as plain values."""
+    return dict(toml_document(text, error).unwrap())
+
+
+def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlkit.TOMLDocument:
+    """A TOML document with its comments."""
     try:
-        return dict(tomlkit.parse(text).unwrap())
-    except ParseError as found:
-        raise error(f"is not TOML: {found}") from None
+        return tomlkit.parse(text)
+    except RecursionError:
+        raise error("is not TOML: tables or lists within one another without end") from None
+    except Exception as found:  # a damaged document makes tomlkit raise many kinds
+        raise error(f"is not TOML: {_shortened(' '.join(str(found).split()))}") from None
 
 
 def check_schema(document: Mapping[str, Any], schema: int, error: type[WrenchgapError] = ModelError) -> None:
@@ -202,5 +208,9 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
         return f"{path}: is missing{f'; see {page}' if page else ''}"
     shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "tuple_type": f"tables [[{path}]]"}
     got = repr(found["input"])
-    got = got if len(got) <= LONGEST else f"{got[: LONGEST - 3]}..."
+    got = _shortened(got)
     return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

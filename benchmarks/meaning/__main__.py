@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from benchmarks.faults.page import HEADING
 from benchmarks.hidden_effects.engine import fly as fly_hexarotor
 from benchmarks.meaning.faults import FAULTS, Fault
 from benchmarks.meaning.flying import HEX, NANO, QUAD, Manner, fly
@@ -107,7 +108,9 @@ def main() -> None:
         rows = {"seed": asked.seed, "faults": [plain(r) for r in faults], "healthy": [plain(r) for r in healthy]}
         asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     if asked.page is not None:
-        asked.page.write_text(page(faults, healthy, asked.seed), encoding="utf-8")
+        old = asked.page.read_text(encoding="utf-8") if asked.page.exists() else ""
+        behind = old[old.index(f"\n{HEADING}") :] if HEADING in old else ""  # of the other benchmark, and by hand
+        asked.page.write_text(page(faults, healthy, asked.seed) + behind, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -76,6 +76,7 @@ def read_log(path: Path, selection: Selection) -> Log:
     """
     reader = reader_of(path)
     files = reader.data_files()
+    before = _sizes(files)
     tables, notes = _tables(reader, selection)
     if not tables:
         detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
@@ -84,7 +85,9 @@ def read_log(path: Path, selection: Selection) -> Log:
         made, said = derived(tables, getattr(reader, "parameters", {}))
         tables, notes = tables | made, notes + said
     tables = dict(sorted(tables.items()))
-    size = sum(file.stat().st_size for file in files)
+    if (after := _sizes(files)) != before:
+        notes.append(f"{path.name} grew from {before} to {after} bytes while it was read: its end is missing here.")
+    size = before
     return Log(path, reader.name, size, _hash(files), tables, tuple(reader.notes + notes))
 
 
@@ -96,6 +99,11 @@ def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], lis
     for batch in reader.batches(collector.wanted):
         collector.add(batch)
     return collector.tables(), collector.notes
+
+
+def _sizes(files: list[Path]) -> int:
+    """Of all files [bytes]."""
+    return sum(file.stat().st_size for file in files)
 
 
 def _hash(files: list[Path]) -> str:

@@ -11,14 +11,16 @@ size. ROS 1: little-endian, nothing aligned.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from wrenchgap.flight.formats.reader import Channel, one_line
 from wrenchgap.flight.formats.table import Columns
@@ -55,6 +57,12 @@ ACTUATORS = {
 """Common types that no ROS distribution ships, for files without definitions."""
 
 
+DEEPEST = 40
+"""Messages within messages, at most; a recursive definition has no end of them."""
+MOST_FIELDS = 5000
+"""Names of a type's fields, at most, likewise."""
+
+
 class UndecodableError(Exception):
     """The messages do not fit their definition; the text says how."""
 
@@ -69,13 +77,11 @@ class _Uneven(Exception):
 def definitions_of(channel: Channel) -> Definitions:
     """Field definitions by type name: the file's own first, then the distribution's."""
     store = Stores.ROS1_NOETIC if channel.encoding == "ros1" else Stores.ROS2_HUMBLE
-    found = dict(get_typestore(store).fielddefs)
-    for name, text in ACTUATORS.items():
-        found |= get_types_from_msg(text, name)
+    found = dict(_known(store))
     if channel.definition:
         try:
-            found |= _parsed(channel)
-        except (TypesysError, AssertionError, ValueError) as error:
+            found |= _parsed(channel.definition, channel.type, channel.definition_format)
+        except Exception as error:  # of a damaged definition rosbags raises many kinds
             raise UndecodableError(f"its definition of {channel.type} cannot be read: {one_line(error)}") from error
     if channel.type not in found:
         raise UndecodableError(f"type {channel.type} is neither defined in the file nor known")
@@ -90,10 +96,19 @@ def layout_of(payload: bytes, kind: str, definitions: Definitions) -> Layout:
     return walk.layout
 
 
-def _parsed(channel: Channel) -> Definitions:
-    text = channel.definition or ""
-    if channel.definition_format == "msg":
-        return get_types_from_msg(text, channel.type)
+@cache
+def _known(store: Stores) -> Definitions:
+    """What a distribution ships, and common types that none does."""
+    found = dict(get_typestore(store).fielddefs)
+    for name, text in ACTUATORS.items():
+        found |= get_types_from_msg(text, name)
+    return found
+
+
+@lru_cache(maxsize=512)
+def _parsed(text: str, kind: str, definition_format: str) -> Definitions:
+    if definition_format == "msg":
+        return get_types_from_msg(text, kind)
     found: dict[str, tuple[Any, Any]] = {}
     for part in text.split("=" * 80 + "\n"):
         body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
@@ -104,13 +119,16 @@ def _parsed(channel: Channel) -> Definitions:
 
 def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str]:
     """Dotted names of a type's fields, e.g. twist.linear.x; sequences of messages are not entered."""
-    names: list[str] = []
+    return list(islice(_flat(kind, definitions, depth), MOST_FIELDS))
+
+
+def _flat(kind: str, definitions: Definitions, depth: int) -> Iterator[str]:
     for name, (node, payload) in definitions[kind][1]:
         if node == Nodetype.NAME and depth and payload in definitions:
-            names += [f"{name}.{inner}" for inner in flat_fields(payload, definitions, depth - 1)]
+            for inner in _flat(payload, definitions, depth - 1):
+                yield f"{name}.{inner}"
         else:
-            names.append(name)
-    return names
+            yield name
 
 
 @dataclass
@@ -137,7 +155,12 @@ class Decoder:
             index = np.flatnonzero(lengths == length)
             raw = b"".join([payloads[i] for i in index]) if len(index) < len(payloads) else b"".join(payloads)
             rows = np.frombuffer(raw, dtype=np.uint8).reshape(len(index), length)
-            self._add_rows(index + self.count, rows, self.definitions if definitions is None else definitions)
+            known = len(self.parts), self.malformed
+            try:
+                self._add_rows(index + self.count, rows, self.definitions if definitions is None else definitions)
+            except RecursionError:  # thousands of counters, all different in every message
+                del self.parts[known[0] :]
+                self.malformed = known[1] + len(index)
         self.count += len(payloads)
 
     def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8], definitions: Definitions) -> None:
@@ -154,12 +177,15 @@ class Decoder:
             self.malformed += len(index)
 
     def columns(self) -> Columns:
-        """All columns, (count,) or (count, K). Where lengths differ, the shorter are filled with NaN (text: empty)."""
+        """All columns, (count,) or (count, K). Where lengths differ, the shorter are filled with NaN (text: empty).
+
+        Once: what was gathered is given away column by column, so that hours of log are not held twice.
+        """
         names = dict.fromkeys(name for _, columns in self.parts for name in columns)
         return {name: self._joined(name) for name in names}
 
     def _joined(self, name: str) -> NDArray[Any]:
-        parts = [(index, columns[name]) for index, columns in self.parts if name in columns]
+        parts = [(index, columns.pop(name)) for index, columns in self.parts if name in columns]
         shape = np.max([values.shape[1:] for _, values in parts], axis=0).astype(int)
         dtype = np.result_type(*{values.dtype for _, values in parts})
         complete = sum(len(i) for i, v in parts if v.shape[1:] == tuple(shape)) == self.count
@@ -201,12 +227,17 @@ class _Walk:
         self.order = order
         self.columns: Columns = {}
         self.layout: Layout = {}
+        self.depth = 0
 
     def message(self, prefix: str, kind: str) -> None:
         if kind not in self.definitions:
             raise UndecodableError(f"type {kind} is not defined")
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise UndecodableError(f"type {kind} contains itself")
         for name, description in self.definitions[kind][1]:
             self.value(f"{prefix}{name}", description)
+        self.depth -= 1
 
     def value(self, path: str, description: Any) -> None:
         node, payload = description
@@ -226,6 +257,8 @@ class _Walk:
 
     def several(self, path: str, inner: Any, number: int) -> None:
         node, payload = inner
+        if number > self.rows.shape[1]:  # even messages without fields are not as many as bytes
+            raise UndecodableError("shorter than its definition")
         if node == Nodetype.BASE and payload[0] != "string":
             values = self.numbers(payload[0], number, path)
             if path.endswith(("linear_acceleration_covariance", "angular_velocity_covariance")):

@@ -1,19 +1,22 @@
 """MCAP files (https://mcap.dev/spec): any compression, chunked or not, indexed or not, whole or cut short.
 
 The file is walked from the front and its index is not used, so that a file that lost its end gives all that it holds.
-A record is one byte of opcode, eight of length, then its body; a chunk's body holds compressed records.
+A record is one byte of opcode, eight of length, then its body; a chunk's body holds compressed records. Where a record
+cannot be, the walk goes on at the next chunk: a chunk's lengths and compression contradict each other anywhere else.
 """
 
 from __future__ import annotations
 
 import base64
 import mmap
+import os
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import ClassVar
+from typing import BinaryIO, ClassVar
 
 import lz4.frame
 import zstandard
@@ -31,6 +34,10 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, uncompressed crc, length of the compression's name
+PIECE = 2**18
+"""Bytes that are read, or decompressed, at once."""
+LARGEST_CHUNK = 2**28
+"""Bytes of a chunk's records, at most: no recorder holds back more, and a few damaged bytes may claim terabytes."""
 
 
 @dataclass
@@ -43,6 +50,8 @@ class McapReader(Reader):
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
     _cut: bool = False
+    _gaps: int = 0
+    _unknown: Counter[str] = field(default_factory=Counter)
     _damaged_chunks: int = 0
     _orphans: int = 0
     _broken: int = 0
@@ -50,11 +59,10 @@ class McapReader(Reader):
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""
         gathered = Gatherer()
-        with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            for opcode, body in self._records(data, len(MAGIC)):
+        with self.path.open("rb", buffering=PIECE) as file:
+            for opcode, body in self._records(file):
                 if opcode == Opcode.CHUNK:
-                    chunk = self._decompressed(body)
-                    for inner_opcode, inner in self._records(chunk, 0):
+                    for inner_opcode, inner in self._inner(self._decompressed(body)):
                         yield from self._safely(inner_opcode, inner, wanted, gathered)
                 elif opcode == Opcode.DATA_END:
                     break
@@ -63,21 +71,48 @@ class McapReader(Reader):
             else:
                 self._cut = True
         yield from gathered.flush()
+        if self._unknown and not gathered.total:
+            raise LogError(
+                f"{self.path}: chunks compressed with {' and '.join(map(repr, self._unknown))}, expected none, lz4 or "
+                "zstd; rewrite it with `mcap compress`"
+            )
         self._report()
 
-    def _records(self, data: bytes | mmap.mmap, position: int) -> Iterator[tuple[int, bytes]]:
-        """Opcode and body of each record; of a chunk at the end that was cut, what there is of it."""
-        size, unpack, header = len(data), _RECORD.unpack_from, _RECORD.size
+    def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+        """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it.
+
+        What is written behind the end that the file has now is not waited for.
+        """
+        size, position, header = os.fstat(file.fileno()).st_size, file.seek(len(MAGIC)), _RECORD.size
         while position + header <= size:
-            opcode, length = unpack(data, position)
+            opcode, length = _RECORD.unpack(file.read(header).ljust(header, b"\0"))
+            start, stop = position + header, position + header + length
+            if opcode and stop <= size:
+                if opcode in _READ:
+                    yield opcode, file.read(length)
+                position = file.seek(stop)
+                continue
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                following = min(_next_chunk(data, start), size)
+            if following < size:
+                self._gaps += 1
+            else:
+                self._cut = True
+            if opcode == Opcode.CHUNK:
+                yield opcode, file.read(min(following - start, LARGEST_CHUNK))
+            position = file.seek(following)
+
+    def _inner(self, records: bytes) -> Iterator[tuple[int, bytes]]:
+        """Opcode and body of each record of a chunk, as far as they are records."""
+        size, unpack, header, position = len(records), _RECORD.unpack_from, _RECORD.size, 0
+        while position + header <= size:
+            opcode, length = unpack(records, position)
             start = position + header
             position = start + length
-            if position > size:
-                self._cut = True
-                if opcode == Opcode.CHUNK:
-                    yield opcode, data[start:size]
+            if position > size or not opcode:
+                self._broken += 1
                 return
-            yield opcode, data[start:position]
+            yield opcode, records[start:position]
 
     def _safely(self, opcode: int, body: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         try:
@@ -124,16 +159,16 @@ class McapReader(Reader):
         start = _CHUNK.size + name_length
         compression = body[_CHUNK.size : start].decode(errors="replace")
         if compression not in _DECOMPRESS:
-            raise LogError(
-                f"{self.path}: chunk compressed with {compression!r}, expected none, lz4 or zstd; "
-                "rewrite it with `mcap compress`"
-            )
+            self._unknown[compression[:12]] += 1
+            return b""
         if len(body) < start + 8:
             return b""
         (length,) = struct.unpack_from("<Q", body, start)
-        records = _DECOMPRESS[compression](body[start + 8 : start + 8 + length])
         complete = len(body) >= start + 8 + length
-        if complete and (len(records) != size or (crc and zlib.crc32(records) != crc)):
+        most = min(size, LARGEST_CHUNK)
+        records = _DECOMPRESS[compression](body[start + 8 : start + 8 + length], most)
+        right = len(records) == size and (not crc or zlib.crc32(records) == crc)
+        if len(records) > most or (complete and not right):
             self._damaged_chunks += 1
             return b""
         return records
@@ -141,7 +176,10 @@ class McapReader(Reader):
     def _report(self) -> None:
         if self._cut:
             self.notes.append(f"{self.path.name} is cut short (no end record): read as far as it goes.")
+        unknown = " and ".join(map(repr, self._unknown))
         for count, kind, fate in (
+            (self._gaps, "place(s)", "are damaged: left out up to the next chunk."),
+            (self._unknown.total(), "chunk(s)", f"are compressed with {unknown}, or damaged: left out."),
             (self._damaged_chunks, "chunk(s)", "are damaged (checksum) and left out."),
             (self._broken, "record(s)", "are damaged: left out."),
             (self._orphans, "message(s)", "belong to no channel or time: left out."),
@@ -150,32 +188,61 @@ class McapReader(Reader):
                 self.notes.append(f"{count} {kind} of {self.path.name} {fate}")
 
 
-def _unzstd(data: bytes) -> bytes:
-    """Decompress as far as it goes; small steps, because an error loses the step that it is met in."""
+def _next_chunk(data: mmap.mmap | bytes, start: int) -> int:
+    """Where the next chunk begins; the end of the data where there is none."""
+    header, size = _RECORD.size, len(data)
+    place = data.find(_CHUNK_OPCODE, start)
+    while place >= 0 and place + header + _CHUNK.size <= size:
+        length = _RECORD.unpack_from(data, place)[1]
+        name_length = _CHUNK.unpack_from(data, place + header)[4]
+        name = place + header + _CHUNK.size
+        if name_length <= 4 and place + header + length <= size and name + name_length + 8 <= size:
+            known = data[name : name + name_length].decode(errors="replace") in _DECOMPRESS
+            inside = struct.unpack_from("<Q", data, name + name_length)[0]
+            if known and _CHUNK.size + name_length + 8 + inside == length:
+                return place
+        place = data.find(_CHUNK_OPCODE, place + 1)
+    return size
+
+
+def _unzstd(data: bytes, most: int) -> bytes:
+    """Decompress as far as it goes, and no further than just beyond `most` bytes.
+
+    Small steps where there is an error, because it loses the step that it is met in.
+    """
+    found = bytearray()
     try:
         with zstandard.ZstdDecompressor().stream_reader(data) as stream:
-            whole = stream.readall()
+            while len(found) <= most and (piece := stream.read(PIECE)):
+                found += piece
     except zstandard.ZstdError:
-        return _in_steps(zstandard.ZstdDecompressor().decompressobj(), data, zstandard.ZstdError)
-    return bytes(whole)
+        return _in_steps(zstandard.ZstdDecompressor().decompressobj(), data, most, 1024)
+    return bytes(found)
 
 
-def _unlz4(data: bytes) -> bytes:
-    try:
-        return bytes(lz4.frame.decompress(data))
-    except (RuntimeError, EOFError):
-        return _in_steps(lz4.frame.LZ4FrameDecompressor(), data, RuntimeError)
+def _unlz4(data: bytes, most: int) -> bytes:
+    found = _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, PIECE)
+    return found or _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, 1024)
 
 
-def _in_steps(decompressor: object, data: bytes, error: type[Exception], step: int = 1024) -> bytes:
+def _in_steps(decompressor: object, data: bytes, most: int, step: int) -> bytes:
     found = bytearray()
     try:
         for start in range(0, len(data), step):
             found += decompressor.decompress(data[start : start + step])  # type: ignore[attr-defined]
-    except (error, EOFError):
+            if len(found) > most:
+                break
+    except (RuntimeError, EOFError, zstandard.ZstdError):
         pass
     return bytes(found)
 
 
-_DECOMPRESS: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": _unzstd, "lz4": _unlz4}
+def _plain(data: bytes, most: int) -> bytes:
+    return data[: most + 1]
+
+
+_READ = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.DATA_END})
+"""Records that are read; an attachment may be larger than the log."""
+_CHUNK_OPCODE = bytes([Opcode.CHUNK])
+_DECOMPRESS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "zstd": _unzstd, "lz4": _unlz4}
 _DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "jsonschema": "jsonschema"}

@@ -7,6 +7,7 @@ flights: it finds channels and hands out bytes. `flight.formats.decode` turns th
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,10 @@ from wrenchgap.flight.formats.table import Selection, Table
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 BATCH = 8192
 """Messages that a reader gathers before it hands them on, at most."""
+BATCH_BYTES = 2**23
+"""And bytes of their payloads, about."""
+LONGEST_MESSAGE = 2**26
+"""Bytes of a message that was compressed: a few damaged bytes may unfold to terabytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +111,13 @@ def plain_payload(payload: bytes) -> bytes:
     """
     if not payload.startswith(ZSTD_MAGIC):
         return payload
-    return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
+    with zstandard.ZstdDecompressor().stream_reader(payload) as stream:
+        plain = bytearray()
+        while piece := stream.read(2**17):
+            plain += piece
+            if len(plain) > LONGEST_MESSAGE:
+                raise zstandard.ZstdError("a message of more than 64 MB")
+    return bytes(plain)
 
 
 @dataclass
@@ -114,6 +125,7 @@ class Gatherer:
     """Sorts messages by channel while a reader walks through a file."""
 
     pending: dict[Channel, tuple[list[int], list[bytes]]] = field(default_factory=dict)
+    sizes: Counter[Channel] = field(default_factory=Counter)
     total: int = 0
 
     def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Iterator[Batch]:
@@ -122,7 +134,9 @@ class Gatherer:
         times, payloads = self.pending.setdefault(channel, ([], []))
         times.append(log_time_ns)
         payloads.append(payload)
-        if len(times) >= BATCH:
+        self.sizes[channel] += len(payload)
+        if len(times) >= BATCH or self.sizes[channel] >= BATCH_BYTES:
+            del self.sizes[channel]
             yield Batch(channel, *self.pending.pop(channel))
 
     def flush(self) -> Iterator[Batch]:

@@ -7,7 +7,6 @@ and files that were compressed by `ros2 bag record --compression-mode` are read 
 from __future__ import annotations
 
 import re
-import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
@@ -31,6 +30,9 @@ from wrenchgap.flight.formats.reader import (
     plain_payload,
 )
 
+PIECE = 2**16
+"""Bytes that are decompressed at once."""
+
 
 @dataclass
 class Rosbag2SqliteReader(Reader):
@@ -46,17 +48,23 @@ class Rosbag2SqliteReader(Reader):
             database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
             database.text_factory = lambda text: text.decode(errors="replace")
             try:
-                channels = _channels(database)
+                channels, unnamed = _channels(database)
+                broken += unnamed
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id")
                 for identifier, log_time_ns, payload in rows:
                     channel = channels.get(identifier)
                     if channel is None or not isinstance(log_time_ns, int) or not isinstance(payload, bytes):
                         broken += 1
                         continue
-                    yield from gathered.add(channel, log_time_ns, plain_payload(payload) if wanted(channel) else b"")
+                    try:
+                        payload = plain_payload(payload) if wanted(channel) else b""
+                    except zstandard.ZstdError:
+                        broken += 1
+                        continue
+                    yield from gathered.add(channel, log_time_ns, payload)
             finally:
                 database.close()
-        except (sqlite3.DatabaseError, UnicodeDecodeError, zstandard.ZstdError) as error:
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             if not gathered.total:
                 raise LogError(
                     f"{self.path}: not a readable ROS 2 bag ({one_line(error)}); expected an SQLite file with the "
@@ -84,7 +92,7 @@ class Rosbag2FolderReader(Reader):
         listed = _listed_files(self.path / "metadata.yaml")
         if listed is None:
             return only_recording(self.path)
-        found = sorted((p for p in self.path.iterdir() if storage(p)), key=natural)
+        found = sorted((p for p in self.path.iterdir() if p.is_file() and storage(p)), key=natural)
         if not found:
             raise LogError(
                 f"{self.path}: the folder holds no .db3 or .mcap file; expected a ROS 2 bag folder or a file"
@@ -95,15 +103,22 @@ class Rosbag2FolderReader(Reader):
         """Go through the files one after another."""
         files = self.data_files()
         self._compare_with_metadata(files)
+        unreadable: list[LogError] = []
         for path in files:
             with tempfile.TemporaryDirectory() as scratch:
-                plain = _unpacked(path, Path(scratch))
+                plain = self._unpacked(path, Path(scratch))
                 reader: Reader = (McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader)(plain)
                 if plain.stat().st_size == 0:
                     self.notes.append(f"{path.name} is empty.")
                     continue
-                yield from reader.batches(wanted)
+                try:
+                    yield from reader.batches(wanted)
+                except LogError as error:
+                    unreadable.append(LogError(str(error).replace(str(plain), str(path))))
                 self.notes += reader.notes
+        if unreadable and len(unreadable) == len(files):
+            raise unreadable[0]
+        self.notes += [f"{len(unreadable)} file(s) are left out: {error}." for error in unreadable[:1]]
 
     def _compare_with_metadata(self, files: list[Path]) -> None:
         listed = _listed_files(self.path / "metadata.yaml")
@@ -115,31 +130,41 @@ class Rosbag2FolderReader(Reader):
         if missing:
             self.notes.append(f"metadata.yaml lists {', '.join(missing)}, which the folder does not hold.")
 
+    def _unpacked(self, path: Path, scratch: Path) -> Path:
+        """The file itself, or its decompressed copy, as far as it goes."""
+        if path.suffix != ".zstd":
+            return path
+        plain = scratch / path.name.removesuffix(".zstd")
+        with path.open("rb") as source, plain.open("wb") as target:
+            stream = zstandard.ZstdDecompressor().stream_reader(source)
+            try:
+                while piece := stream.read(PIECE):
+                    target.write(piece)
+            except zstandard.ZstdError as error:
+                self.notes.append(f"{path.name} is damaged ({one_line(error)}): read as far as it goes.")
+        return plain
 
-def _channels(database: sqlite3.Connection) -> dict[int, Channel]:
+
+def _channels(database: sqlite3.Connection) -> tuple[dict[int, Channel], int]:
+    """Channels by number, and how many rows of the topics are none."""
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not {"messages", "topics"} <= tables:  # a view of these names may have no end
+        raise sqlite3.DatabaseError("no tables messages and topics")
     definitions = {}
     if "message_definitions" in tables:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         definitions = {name: (encoding, text) for name, encoding, text in database.execute(query)}
-    channels = {}
-    for identifier, topic, kind, encoding in database.execute(
-        "SELECT id, name, type, serialization_format FROM topics"
-    ):
+    channels, broken = {}, 0
+    for identifier, *row in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+        if not isinstance(identifier, int) or not all(isinstance(cell, str) for cell in row):
+            broken += 1
+            continue
+        topic, kind, encoding = row
         definition_encoding, text = definitions.get(kind, ("ros2msg", None))
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
+        text = text if isinstance(text, str) else None
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
-    return channels
-
-
-def _unpacked(path: Path, scratch: Path) -> Path:
-    """The file itself, or its decompressed copy."""
-    if path.suffix != ".zstd":
-        return path
-    plain = scratch / path.name.removesuffix(".zstd")
-    with path.open("rb") as source, plain.open("wb") as target:
-        shutil.copyfileobj(zstandard.ZstdDecompressor().stream_reader(source), target)
-    return plain
+    return channels, broken
 
 
 def _listed_files(metadata: Path) -> set[str] | None:

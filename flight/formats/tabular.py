@@ -48,7 +48,8 @@ class CsvReader(TableReader):
         if not path.is_file() or not text or not all(c.isprintable() or c in "\r\n\t" for c in text):
             return False
         first = text.splitlines()[0]
-        return path.suffix.lower() in SUFFIXES or (first[0] not in "{[<" and any(d in first for d in DELIMITERS))
+        plain = bool(first) and first[0] not in "{[<" and any(d in first for d in DELIMITERS)
+        return path.suffix.lower() in SUFFIXES or plain
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its header tells."""

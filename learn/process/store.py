@@ -9,9 +9,11 @@ The same GP always gives the same bytes. `numpy.load` opens the arrays too.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
+import lzma
+import struct
+import tokenize
 import zipfile
+import zlib
 from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
@@ -19,7 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
 
 FORMAT = "wrenchgap Gaussian process"
@@ -27,6 +31,15 @@ VERSION = 2
 READABLE = (1, 2)
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
+LARGEST = 2**30
+"""Bytes of a part, at most: a few bytes of a zip may unfold to any number."""
+ABSURD = 1e100
+"""No number of a process is larger: products of two must not overflow."""
+DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(EOFError, ValueError, RuntimeError, OverflowError, SyntaxError, MemoryError, tokenize.TokenError),
+)
+"""What zipfile, numpy and json raise of a file that is none."""
 
 
 def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
@@ -34,19 +47,8 @@ def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
     path = Path(path)
     if path.exists() and not force:
         raise UsageError(f"{path}: exists already; choose another name or overwrite it with --force")
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}; choose another folder") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(_bytes(gp))
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+    with atomic(path) as partial:
+        partial.write_bytes(_bytes(gp))
 
 
 def load(path: Path | str) -> GaussianProcess:
@@ -55,24 +57,26 @@ def load(path: Path | str) -> GaussianProcess:
     try:
         with zipfile.ZipFile(path) as archive:
             metadata = _metadata(archive, path)
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-            arrays = {Path(n).stem: np.load(BytesIO(archive.read(n)), allow_pickle=False).astype(float) for n in names}
+            arrays = {Path(n).stem: _array(archive, n) for n in archive.namelist() if n.endswith(".npy")}
     except FileNotFoundError:
         raise FitError(f"{path}: no such file; make one with `wrenchgap learn LOG -m MODEL -o {path.name}`") from None
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, EOFError, ValueError, RuntimeError) as error:
+    except DAMAGED as error:
         raise FitError(f"{path}: not a stored GP, or a damaged one ({_line(error)}); learn it again") from None
     try:
-        return GaussianProcess(
-            outputs=tuple(metadata["outputs"]),
-            settings=FitSettings(**{**metadata["settings"], "inputs": tuple(metadata["settings"].get("inputs", ()))}),
-            provenance=_provenance(metadata["provenance"]),
-            **arrays,
-        )
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            return GaussianProcess(
+                outputs=tuple(metadata["outputs"]),
+                settings=FitSettings(
+                    **{**metadata["settings"], "inputs": tuple(metadata["settings"].get("inputs", ()))}
+                ),
+                provenance=_provenance(metadata["provenance"]),
+                **arrays,
+            )
     except (FitError, ModelError, UsageError) as error:
         raise FitError(f"{path}: {error}; the file is damaged, learn it again") from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise FitError(f"{path}: a stored GP with missing or unknown parts ({_line(error)}); learn it again") from None
 
 
@@ -96,10 +100,31 @@ def _bytes(gp: GaussianProcess) -> bytes:
     return whole.getvalue()
 
 
+def _part(archive: zipfile.ZipFile, name: str) -> bytes:
+    """A part of the zip. Raises ValueError where it is larger than any process."""
+    size = archive.getinfo(name).file_size
+    if size > LARGEST:
+        raise ValueError(f"{name} claims {size} bytes")
+    return archive.read(name)
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> Array:
+    """Numbers and nothing else: an object would be a pickle, which is code."""
+    try:
+        found = np.load(BytesIO(_part(archive, name)), allow_pickle=False)
+    except ValueError as error:
+        raise ValueError(f"{name} holds objects" if "pickle" in str(error) else f"{name}: {_line(error)}") from None
+    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
+        raise ValueError(f"{name} holds no real numbers")
+    if np.abs(values := found.astype(float)).max(initial=0.0) > ABSURD:
+        raise ValueError(f"{name} holds numbers above {ABSURD:g}")
+    return values
+
+
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if METADATA not in archive.namelist():
         raise FitError(f"{path}: a zip without {METADATA}, so not a stored GP; give a file made by `wrenchgap learn`")
-    metadata = json.loads(archive.read(METADATA))
+    metadata = json.loads(_part(archive, METADATA))
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise FitError(f"{path}: not a stored GP; give a file made by `wrenchgap learn`")
     if metadata.get("format_version") not in READABLE:
@@ -124,4 +149,5 @@ def _caution(entry: str | dict[str, Any]) -> Caution:
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else f"{text[:120]}..."

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ NOTHING = 1e-7
 def from_mjcf(path: Path) -> Draft:
     """A draft of a MuJoCo model. Raises ModelError, in one line, for what MuJoCo cannot compile."""
     mujoco = _mujoco(path)
-    model = _compiled(path, lambda: mujoco.MjModel.from_xml_path(str(path)))
+    model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_path(str(path)))
     links = _links(mujoco, model, path)
     numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
     motors = _actuators(mujoco, model, numbers, links)
@@ -43,7 +44,7 @@ def from_urdf(path: Path, document: ElementTree.Element) -> Draft:
     """A draft of a URDF. Raises ModelError, in one line, for what MuJoCo cannot compile."""
     mujoco = _mujoco(path)
     text = ElementTree.tostring(_held(document, path), encoding="unicode")
-    model = _compiled(path, lambda: mujoco.MjModel.from_xml_string(text))
+    model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_string(text))
     links = _links(mujoco, model, path)
     named = {**{one.name: k for k, one in enumerate(links)}, **{one.joint_name: k for k, one in enumerate(links)}}
     found = motors_of(document)
@@ -58,12 +59,24 @@ def _mujoco(path: Path) -> Any:
     return mujoco
 
 
-def _compiled(path: Path, make: Any) -> Any:
+def _compiled(mujoco: Any, path: Path, make: Callable[[], Any]) -> Any:
+    """What MuJoCo makes of a file; its warnings are errors, as by itself it would write them to MUJOCO_LOG.TXT here."""
+    warnings: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: warnings.append(_one_line(text)))
     try:
-        return make()
+        model = make()
     except (ValueError, RuntimeError) as error:
-        said = " ".join(str(error).split())
-        raise ModelError(f"{path.name}: MuJoCo cannot compile it: {said}") from None
+        raise ModelError(f"{path.name}: MuJoCo cannot compile it: {_one_line(error)}") from None
+    finally:
+        mujoco.set_mju_user_warning(before)
+    if warnings:
+        raise ModelError(f"{path.name}: MuJoCo warns: {warnings[0]}")
+    return model
+
+
+def _one_line(said: object) -> str:
+    return " ".join(str(said).split())
 
 
 def _held(document: ElementTree.Element, path: Path) -> ElementTree.Element:

@@ -8,6 +8,7 @@ MulticopterMotorModel.
 
 from __future__ import annotations
 
+import math
 from xml.etree.ElementTree import Element
 
 from wrenchgap.plant.drafts.draft import Said
@@ -40,9 +41,10 @@ def motors_of(document: Element) -> dict[str, Motor]:
 
 def _number(plugin: Element, name: str) -> float | None:
     try:
-        return float(plugin.findtext(name) or "")
+        value = float(plugin.findtext(name) or "")
     except ValueError:
         return None
+    return value if math.isfinite(value) else None
 
 
 def _said(plugin: Element, name: str, told: str) -> Said | None:

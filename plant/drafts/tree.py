@@ -24,6 +24,9 @@ from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said, Tilt
 Joint = Literal["fixed", "hinge", "turning", "other"]
 """How a body is joined to its parent: not, by a hinge with limits, by one without, otherwise."""
 
+ABSURD = 1e9
+"""No mass, length or inertia of a vehicle is larger in SI."""
+
 
 @dataclass(frozen=True, eq=False)
 class Link:
@@ -76,6 +79,10 @@ def draft_of(name: str, origin: str, links: Sequence[Link], motors: Mapping[int,
             f"{origin}: no rotors found among {len(links)} bodies: neither motor plugins, actuators on sites, nor "
             "joints that turn without limit; describe them by hand in a model file (docs/model-file.md)"
         )
+    for one in links:
+        numbers = (one.position, one.rotation, one.centre, one.inertia, np.array([one.mass]))
+        if not all(np.isfinite(part).all() and np.abs(part).max(initial=0.0) < ABSURD for part in numbers):
+            raise ModelError(f"{origin}: {one.name}: mass, inertia and place must be numbers below {ABSURD:g}")
     mass, centre, inertia = together(links)
     if mass <= 0.0:
         raise ModelError(f"{origin}: the bodies have no mass; say what the vehicle weighs with --mass KG and --frame")

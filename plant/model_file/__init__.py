@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file.command import with_bench
@@ -61,7 +62,6 @@ def save(model: Model, path: Path, *, force: bool = False) -> Model:
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist; make it first")
     text = dumps(model)
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
     return replace(model, path=path, text=text)

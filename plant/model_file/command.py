@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
-from wrenchgap.plant.reader import Number, Positive, Table, Text, broken, expected, text_of, toml
+from wrenchgap.plant.reader import Number, Positive, Table, Text, broken, expected, text_of, toml, toml_document
 
 GRAM_FORCE, RPM = 9.80665e-3, np.pi / 30.0
 COLUMNS = {
@@ -143,7 +143,7 @@ def with_bench(text: str, folder: Path) -> str:
     """
     if "[command]" not in text and "command" not in toml(text):
         return text
-    document = tomlkit.parse(text)
+    document = toml_document(text)
     named = document.get("command", {})
     if not isinstance(named, dict) or not isinstance(named.get("table"), str):
         return text

@@ -9,8 +9,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchgap.flight import Flight, UsageError
+from wrenchgap.flight.atomic import atomic as atomic
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:
@@ -71,28 +71,14 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
         seen[resolved] = option
         if path.is_dir():
             raise UsageError(f"{option} {path}: is a folder; expected the name of a file")
+        if path.exists() and not path.is_file():
+            raise UsageError(f"{option} {path}: is no ordinary file; expected the name of a file to write")
         if path.exists() and not force:
             raise UsageError(f"{option} {path}: exists already; choose another name or overwrite it with --force")
         if not path.parent.is_dir():
             raise UsageError(f"{option} {path}: the folder {path.parent} does not exist; create it first")
         if not os.access(path.parent, os.W_OK):
             raise UsageError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")
-
-
-@contextmanager
-def atomic(path: Path) -> Iterator[Path]:
-    """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end.
-
-    Raises UsageError where the file system does not let it be written.
-    """
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
-        yield partial
-        os.replace(partial, path)  # noqa: PTH105 - atomic, also over an existing file
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def sha256(path: Path) -> str:

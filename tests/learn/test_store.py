@@ -181,3 +181,48 @@ def test_damage_is_named(kind, change, message, request, tmp_path):
     save(request.getfixturevalue(kind), tmp_path / "a.gp")
     rewritten(tmp_path / "a.gp", change)
     refused(tmp_path / "a.gp", message)
+
+
+def part(path, name, content):
+    rewritten(path, lambda known, old: content if known == name else old)
+
+
+def saved(values):
+    stream = BytesIO()
+    np.save(stream, values)
+    return stream.getvalue()
+
+
+def test_what_a_part_claims_is_not_believed(path):
+    head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
+    head += b" " * (-(len(head) + 11) % 64) + b"\n"
+    part(path, "inputs.npy", b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
+    refused(path, "not a stored GP, or a damaged one")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.full((15, 6), 1e308), "numbers above 1e\\+100"),
+        (np.full((15, 6), 1j), "no real numbers"),
+        (np.array(["text"]), "no real numbers"),
+        (np.full((15, 6), np.nan), "finite"),
+    ],
+)
+def test_parts_that_hold_no_numbers_of_a_process(path, values, words):
+    part(path, "inputs.npy", saved(values))
+    refused(path, words)
+
+
+def test_scales_that_overflow_are_refused_and_not_warned_of(path):
+    part(path, "lengthscales.npy", saved(np.full((3, 6), 1e-300)))
+    refused(path, "GP")
+
+
+def test_a_long_complaint_of_the_zip_is_shortened(path):
+    data = path.read_bytes()
+    place = data.index(b"gp.json")
+    path.write_bytes(data[:place] + b"\xff" * 400 + data[place + 400 :])
+    with pytest.raises(FitError) as caught:
+        load(path)
+    assert len(str(caught.value)) < 400 + len(str(path))

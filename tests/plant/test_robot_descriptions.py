@@ -233,3 +233,23 @@ def test_other_files_are_refused_with_the_remedy(tmp_path, name, message):
     (tmp_path / name).write_text("")
     with pytest.raises(UsageError, match=message):
         drafted(tmp_path / name, Given())
+
+
+@pytest.mark.parametrize("name", ["quad.urdf", "quad.sdf"])
+@pytest.mark.parametrize("number", ["nan", "inf", "1e308"])
+def test_a_number_that_is_none_is_refused_by_name(name, number, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = FORMS[name]()
+    mass = f'mass value="{MOTOR}"' if name.endswith("urdf") else f"<mass>{MOTOR}</mass>"
+    assert mass in text
+    (tmp_path / name).write_text(text.replace(mass, mass.replace(str(MOTOR), number), 1))
+    with pytest.raises(ModelError) as caught:
+        drafted(tmp_path / name, Given())
+    assert "\n" not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == [name]  # MuJoCo by itself writes MUJOCO_LOG.TXT here
+
+
+def test_a_motor_without_a_number_is_still_a_motor(tmp_path):
+    text = urdf().replace("<motorNumber>0<", "<motorNumber>nan<")
+    (tmp_path / "quad.urdf").write_text(text)
+    assert len(drafted(tmp_path / "quad.urdf", Given()).rotors) == 4

@@ -1,0 +1,76 @@
+"""The section of docs/reliability.md: every number on it is one of the run's."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmarks.faults.cases import files_of
+from benchmarks.faults.opening import Outcome
+from benchmarks.faults.valid import FORMS, LOGS
+from benchmarks.faults.workers import MEGABYTES, SECONDS, Row
+
+HEADING = "## Damaged files"
+TEXT = """{heading}
+
+Made by `python -m benchmarks.faults --rows FILE --json docs/faults.json --page docs/reliability.md`: {total}
+files, each made of a small valid one by damage drawn from a seed (`benchmarks/faults`): cut, flipped, doubled,
+swapped and absurd bytes, and damage that knows the format (records out of order, checksums and compressions
+that are wrong, chunks that claim terabytes, recursive definitions, counts and stamps that cannot be, formats
+that contradict themselves, values of another kind, other files under the name). Each is opened as `wrenchgap
+inspect` opens it, every tenth log also for a model, in a child process with {seconds:g} s of processor time for
+a file and {megabytes} MB of memory above an idle one.
+
+- *whole*: the same numbers as of the intact file;
+- *recovered*: other or fewer numbers, and a note, a count of dropped samples or a check says so;
+- *altered*: as many samples, other numbers, nothing said: one number became another that is as plausible;
+- *shorter*: fewer samples, nothing said: the format does not tell how many there were, and it ends between two of them;
+- *refused*: one line;
+- *faults*: a traceback, several lines, a hang, memory, the death of the process, or a file changed by opening it.
+
+"""
+
+
+def summary(found: Sequence[Row]) -> dict[str, Any]:
+    """The run as JSON: counts by form, and every fault."""
+    forms = {}
+    for form in dict.fromkeys(row.form for row in found):
+        own = [row for row in found if row.form == form]
+        counts = Counter(row.outcome for row in own)
+        forms[form] = {"files": len(own), **{kind.value: counts[kind.value] for kind in Outcome}}
+        forms[form]["slowest_s"] = max(row.seconds for row in own)
+    faults = [vars(row) for row in found if row.outcome == Outcome.FAULT]
+    return {"files": len(found), "forms": forms, "faults": faults}
+
+
+def section(result: Mapping[str, Any]) -> str:
+    """Heading, words and table."""
+    text = TEXT.format(heading=HEADING, total=f"{result['files']:,}", seconds=SECONDS, megabytes=MEGABYTES)
+    whole = sum(map(files_of, FORMS))
+    if result["files"] < whole:
+        text += (
+            f"The whole run has {whole:,} files; this one was stopped before, on a machine that was shared; with the\n"
+        )
+        text += "same `--rows` it goes on.\n\n"
+    kinds = [kind.value for kind in Outcome]
+    lines = [f"| form | files | {' | '.join(kinds[:-1])} | faults |", "|---" * (len(kinds) + 2) + "|"]
+    logs = {form: counts for form, counts in result["forms"].items() if form in LOGS}
+    others = {form: counts for form, counts in result["forms"].items() if form not in LOGS}
+    for title, part in (("all logs", logs), ("all others", others)):
+        lines += [_row(form, counts, kinds) for form, counts in part.items()]
+        if part:
+            total = {key: sum(counts[key] for counts in part.values()) for key in ("files", *kinds)}
+            lines.append(_row(f"**{title}**", total, kinds))
+    return text + "\n".join(lines) + "\n"
+
+
+def _row(name: str, counts: Mapping[str, Any], kinds: Sequence[str]) -> str:
+    return f"| {name} | {counts['files']} | {' | '.join(str(counts[kind]) for kind in kinds)} |"
+
+
+def with_section(text: str, result: Mapping[str, Any]) -> str:
+    """A page with this section in the place of an older one, or behind everything else."""
+    before, found, rest = text.partition(f"{HEADING}\n")
+    after = rest[rest.index("\n## ") :] if found and "\n## " in rest else ""
+    return before.rstrip("\n") + ("\n\n" if before else "") + section(result) + after

@@ -1,0 +1,42 @@
+"""Files that are written whole or not at all; every file that a command writes goes through here.
+
+What is written goes to a hidden file beside the target, which takes the target's name when it is complete. Whoever
+kills the process, or fills the disk, leaves the old file or the new one, and at most that hidden file
+(`.NAME.PID.part`, which nothing reads).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from wrenchgap.flight.errors import UsageError
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end.
+
+    A link is followed: what it points to is replaced, not the link. Raises UsageError where the file system does not
+    let it be written, and for what is no ordinary file: a device or a pipe would be gone.
+    """
+    target = path.resolve()
+    if target.exists() and not target.is_file():
+        raise UsageError(f"{path}: is no ordinary file; expected the name of a file to write")
+    partial = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        yield partial
+        _flushed(partial)
+        partial.replace(target)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _flushed(path: Path) -> None:
+    """On the disk before it has its name: after a loss of power a name must not stand over an empty file."""
+    with path.open("rb+") as stream:
+        os.fsync(stream.fileno())

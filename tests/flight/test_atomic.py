@@ -1,0 +1,159 @@
+"""A file is the old one or the new one, whoever ends the process, and whatever the disk does."""
+
+import ast
+import os
+import resource
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.errors import UsageError
+
+ROOT = Path(__file__).resolve().parents[2]
+OLD = b"old" * 400_000
+NEW = b"new" * 500_000
+
+
+def in_child(work):
+    """The id of a process that does `work`; it ends with code 0, with 2 for UsageError, with 130 where interrupted."""
+    child = os.fork()
+    if child:
+        return child
+    try:
+        work()
+        os._exit(0)
+    except UsageError:
+        os._exit(2)
+    except KeyboardInterrupt:
+        os._exit(130)
+    finally:
+        os._exit(1)
+
+
+def write(path, content=NEW, pieces=50):
+    with atomic(path) as partial, partial.open("wb", buffering=0) as stream:
+        for piece in np.array_split(np.frombuffer(content, dtype=np.uint8), pieces):
+            stream.write(piece.tobytes())
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "file.bin").write_bytes(OLD)
+    return tmp_path / "file.bin"
+
+
+def test_killed_at_any_moment_the_file_is_the_old_or_the_new_one(path):
+    found = set()
+    for moment in np.linspace(0.0, 0.02, 25):
+        path.write_bytes(OLD)
+        child = in_child(lambda: write(path))
+        time.sleep(moment)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        content = path.read_bytes()
+        assert content in (OLD, NEW)
+        found.add(content == NEW)
+    write(path)
+    assert path.read_bytes() == NEW
+    assert found  # which of both depends on the machine
+
+
+def test_interrupted_while_writing_the_old_file_stays_and_nothing_else(path):
+    reading, writing = os.pipe()
+
+    def slow():
+        with atomic(path) as partial:
+            partial.write_bytes(b"half")
+            os.write(writing, b"x")
+            time.sleep(30)
+
+    child = in_child(slow)
+    os.read(reading, 1)
+    os.kill(child, signal.SIGINT)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 130
+    assert path.read_bytes() == OLD
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_full_disk_is_one_line_and_the_old_file_stays(path):
+    def limited():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        write(path)
+
+    assert os.waitstatus_to_exitcode(os.waitpid(in_child(limited), 0)[1]) == 2
+    assert path.read_bytes() == OLD
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["/dev/full", "/dev/null"])
+def test_a_device_is_not_replaced_by_a_file(name):
+    with pytest.raises(UsageError, match="no ordinary file"):
+        write(Path(name))
+    assert Path(name).is_char_device()
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc, where nobody can write")
+def test_a_place_where_nobody_can_write(tmp_path):
+    with pytest.raises(UsageError, match=r"wrenchgap\.json: cannot be written"):
+        write(Path("/proc/wrenchgap.json"))
+
+
+def test_a_link_stays_a_link(path):
+    link = path.with_name("link.bin")
+    link.symlink_to(path.name)
+    write(link)
+    assert link.is_symlink()
+    assert path.read_bytes() == NEW
+
+
+def test_another_name_of_the_same_file_keeps_its_content(path):
+    other = path.with_name("input.bin")
+    os.link(path, other)
+    write(path)
+    assert other.read_bytes() == OLD
+
+
+WRITERS = ("write_text", "write_bytes", "to_csv", "savefig", "savez", "to_parquet", "copyfile", "copyfileobj")
+NO_OUTPUT = {
+    "flight/formats/rosbag2.py": "a decompressed copy in a folder that goes again",
+    "learn/parallel.py": "what worker processes read, in a folder that goes again",
+    "plant/trajectory_file.py": "a path that `replay.present.design` gets of `atomic`",
+    "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
+    "replay/cli/main.py": "the traceback of a fault, in a file of its own",
+    "replay/present/report/elements.py": "a picture in memory",
+}
+
+
+def writes(source):
+    """Lines that write to something that is not called `partial` or the stream of one."""
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+            continue
+        name, words = node.func.attr, ast.unparse(node)
+        modes = [a.value for a in [*node.args, *(k.value for k in node.keywords)] if isinstance(a, ast.Constant)]
+        opens = name in ("open", "fdopen") and any(isinstance(m, str) and set(m) & set("wax+") for m in modes[:1])
+        if (name in WRITERS or opens) and "partial" not in words and not words.startswith("np.savez(stream"):
+            yield node.lineno, words
+
+
+def test_every_file_is_written_through_atomic():
+    found = {}
+    for package in ("flight", "plant", "learn", "compensate", "viewer", "replay"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = str(path.relative_to(ROOT))
+            text = path.read_text(encoding="utf-8")
+            lines = list(writes(text)) if any(word in text for word in (*WRITERS, "open(")) else []
+            if lines and name not in NO_OUTPUT and name != "flight/atomic.py":
+                found[name] = lines
+    assert found == {}
+    assert list(writes("path.write_text('x')\nwith path.open('w') as f: pass"))
+
+
+if sys.platform != "linux":
+    pytest.skip("processes and their limits as on Linux", allow_module_level=True)

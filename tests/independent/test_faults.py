@@ -1,0 +1,58 @@
+"""A part of the damaged files: each is read or refused in one line; the published page is that of its rows."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks.faults import page
+from benchmarks.faults.cases import Case
+from benchmarks.faults.opening import Outcome
+from benchmarks.faults.valid import FORMS
+from benchmarks.faults.workers import Row, rows
+
+ROOT = Path(__file__).resolve().parents[2]
+OF_EACH = 8
+"""The first files of each form, out of the published ones."""
+
+
+def test_damaged_files_of_every_form_are_read_or_refused_in_one_line():
+    found = list(rows([Case(form, number) for form in FORMS for number in range(OF_EACH)]))
+    assert [row for row in found if row.outcome == Outcome.FAULT] == []
+    outcomes = {row.outcome for row in found}
+    assert {Outcome.WHOLE, Outcome.RECOVERED, Outcome.REFUSED} <= outcomes
+    assert len(found) == OF_EACH * len(FORMS) >= 200
+
+
+@pytest.mark.parametrize("form", ["ulog", "gp", "folder-sqlite3"])
+def test_a_case_is_always_the_same_file(form, tmp_path):
+    made = []
+    for attempt in ("one", "other"):
+        (tmp_path / attempt / "valid").mkdir(parents=True)
+        (tmp_path / attempt / "case").mkdir()
+        valid = FORMS[form](tmp_path / attempt / "valid")
+        path, damage = Case(form, 41).make(valid, tmp_path / attempt / "case")
+        files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+        made.append((damage, [p.name for p in files], [p.read_bytes() for p in files if p.suffix != ".db3"]))
+    assert made[0] == made[1]
+
+
+def test_the_published_page_is_that_of_the_published_run():
+    result = json.loads((ROOT / "docs/faults.json").read_text(encoding="utf-8"))
+    text = (ROOT / "docs/reliability.md").read_text(encoding="utf-8")
+    assert page.section(result) in text
+    assert page.with_section(text, result) == text
+    assert set(result["forms"]) == set(FORMS)
+    assert result["files"] == sum(counts["files"] for counts in result["forms"].values())
+    assert result["faults"] == []
+
+
+def test_a_section_takes_the_place_of_an_older_one_and_leaves_the_rest():
+    result = page.summary(
+        [Row("ulog", 0, "flip_bits", "whole", "", 0.1), Row("gp", 1, "gp_part", "refused", "no", 0.2)]
+    )
+    text = page.with_section("# Page\n\n## Before\n\nwords\n", result)
+    assert text.startswith("# Page\n\n## Before\n\nwords\n\n## Damaged files\n")
+    behind = f"{text}\n## Behind\n\nmore\n"
+    assert page.with_section(behind, result) == behind
+    assert "| ulog | 1 | 1 | 0 |" in text
