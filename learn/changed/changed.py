@@ -19,6 +19,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -152,7 +153,10 @@ class Baseline:
 
     def against(self, suspects: Sequence[OpenFlight], progress: Progress | None = None) -> Changed:
         """What changed on these flights; errors as for `changed`."""
-        tell = progress or (lambda fraction, words: None)
+        with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are
+            return self._against(suspects, progress or (lambda fraction, words: None))
+
+    def _against(self, suspects: Sequence[OpenFlight], tell: Progress) -> Changed:
         flights = checked(suspects, self.healthy, self.model)
         tell(0.0, "timing of the topics")
         timing = tuple(self._timed(f) for f in flights)

@@ -29,6 +29,8 @@ EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
 
 
+ABOVE_NOISE = 2.5
+"""Ratio to the sensors' noise from which on motion that no command explains is a disturbance."""
 FAR_LOUDER = 5.0
 """Mean square of a block, over the median of the blocks, beyond which its weight falls."""
 
@@ -96,14 +98,22 @@ class Spectrum:
             power = np.bincount(self.band, weights=self.coefficients[:, k, 0] ** 2) / self.count[:, k]
             weight = np.maximum(power, self.sensor[:, k])[self.band][:, None] ** -0.5
             basis = spanned(free * weight)
-            own = moved[:, self.axes[k], None] * weight
-            own = spanned(own - basis @ (basis.T @ own))
             part = self.coefficients[:, k] * weight
             part -= basis @ (basis.T @ part)
+            own = self._disturbed(k, moved[:, self.axes[k], None] * weight, basis, weight)
             part[:, 1:] -= own @ (own.T @ part[:, 1:])
             self.coefficients[:, k] = part / weight
             means = self.coefficients[self.starts, k, 1:]
             self.coefficients[self.starts, k, 1:] -= slow @ (slow.T @ means)
+
+    def _disturbed(self, k: int, moved: Array, basis: Array, weight: Array) -> Array:
+        """Orthonormal basis (K, B) of the motion on an axis that no command explains, where it is above the sensors'
+        noise: it moved with what disturbed it.
+        """  # noqa: D205
+        left = moved - basis @ (basis.T @ moved)
+        power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / self.count[:, k]
+        disturbed = power > ABOVE_NOISE**2 * self.sensor[:, k]
+        return spanned(left * disturbed[self.band][:, None])
 
     def _slow_answers(self, data: Dataset) -> Array:
         """Orthonormal basis (blocks, B) of how the commands' means over blocks differ within a flight."""

@@ -67,6 +67,9 @@ def test_interrupted_while_writing_the_old_file_stays_and_nothing_else(path):
     reading, writing = os.pipe()
 
     def slow():
+        signal.signal(
+            signal.SIGINT, signal.default_int_handler
+        )  # what runs in the background inherits that it is ignored
         with atomic(path) as partial:
             partial.write_bytes(b"half")
             os.write(writing, b"x")

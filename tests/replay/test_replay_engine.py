@@ -9,6 +9,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Gap, WrenchSeries
+from wrenchgap.flight.check import TimeLeftOut
 from wrenchgap.flight.errors import FitError, LogError, UsageError
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.process import store
@@ -199,10 +200,11 @@ def test_command_writes_everything(flown, gp, result, run, tmp_path):
 
 
 def test_time_on_the_ground_is_left_out(flown, gp, result, grounded):
-    late = replayed_on(grounded(flown, 2.5), gp)
+    kept = opened(grounded(flown, 2.5), MODEL, rate_hz=np.inf, incomplete=True, keep=["take-off"])
+    late = replay(kept, MODEL, gp)
+    assert [n.why.split()[0].strip(":,") for n in kept.notes if isinstance(n, TimeLeftOut)] == ["held"]
     assert late.time[0] == pytest.approx(2.5, abs=0.15)  # a low-pass of 1 Hz decides
     assert late.time[-1] == flown.desired.time[-1]
-    assert any("on the ground" in note for note in late.notes)
     assert not result.restarts
     # What is left is the flight as it was: in the air the same corrections, but for where the search begins.
     air = result.steps.correction[np.isin(result.time, late.time)]
