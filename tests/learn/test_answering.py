@@ -56,6 +56,24 @@ def test_what_commands_answer_earlier_or_later_is_gone_and_its_mean_stays(plain,
     assert np.linalg.norm(coefficients[means]) == pytest.approx(abs(values.mean()) * np.sqrt(len(values)), rel=0.01)
 
 
+def test_a_disturbance_far_above_the_noise_is_no_evidence_for_what_goes_with_it(plain, hexarotor):
+    """A gust shows in the measured force; of a column that is that force there is next to nothing left but means."""
+    gust = 300.0 * plain.noise[AXIS] * np.random.default_rng(1).normal(size=len(plain.measured))
+    measured = plain.measured.copy()
+    measured[:, AXIS] += gust
+    cuts = np.cumsum([len(r) for r in plain.records])[:-1]
+    records = tuple(replace(r, measured=m) for r, m in zip(plain.records, np.split(measured, cuts), strict=True))
+    data = replace(plain, answering=(AXIS,), records=records)
+    residual = plain.noise * np.random.default_rng(0).normal(size=measured.shape)
+    residual[:, AXIS] += gust
+    space = Spectrum(data, residual, [column("mass", measured[:, AXIS])], trim_of(hexarotor))
+    moving = np.ones(len(space.block), dtype=bool)
+    moving[space.starts] = False
+    left, carried = (space.coefficients[moving, AXIS, k] for k in (0, 1))
+    assert np.linalg.norm(left) > 0.5 * np.linalg.norm(gust)
+    assert np.linalg.norm(carried) < 0.05 * np.linalg.norm(gust)
+
+
 def test_what_no_command_answers_stays(plain, left_of):
     """A tone of its own."""
     tone = np.sin(2 * np.pi * 3.3 * plain.records[0].time)
