@@ -88,7 +88,11 @@ def _section(dt: float, cutoff_hz: float) -> tuple[Array, Array]:
 
 
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
-    """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0."""
+    """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0. Raises FitError for
+    no samples, which compiled code would not see.
+    """  # noqa: D205
+    if len(signal) == 0:
+        raise FitError(f"nothing to filter at {cutoff_hz:g} Hz: no samples; see `wrenchgap inspect`")
     section, start = _section(dt, cutoff_hz)
     padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
     flat = np.ascontiguousarray(signal, dtype=float).reshape(len(signal), -1)

@@ -27,8 +27,6 @@ SECONDS = 2.5
 """Length of the blocks [s]."""
 EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
-
-
 ABOVE_NOISE = 2.5
 """Ratio to the sensors' noise from which on motion that no command explains is a disturbance."""
 FAR_LOUDER = 5.0
@@ -84,7 +82,9 @@ class Spectrum:
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
-        explains, the means of the blocks apart. Weighed by the spectrum of what the model leaves.
+        explains, the means of the blocks apart, weighed by the spectrum of what the model leaves. Of all but what the
+        model leaves take out, too, the disturbance (`_disturbed`) and how means over blocks go with the commands'
+        (`_slow_answers`): so what an effect explains there is the mean of a flight, and what nothing answers.
         """  # noqa: D205
         answering = [k for k, axis in enumerate(self.axes) if axis in data.answering]
         if not answering:
