@@ -106,14 +106,27 @@ class FlightTiming:
         found += [LateResponse(late)] if late else []
         return (*found, *([FeedbackDominated(feedback)] if feedback else []))
 
-    def _odometry(self) -> list[TimingWarning]:
-        rows = [(o, e) for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None and o.certain]
-        if not any(e > MATTERS for _, e in rows):
-            return []
+    @property
+    def odometry(self) -> tuple[float, float, float] | None:
+        """By how much the odometry lags the IMU [s], its standard deviation, and how much the lags of attitude, rate
+        and velocity that this is the mean of differ; None where none is certain.
+        """  # noqa: D205
+        rows = self._certain()
+        if not rows:
+            return None
         weight = np.array([1.0 / max(o.std or 0.0, 1e-6) ** 2 for o, _ in rows])
         seconds = np.array([o.seconds for o, _ in rows], dtype=float)
-        found: list[TimingWarning] = [OdometryOffset(float(weight @ seconds / weight.sum()), max(e for _, e in rows))]
-        if float(np.ptp(seconds)) > UNLIKE:
+        return float(weight @ seconds / weight.sum()), float(weight.sum() ** -0.5), float(np.ptp(seconds))
+
+    def _certain(self) -> list[tuple[Offset, float]]:
+        return [(o, e) for o, e in zip(self.sensors, self.effect_error, strict=True) if e is not None and o.certain]
+
+    def _odometry(self) -> list[TimingWarning]:
+        rows, late = self._certain(), self.odometry
+        if late is None or not any(e > MATTERS for _, e in rows):
+            return []
+        found: list[TimingWarning] = [OdometryOffset(late[0], max(e for _, e in rows))]
+        if late[2] > UNLIKE:
             found.append(UnevenOffset(tuple(o for o, _ in rows)))
         return found
 

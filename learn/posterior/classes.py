@@ -19,6 +19,8 @@ LIGHT = 0.005
 """Weight below which a set is not worth a line."""
 WORTH_SETTLING = 0.02
 """Weight from which on a set is worth a check."""
+LATE_CLOCK = "late_clock"
+"""Name, in sets and of its check, of what is no effect: late stamps of the IMU (`learn.posterior.late_clock`)."""
 NEAR = 3.0
 """Difference of two predictions, in standard errors, that flights cannot show."""
 
@@ -28,17 +30,19 @@ class NamedSet:
     """A set by the names of its effects, with the weight of all sets that name the same.
 
     `contender` is the heaviest of those; `trust` says for each name how much of its evidence what is left unexplained
-    could not have made.
+    could not have made. `stands_for` are names of what is no effect of the catalogue, with the effect that was fitted.
     """
 
     names: tuple[str, ...]
     weight: float
     contender: Contender
+    stands_for: tuple[tuple[str, str], ...] = ()
 
     @property
     def trust(self) -> dict[str, float]:
         """By name."""
-        return {n: p.trust for p in self.contender.parts if p.named for n in p.names}
+        found = {n: p.trust for p in self.contender.parts if p.named for n in p.names}
+        return found | {name: found[effect] for name, effect in self.stands_for}
 
     def theta(self, model: Model) -> dict[str, Array]:
         """Parameters of the named effects, where the set fits best, by effect."""
@@ -50,7 +54,7 @@ class NamedSet:
                 size = len(find(name).parameters(model.vehicle))
                 out[name] = part.theta[at : at + size] + own.get(name, np.zeros(size))
                 at += size
-        return {name: out[name] for name in self.names}
+        return {name: out[name] for name in self.names if name in out}
 
     def values(self, vehicle: Vehicle) -> dict[str, dict[str, float]]:
         """Fitted parameters by effect and name; of an effect that the model has already, their changes."""
@@ -61,7 +65,7 @@ class NamedSet:
                 known = find(name).parameters(vehicle)
                 out[name] = {p.name: float(v) for p, v in zip(known, left, strict=False)}
                 left = left[len(known) :]
-        return {name: out[name] for name in self.names}
+        return {name: out[name] for name in self.names if name in out}
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ def classes(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple
 
 def settled(sets: Sequence[NamedSet], vehicle: Vehicle) -> tuple[Check, ...]:
     """What would settle which of several sets is true; nothing where there is one."""
-    shown = [s for s in sets if s.names and s.weight >= WORTH_SETTLING]
+    shown = [s for s in sets if s.names and s.weight >= WORTH_SETTLING and not s.stands_for]
     if len(shown) < 2:
         return ()
     return settle([s.names for s in shown], [s.weight for s in shown], [s.values(vehicle) for s in shown], vehicle)

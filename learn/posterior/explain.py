@@ -45,11 +45,12 @@ from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.identify.validation import Validation, validate
 from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.posterior.classes import Class
+from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
 from wrenchgap.learn.posterior.sets import LOUD
 from wrenchgap.learn.posterior.table import Candidate, Ground, ground, table
-from wrenchgap.plant.effects import family
+from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 
 Array = NDArray[np.float64]
@@ -154,7 +155,8 @@ class Explanation(Result):
     @property
     def separable(self) -> tuple[tuple[str, ...], ...]:
         """Groups of single effects, for which a flight can be designed."""
-        singles = [(m.name, *(r.name for r in m.alike if len(r.names) == 1)) for m in self.members]
+        known = catalogue()
+        singles = [(m.name, *(r.name for r in m.alike if len(r.names) == 1 and r.name in known)) for m in self.members]
         return tuple(names for names in singles if len(names) > 1)
 
 
@@ -178,7 +180,8 @@ def explain(
     timing = tuple(timing_of(f, model) for f in flights)
     data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))
     chosen = candidates(data.records, model, names)
-    found = search_dataset(data, model, chosen, jobs=cores() if jobs is None else jobs, progress=report)
+    jobs = cores() if jobs is None else jobs
+    found = search_dataset(data, model, chosen, clock=late_clock(timing), jobs=jobs, progress=report)
     tested = validate(validation, flights, model, found.model) if validation else None
     return replace(found, flights=tuple(flights), timing=timing, validation=tested)
 
@@ -188,15 +191,17 @@ def search_dataset(
     model: Model,
     chosen: Candidates,
     *,
+    clock: LateClock | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Explanation:
-    """The part of `explain` that needs no flights: search, what is left, verdict."""
+    """The part of `explain` that needs no flights: search, what is left, verdict; `clock` is a late IMU's."""
     tell = progress or (lambda fraction, words: None)
     some = spread_out(data.records, SEARCH_SECONDS)
     on = ground(data if some is data.records else dataset(some, model, data.answering), model)
     tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.5 * f, words))
     found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.3 * f, words))
+    found = with_clock(found, clock, model.vehicle)
     tell(0.8, "fitting what was named")
     best, named, found = needed(on, found, jobs)
     every, whole = (on, best) if on.data is data else _whole(data, model, [m.name for m in named], best)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.classes import Class, NamedSet, classes, merged, one_each, settled
+from wrenchgap.learn.posterior.classes import LATE_CLOCK, Class, NamedSet, classes, merged, one_each, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
@@ -70,15 +70,20 @@ class Posterior:
         rest = set(self.best.names) - {name}
 
         def shorter(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
-            every = [
-                replace(s, names=tuple(n for n in s.names if n != name)) if rest <= set(s.names) else s for s in sets
-            ]
+            every = []
+            for s in sets:
+                kept = tuple(n for n in s.names if dict(s.stands_for).get(n, n) != name)
+                every.append(replace(s, names=kept) if rest <= set(s.names) else s)
             return one_each(every)
 
+        def checks(sets: Sequence[NamedSet], before: Sequence[Check]) -> tuple[Check, ...]:
+            clock = [c for c in before if c.name == LATE_CLOCK and any(s.stands_for for s in sets)]
+            return (*clock, *settled(sets, vehicle))
+
         sets = shorter(self.sets)
-        groups = [Class(c.weight, shorter(c.sets)) for c in self.classes]
-        kept = [replace(c, settle=settled(c.sets, vehicle)) for c in groups]
-        return Posterior(sets, tuple(kept), settled(sets, vehicle))
+        groups = [replace(c, sets=shorter(c.sets)) for c in self.classes]
+        kept = tuple(replace(c, settle=checks(c.sets, c.settle)) for c in groups)
+        return Posterior(sets, kept, checks(sets, self.settle))
 
     @property
     def firm(self) -> tuple[str, ...]:
