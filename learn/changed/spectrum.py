@@ -5,6 +5,7 @@ within a flight is the controller's answer to air and sensors: the measured torq
 commanded one does, and any law that takes the command away again explains that. Whether something changed between two
 flights shows there in the mean over a flight alone. The mean over a flight of all that may explain then stands in every
 block of time, and the residual keeps what it wanders by, as the noise of that mean; all other frequencies are left out.
+What leaks from axis to axis is no concern here: healthy flights leak alike.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class ChangeSpectrum(Spectrum):
         per_band = np.bincount(self.band)
         filled = np.flatnonzero(per_band)
         self.band = np.searchsorted(filled, self.band)
-        self.sensor = sensor[filled]
+        self.sensor, self.leak = sensor[filled], np.zeros((len(filled), len(self.axes)))
         self.count = np.repeat(per_band[filled][:, None], len(self.axes), axis=1).astype(float)
         self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)], data)
         self.products = self._products()

@@ -14,6 +14,10 @@ N_kl are coefficients that count. What a spectrum shows above the sensors' own i
 coefficient: a form that is nearly right errs the same way everywhere. Of that share, `SHOWN` values count for each
 block, band and axis (`Scorer`).
 
+What is wrong about one axis shows a little on others: vehicles are never quite symmetric. To every mean square is
+added that of `learn.posterior.spectrum.LEAK` of what the model leaves in all of the force, or torque, in that band;
+without it a law that takes 96 % off one axis lost for a trace that it added to another, counted by its logarithm.
+
 No law is exactly right: what an effect adds is known to a share (`plant.effects.Effect.accuracy`). The mean square of a
 cell therefore has added to it the square of the sum of those shares of what its effects add there, whatever their
 signs: what effects that cancel each other leave is known no better than each of them. Source: model discrepancy,
@@ -76,8 +80,9 @@ class Scorer:
         self.known: dict[Keys, Scored] = {}
 
     def pooled(self, left: Array) -> Array:
-        """The variance that mean squares (bands, axes) and its prior make likely."""
-        return np.asarray((self.count * left + NU * self.spectrum.sensor) / (self.count + NU))
+        """The variance that mean squares (bands, axes), what leaks from other axes, and its prior make likely."""
+        space = self.spectrum
+        return np.asarray((self.count * (left + space.leak) + NU * space.sensor) / (self.count + NU))
 
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
@@ -132,7 +137,7 @@ class Scorer:
         """What each block of time (blocks,) contributes to the log likelihood."""
         space = self.spectrum
         used = np.flatnonzero(scored.weights)
-        left = (space.coefficients[:, :, used] @ scored.weights[used]) ** 2 + scored.inexact[space.band]
+        left = (space.coefficients[:, :, used] @ scored.weights[used]) ** 2 + (scored.inexact + space.leak)[space.band]
         share = (self.count / np.maximum(space.count, 1.0))[space.band]
         variance = scored.variance[space.band]
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)

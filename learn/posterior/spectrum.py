@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.answering import SHIFTS, answers, spanned
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
@@ -29,6 +29,9 @@ EDGES = (0.3, 0.7, 1.2, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Between the bands [Hz]: wider where the spectra of vehicles and turbulence are smoother."""
 ABOVE_NOISE = 2.5
 """Ratio to the sensors' noise from which on motion that no command explains is a disturbance."""
+LEAK = 0.02
+"""Share of force, or of torque, that any cause has on axes on which its law has none: axes are never quite square,
+vehicles never quite symmetric."""
 FAR_LOUDER = 5.0
 """Mean square of a block, over the median of the blocks, beyond which its weight falls."""
 
@@ -40,7 +43,9 @@ class Spectrum:
     always there: what the model's own effects may be off by (`known`), biases and trims of flights
     (`learn.identify.trim`). On the axes where commands answer the motion it is of all of them what free responses to
     all commands leave (`learn.data.answering`). `products` (bands, axes, Q, Q) are means over coefficients. `count`
-    (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time.
+    (bands, axes) coefficients; `sensor` (bands, axes) the variance that sensors leave in one; `blocks` of time. `leak`
+    (bands, axes) is the mean square below which nothing is told by what is left on an axis: `LEAK` of what the model
+    leaves in all of its force, or torque, in that band.
     """
 
     def __init__(
@@ -76,9 +81,19 @@ class Spectrum:
         per_band = np.bincount(self.band)
         self.count = np.repeat(per_band[:, None], len(self.axes), axis=1).astype(float)
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
+        self.leak = self._leak()
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
         self.products = self._products()
+
+    def _leak(self) -> Array:
+        given = [np.bincount(self.band, weights=x**2) for x in self.coefficients[:, :, 0].T]
+        power = np.stack(given, axis=1) / self.count
+        forces = self.axes < len(AXES) // 2
+        out = np.empty(power.shape)
+        for own in (forces, ~forces):
+            out[:, own] = LEAK**2 * power[:, own].sum(axis=1, keepdims=True)
+        return out
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands

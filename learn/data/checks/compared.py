@@ -19,6 +19,9 @@ from wrenchgap.plant.wrench_model import measured_wrench
 
 CUTOFF_HZ = 4.0
 """Of everything that is compared here: below vibration, above trim."""
+FAST_HZ = 0.8
+"""Above, a torque moves the vehicle; below, commands answer what disturbs (arms that droop, a shifted load), and the
+vehicle hardly turns."""
 LAGS = (0.0, 0.03, 0.08)
 """Time constants [s] of the actuators that are tried."""
 LIFTED = 0.3
@@ -103,12 +106,12 @@ def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:
     return from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
 
 
-def moving(seen: Compared, values: Array, tau: float = 0.0) -> Array:
-    """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C)."""
+def moving(seen: Compared, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
+    """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C). `fast`: above `FAST_HZ`."""
     out = []
     for part in seen.parts:
         late = np.stack([lagged(column[part], tau / seen.dt) for column in values.T], axis=1)
-        out.append(late - late.mean(axis=0))
+        out.append(late - (low_pass(late, seen.dt, FAST_HZ) if fast else late.mean(axis=0)))
     return np.concatenate(out)
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.axes import best_axes
+from wrenchgap.flight.checks.axes import Axes, best_axes
 from wrenchgap.flight.checks.mending import factor, option
 from wrenchgap.flight.checks.motion import cosine, rms
 from wrenchgap.flight.flight import Array, Flight
@@ -90,14 +91,22 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     alike = cosine(motion[:, used], sent[:, used])
     said = f"The commanded torque is {ratio:.3g} times what inertia and motion make (cosine {alike:.2f})"
     usual = _chatter(seen)
+    quick = _quick_ratio(seen, inertia, used)
     small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
-    if small or large or ratio > WILD * usual:
+    if (small and quick < 1.0) or ((large or ratio > WILD * usual) and quick > TORQUE[1]):
         words = "Nmm" if 0.2 < ratio / 1000.0 < 5.0 else f"torque*{factor(1.0 / ratio)}"
         kind = "in Nmm" if words == "Nmm" else "normalised, in another unit, or vehicle.inertia is not this vehicle's"
         yield Check("torque-unit", "bad", f"{said}: it is {kind}", option(flight, words, "commanded"))
         return
     words = f"{said}." if alike > ALIKE else f"{said}: too little in common to check its unit."
     yield Check("torque-unit", "ok", words)
+
+
+def _quick_ratio(seen: Compared, inertia: Array, used: NDArray[np.bool_]) -> float:
+    """Commanded over measured torque where torques turn the vehicle: a unit is the same at all frequencies."""
+    assert seen.wrench is not None
+    sent, felt = (moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.wrench, seen.measured))
+    return rms(sent[:, used]) / max(rms(felt[:, used]), 1e-12)
 
 
 def _chatter(seen: Compared) -> float:
@@ -125,7 +134,13 @@ def axes(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     forces = flown(seen, seen.measured[:, :3]), flown(seen, seen.wrench[:, :3])
     if not sent.any() or not forces[1].any():
         return
-    together = best_axes([(motion, sent), forces])
+    quick = tuple(moving(seen, wrench[:, 3:], fast=True) / inertia for wrench in (seen.measured, seen.wrench))
+
+    def turned(found: Axes | None) -> Axes | None:
+        """Axes that fit better also where torques turn the vehicle."""
+        return found if found is not None and cosine(quick[0], quick[1] @ found.matrix.T) > cosine(*quick) else None
+
+    together = turned(best_axes([(motion, sent), forces]))
     if together is not None and cosine(forces[0], forces[1] @ together.matrix.T) > cosine(*forces) - 0.02:
         words = (
             f"The motion goes with the commanded wrench by a cosine of {together.as_is:.2f}, with its axes read as "
@@ -133,7 +148,7 @@ def axes(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         )
         yield Check("wrench-frame", "bad", words, option(flight, together.words, "commanded"))
         return
-    alone = best_axes([(motion, sent)])
+    alone = turned(best_axes([(motion, sent)]))
     if alone is not None and "=" in alone.words and "," not in alone.words and alone.words.startswith("axes"):
         words = f"The motion goes with the commanded torque by a cosine of {alone.as_is:.2f}, as {alone.words} by "
         mend = option(flight, f"torque.{alone.words}", "commanded")
