@@ -38,6 +38,8 @@ BENT = 5.0
 """Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
 FIRM = 0.9
 """Share of the weight from which on a name is firm."""
+OTHERWISE = 0.05
+"""Share of its class from which on a set keeps the names that it lacks from being firm."""
 SUREST = 0.98
 """Largest probability that is stated: no catalogue is complete."""
 
@@ -87,9 +89,14 @@ class Posterior:
 
     @property
     def firm(self) -> tuple[str, ...]:
-        """Names that are in nine tenths of the weight; of an effect with several forms that of its family."""
+        """Names that are in nine tenths of the weight and in every likely set of their class; of an effect with
+        several forms that of its family. Between sets that predict the same, weights are priors, and no finding.
+        """  # noqa: D205
         named = dict.fromkeys(family(n) for s in self.sets for n in s.names)
-        return tuple(f for f in named if self.probability([f]) >= FIRM)
+        best = self.classes[0].sets if self.classes else ()
+        least = OTHERWISE * sum(s.weight for s in best)
+        likely = [{family(n) for n in s.names} for s in best if s.weight >= least]
+        return tuple(f for f in named if self.probability([f]) >= FIRM and all(f in s for s in likely))
 
 
 def posterior(

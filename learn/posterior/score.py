@@ -43,6 +43,8 @@ NU = 2.0
 """Values that the prior of a variance is worth."""
 PRICE = 3.0
 """Log odds against every further effect of a set."""
+DOUBTS = (1.0, 0.3)
+"""Shares of what laws may be off by, of which the likelier holds: what fits to the noise has shown that it is exact."""
 SHOWN = 2.0
 """Values that count for each block, band and axis of what exceeds the sensors' noise."""
 
@@ -61,6 +63,7 @@ class Scored:
     theta: dict[str, Array]
     left: Array
     inexact: Array
+    doubt: float
     variance: Array
     log_probability: float
     prior: float
@@ -110,34 +113,45 @@ class Scorer:
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
         accuracy = [space.columns[k].accuracy for k in keys]
-        last = -np.inf
-        for _ in range(rounds):
+        best: tuple[float, float, Array, Array, Array, Array, float] | None = None
+        for doubt in DOUBTS:
+            last = -np.inf
+            for _ in range(rounds):
+                weights[:size] = -theta
+                left, inexact = mean_squares(products, weights, members, accuracy)
+                variance = self.pooled(left + doubt**2 * inexact)
+                value = -0.5 * np.sum((self.count + NU) * np.log(variance)) - 0.5 * np.sum((theta / scale) ** 2)
+                if abs(value - last) < 0.05:
+                    break
+                last = value
+                whole = np.tensordot(self.count / variance, products, axes=([0, 1], [0, 1]))
+                A, b = whole[:size, :size], whole[:size, size:] @ weights[size:]
+                scale = compiled.relevant(A, b, low, high, scale, sparse, space.scale[unknown])
+                theta = compiled.bounded(A, b, low, high, scale)
             weights[:size] = -theta
             left, inexact = mean_squares(products, weights, members, accuracy)
-            variance = self.pooled(left + inexact)
-            value = -0.5 * np.sum((self.count + NU) * np.log(variance)) - 0.5 * np.sum((theta / scale) ** 2)
-            if abs(value - last) < 0.05:
+            variance = self.pooled(left + doubt**2 * inexact)
+            likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
+            prior = compiled.occam(A, theta, scale) + self.prior_of(keys)
+            if best is None or likelihood + prior > best[0]:
+                best = likelihood + prior, prior, theta.copy(), left, inexact, variance, doubt
+            if not np.any(inexact):
                 break
-            last = value
-            whole = np.tensordot(self.count / variance, products, axes=([0, 1], [0, 1]))
-            A, b = whole[:size, :size], whole[:size, size:] @ weights[size:]
-            scale = compiled.relevant(A, b, low, high, scale, sparse, space.scale[unknown])
-            theta = compiled.bounded(A, b, low, high, scale)
+        assert best is not None
+        total, prior, theta, left, inexact, variance, doubt = best
         weights[:size] = -theta
-        left, inexact = mean_squares(products, weights, members, accuracy)
-        variance = self.pooled(left + inexact)
-        likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
-        prior = compiled.occam(A, theta, scale) + self.prior_of(keys)
         spread = np.zeros(space.low.size)
         spread[every] = weights
         values = {k: theta[m[:-1]] for k, m in zip(keys, members, strict=True)}
-        return Scored(keys, values, left, inexact, variance, likelihood + prior, prior, spread)
+        return Scored(keys, values, left, inexact, doubt, variance, total, prior, spread)
 
     def by_block(self, scored: Scored) -> Array:
         """What each block of time (blocks,) contributes to the log likelihood."""
         space = self.spectrum
         used = np.flatnonzero(scored.weights)
-        left = (space.coefficients[:, :, used] @ scored.weights[used]) ** 2 + (scored.inexact + space.leak)[space.band]
+        left = (space.coefficients[:, :, used] @ scored.weights[used]) ** 2 + (
+            scored.doubt**2 * scored.inexact + space.leak
+        )[space.band]
         share = (self.count / np.maximum(space.count, 1.0))[space.band]
         variance = scored.variance[space.band]
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)

@@ -6,6 +6,7 @@ what they are alone. Contenders get one or two Gauss-Newton steps with derivativ
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -72,24 +73,38 @@ def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array],
 
 
 def together(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], *, anew: bool = True) -> list[Column]:
-    """Columns of the members at their values in the set. What does not add up goes to the most curved of them. Not
-    `anew`, they keep their derivatives.
+    """Columns of the members at their values in the set. Every member has the offset that makes it what it would be
+    alone; what their sum is off by goes to the most curved of them. Not `anew`, they keep their derivatives.
     """  # noqa: D205
     problem = Problem(ground.data, ground.model, tuple(n for c in columns for n in c.names))
     values = np.concatenate(theta)
+    origin = np.concatenate([c.origin for c in columns])
+    ends = np.cumsum([0, *(len(c.theta) for c in columns)])
+    parts = [slice(first, last) for first, last in itertools.pairwise(ends)]
+
+    def added(members: slice) -> Array:
+        """What these members alone take off (K, 6)."""
+        x = np.zeros(problem.low.size)
+        x[: len(values)] = origin
+        x[members] += values[members]
+        return ground.left - problem.at(np.clip(x, problem.low, problem.high)).residual
+
     x = np.zeros(problem.low.size)
-    x[: len(values)] = values + np.concatenate([c.origin for c in columns])
+    x[: len(values)] = values + origin
     point = problem.at(np.clip(x, problem.low, problem.high))
     if anew:
         derivative = problem.jacobian(point)[:, :, : len(values)]
     else:
         derivative = np.concatenate([c.jacobian for c in columns], axis=2)
-    offset = ground.left - point.residual - derivative @ values
+    bends = [bool(np.any(c.offset)) for c in columns]
+    own = [
+        added(part) - derivative[:, :, part] @ values[part] if bent else np.zeros_like(point.residual)
+        for part, bent in zip(parts, bends, strict=True)
+    ]
+    rest = ground.left - point.residual - derivative @ values - sum(own)
     curved = int(np.argmax([np.linalg.norm(c.offset) for c in columns]))
-    out, at = [], 0
-    for k, c in enumerate(columns):
-        part = slice(at, at + len(c.theta))
-        own_offset = offset if k == curved else np.zeros_like(offset)
-        out.append(replace(c, theta=values[part], jacobian=derivative[:, :, part], offset=own_offset))
-        at += len(c.theta)
-    return out
+    own[curved] = own[curved] + rest
+    return [
+        replace(c, theta=values[part], jacobian=derivative[:, :, part], offset=offset)
+        for c, part, offset in zip(columns, parts, own, strict=True)
+    ]
