@@ -98,6 +98,80 @@ def walked(
     return count, position, END
 
 
+def plainly_walked_bag(data: bytes, places: Places) -> int:
+    """Go through the records of a ROS 1 chunk and note the messages; gives how many, or -1 where something is odd.
+
+    A column of `places` (6, room) becomes connection, log time [ns], first byte and length of the payload, where the
+    record begins, and where the connection records just before it begin. Source: http://wiki.ros.org/Bags/Format/2.0
+    """
+    position, before, count, size = 0, 0, 0, len(data)
+    while position < size:
+        first, fields = position + 4, dict[bytes, bytes]()
+        stop = first + int.from_bytes(data[position:first], "little")
+        while first < stop <= size:
+            length = int.from_bytes(data[first : first + 4], "little")
+            name, _, value = data[first + 4 : first + 4 + length].partition(b"=")
+            fields[name] = value
+            first += 4 + length
+        start = stop + 4
+        end = start + int.from_bytes(data[stop:start], "little")
+        if first != stop or end > size or fields.get(b"op") not in (b"\x02", b"\x07"):
+            return -1
+        if fields[b"op"] == b"\x02":
+            if len(fields.get(b"conn", b"")) != 4 or len(fields.get(b"time", b"")) != 8:
+                return -1
+            seconds, rest = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
+            time, number = seconds * 10**9 + rest, int.from_bytes(fields[b"conn"], "little")
+            places[:, count] = number, time, start, end - start, position, before
+            count += 1
+            before = end
+        position = end
+    return count
+
+
+@njit(cache=True)
+def walked_bag(data: Bytes, places: Places) -> int:
+    """As `plainly_walked_bag`."""
+    position, before, count, size = np.int64(0), np.int64(0), 0, len(data)
+    while position < size:
+        if position + 4 > size:
+            return -1
+        first = position + 4
+        stop = first + np.int64(_number(data, position, 4))
+        if stop + 4 > size:
+            return -1
+        op, number, time = -1, np.int64(-1), np.int64(-1)
+        while first < stop:
+            if first + 4 > stop:
+                return -1
+            length = np.int64(_number(data, first, 4))
+            at = first + 4
+            first = at + length
+            if first > stop:
+                return -1
+            if length == 4 and data[at] == 111 and data[at + 1] == 112 and data[at + 2] == 61:  # op=
+                op = data[at + 3]
+            elif length == 9 and data[at] == 99 and data[at + 1] == 111 and data[at + 4] == 61:  # conn=
+                number = np.int64(_number(data, at + 5, 4))
+            elif length == 13 and data[at] == 116 and data[at + 1] == 105 and data[at + 4] == 61:  # time=
+                time = np.int64(_number(data, at + 5, 4)) * 1_000_000_000 + np.int64(_number(data, at + 9, 4))
+        start = stop + 4
+        end = start + np.int64(_number(data, stop, 4))
+        if end > size or (op != 2 and op != 7):
+            return -1
+        if op == 2:
+            if number < 0 or time < 0:
+                return -1
+            found = places[:, count]
+            found[0], found[1], found[2], found[3], found[4], found[5] = (
+                number, time, start, end - start, position, before,
+            )  # fmt: skip
+            count += 1
+            before = end
+        position = end
+    return count
+
+
 def plainly_grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
     """The first `count` columns of `places` (4, room), channel by channel, as they come within a channel.
 

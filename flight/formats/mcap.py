@@ -53,7 +53,11 @@ LARGEST_CHUNK = 2**28
 
 
 MOST_AT_ONCE = 2**15
-"""Messages of a chunk that are handed on at once, at most."""
+"""Messages that are handed on at once, at most."""
+SEVERAL = -1
+"""Instead of an opcode: messages that are in no chunk."""
+ALONE = 100
+"""Messages that are read one by one where the next of `PIECE` bytes are few, before several are tried again."""
 
 
 @dataclass
@@ -71,6 +75,7 @@ class McapReader(Reader):
     _damaged_chunks: int = 0
     _orphans: int = 0
     _broken: int = 0
+    _walked: int = 0
     _places: NDArray[np.int64] = field(default_factory=lambda: np.empty((4, MOST_AT_ONCE), dtype=np.int64))
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
@@ -80,6 +85,8 @@ class McapReader(Reader):
             for opcode, body in self._records(file):
                 if opcode == Opcode.CHUNK:
                     yield from self._chunk(self._decompressed(body), wanted, gathered)
+                elif opcode == SEVERAL:
+                    yield from self._alone(body, wanted, gathered)
                 elif opcode == Opcode.DATA_END:
                     break
                 else:
@@ -97,13 +104,22 @@ class McapReader(Reader):
     def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it.
 
-        What is written behind the end that the file has now is not waited for.
+        What is written behind the end that the file has now is not waited for. Messages that are in no chunk come
+        several at once, of which `_alone` says how many bytes are messages; where those are few, the next come by one.
         """
+        alone = 0
         size, position, header = os.fstat(file.fileno()).st_size, file.seek(len(MAGIC)), _RECORD.size
         while position + header <= size:
             opcode, length = _RECORD.unpack(file.read(header).ljust(header, b"\0"))
             start, stop = position + header, position + header + length
+            if opcode == Opcode.MESSAGE and alone <= 0:
+                file.seek(position)
+                yield SEVERAL, file.read(min(PIECE, size - position))
+                alone = 0 if self._walked > PIECE // 4 else ALONE
+                position = file.seek(position + self._walked)
+                continue
             if opcode and stop <= size:
+                alone -= 1
                 if opcode in _READ:
                     yield opcode, file.read(length)
                 position = file.seek(stop)
@@ -117,6 +133,13 @@ class McapReader(Reader):
             if opcode == Opcode.CHUNK:
                 yield opcode, file.read(min(following - start, LARGEST_CHUNK))
             position = file.seek(following)
+
+    def _alone(self, records: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
+        """The messages with which bytes of the file begin, where they lie; the first odd one ends them."""
+        data, why, self._walked = np.frombuffer(records, dtype=np.uint8), FULL, 0
+        while why == FULL:
+            count, self._walked, why = walked(data, self._walked, len(records), _NONE_PASSED, self._places, 0)
+            yield from self._found(records, count, wanted, gathered)
 
     def _chunk(self, records: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         """The messages of a chunk where they lie; records of another kind, and messages that are odd, one by one."""
@@ -291,6 +314,7 @@ _READ = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, 
 _PASSED = np.ones(256, dtype=np.bool_)
 _PASSED[[Opcode.SCHEMA, Opcode.CHANNEL]] = False
 """Records within a chunk that are passed over."""
+_NONE_PASSED = np.zeros(256, dtype=np.bool_)
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
 _DECOMPRESS: dict[str, Callable[[Buffer, int], bytes]] = {"": _plain, "zstd": _unzstd, "lz4": _unlz4}
 _DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "jsonschema": "jsonschema"}

@@ -76,12 +76,20 @@ Wanted = Callable[[Channel], bool]
 """Says which channels are worth reading; of the others only the log times are kept."""
 
 
+class DoubtfulError(Exception):
+    """A log is not quite as it should be: it has to be read anew, carefully."""
+
+
 @dataclass
 class Reader(ABC):
-    """One log. `notes` grow while it is read: what was damaged, missing or skipped."""
+    """One log. `notes` grow while it is read: what was damaged, missing or skipped.
+
+    With `careful` it is read message by message; else a format may raise DoubtfulError at any time.
+    """
 
     path: Path
     notes: list[str] = field(default_factory=list)
+    careful: bool = False
 
     name: ClassVar[str]
     """What the format is called, for `inspect` and messages."""
