@@ -4,9 +4,9 @@
     python -m benchmarks.reading_speed --minutes 10 --page       # and docs/performance.md
     python -m benchmarks.reading_speed --json rows.json          # rows as they come
 
-A log of seven topics (wrenches, actuators, IMU, odometry, reference) at 200 Hz, written as MCAP (zstd), and a part of it
-as ROS 2 sqlite3 and as ROS 1 bag. `read_log` gives columns, with the file's hash, its clocks and every check of damage
-that it has; the others give one object for each message. All columns are compared with rosbags' values bit for bit.
+A log of seven topics (wrenches, actuators, IMU, odometry, reference) at 200 Hz, written as MCAP (zstd), and a part of
+it as ROS 2 sqlite3 and as ROS 1 bag. `read_log` gives columns, with the file's hash and every check of damage that it
+has; the others give one object for each message. All columns are compared with rosbags' values bit for bit.
 Processor time, because the machine may be busy; the ratio of rows of one run is what counts, and the load is stated.
 """
 

@@ -18,9 +18,7 @@ FEWEST = 8
 """Samples of a block below which its integrals are zero."""
 
 
-def plain_integrals(
-    time: Array, values: Array, starts: Array, length: float, lowest: int, count: int
-) -> Complex:
+def plain_integrals(time: Array, values: Array, starts: Array, length: float, lowest: int, count: int) -> Complex:
     """Fourier integrals (B, C, F) of the blocks of `length` [s] that begin at `starts` (B,), over the samples in each.
 
     `values` (N, C) at `time` (N,); F = `count` harmonics of the block from `lowest` on. A block is tapered by Hann's
@@ -106,9 +104,15 @@ def _sums(x: Array, tapered: Array, lowest: int, out: Complex) -> None:
 
 @njit(cache=True)
 def _integrals(
-    time: Array, values: Array, starts: Array, first: NDArray[np.intp], last: NDArray[np.intp], length: float, lowest: int,
+    time: Array,
+    values: Array,
+    starts: Array,
+    first: NDArray[np.intp],
+    last: NDArray[np.intp],
+    length: float,
+    lowest: int,
     out: Complex,
-) -> None:  # fmt: skip
+) -> None:
     columns = values.shape[1]
     for b in range(len(starts)):
         i, j = first[b], last[b]

@@ -86,7 +86,9 @@ def inspect(
     known: dict[str, Relation] = {}
     try:
         raw, timing = build(log, assignment, unmeasured)
-        known = {s.topic: timing.relations[s.topic] for s in _plainly_stamped(assignment) if s.topic in timing.relations}
+        known = {
+            s.topic: timing.relations[s.topic] for s in _plainly_stamped(assignment) if s.topic in timing.relations
+        }
         flight = checked(raw, timing, assignment.vehicles)
         found = flight.checks or ()
     except LogError as error:
@@ -110,9 +112,7 @@ def inspect(
     )
 
 
-def _topic(
-    table: Table, assignment: Assignment, flight: Flight | None, known: Mapping[str, Relation]
-) -> TopicReport:
+def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: Mapping[str, Relation]) -> TopicReport:
     time = np.sort(
         (table.log_time_ns if table.header_ns is None else table.header_ns) * 1e-9 - table.log_time_ns[0] * 1e-9
     )

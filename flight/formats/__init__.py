@@ -16,6 +16,7 @@ from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
 from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
 from wrenchgap.flight.formats.table import Selection as Selection
 from wrenchgap.flight.formats.table import Table as Table
+from wrenchgap.flight.formats.table import give_away as give_away
 from wrenchgap.flight.formats.tabular import CsvReader, ParquetReader
 from wrenchgap.flight.formats.ulog import UlogReader
 

@@ -8,7 +8,7 @@ itself. Messages that a reader hands on where they lie are copied by the layout 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import islice

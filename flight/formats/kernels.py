@@ -30,9 +30,9 @@ LAST_TIME = 2**63 - 1  # ns, in the year 2262
 def plainly_walked(
     data: bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
 ) -> tuple[int, int, int]:
-    """Go through MCAP records from `start` to `stop` and note the messages: how many there are, where and why it ended.
+    """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
 
-    A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of the payload.
+    A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of a payload.
     Records whose opcode is `passed` (256,) are passed over. The walk ends before a record that it does not read:
     another opcode, a message that is too short, later than `LAST_TIME`, or compressed by itself.
     """
@@ -175,7 +175,7 @@ def walked_bag(data: Bytes, places: Places) -> int:
 def plainly_grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
     """The first `count` columns of `places` (4, room), channel by channel, as they come within a channel.
 
-    Channels (C,), the first column of each and the number of all (C + 1,), and times, first bytes and lengths (3, count).
+    Channels (C,), the first column of each and the number of all (C + 1,), and times, first bytes, lengths (3, count).
     """
     channels, first = np.unique(places[0, :count], return_index=True)
     channels = channels[np.argsort(first)]
@@ -227,8 +227,9 @@ def plainly_copied(
     """Copy the numbers of the messages that have the `expected` bytes where a layout is `fixed`; gives how many.
 
     Messages begin at `starts` (N,) and have `lengths` (N,), which must be len(expected). `fixed` (F, 2) are first byte
-    and number of bytes that must be the same; `ranges` (R, 3) are first byte, place in the row and number of bytes that are copied, to
-    `rows` (room, width) from `used` on. `fits` (N,) says afterwards of which messages there are rows.
+    and number of bytes that must be the same; `ranges` (R, 3) are first byte, place in the row and number of bytes
+    that are copied, to `rows` (room, width) from `used` on. `fits` (N,) says afterwards of which messages there are
+    rows.
     """
     length = len(expected)
     window: Any = np.ndarray((len(data) - length + 1,), dtype=f"V{length}", buffer=data, strides=(1,))

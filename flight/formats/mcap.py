@@ -160,7 +160,9 @@ class McapReader(Reader):
         if not count:
             return
         identifiers, bounds, (times, starts, lengths) = grouped(self._places, count)
-        for identifier, first, stop in zip(identifiers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        for identifier, first, stop in zip(
+            identifiers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True
+        ):
             channel = self._channels.get(identifier)
             if channel is None:
                 self._orphans += stop - first

@@ -7,6 +7,7 @@ asked of every message; those that differ get a layout of their own, and what is
 
 from __future__ import annotations
 
+import mmap
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
@@ -71,9 +72,7 @@ class Template:
                 places[name] = first, dtype, values.shape[1:]
         constant = {name: values for name, values in walk.columns.items() if name not in places}
         ranges, row = _packed(places)
-        return cls(
-            expected, _merged([*fixed, *walk.fixed]), ranges, row, tuple(walk.columns), constant
-        )
+        return cls(expected, _merged([*fixed, *walk.fixed]), ranges, row, tuple(walk.columns), constant)
 
 
 def _packed(places: dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]) -> tuple[NDArray[np.int64], np.dtype[Any]]:
@@ -145,7 +144,7 @@ class Rows:
             if not self.blocks or self.used == len(self.blocks[-1]):
                 width = known.row.itemsize
                 room = min(max(64, 2 * self.count), max(64, BLOCK // width))
-                self.blocks.append(np.empty((room, width), dtype=np.uint8))
+                self.blocks.append(_block(room, width))
                 self.used = 0
             rows = self.blocks[-1]
             part = slice(done, done + len(rows) - self.used)
@@ -155,23 +154,46 @@ class Rows:
         return fits
 
     def columns(self) -> Columns:
-        """Columns (count, ...) of the rows; a block is given away as soon as it is in them."""
-        out: Columns = {}
-        for name in self.template.names:
-            if name in self.template.constant:
-                values = self.template.constant[name]
-                out[name] = np.broadcast_to(values, (self.count, *values.shape[1:]))
-            else:
-                kind = self.template.row[name]
-                out[name] = np.empty((self.count, *kind.shape), dtype=kind.base.newbyteorder("="))
-        stop, self.blocks = self.count, self.blocks[::-1]
+        """Columns (count, ...) of the rows; a block is given away as soon as it is in them.
+
+        A column in which one value repeats is one value, seen `count` times.
+        """
+        out = {name: np.broadcast_to(v, (self.count, *v.shape[1:])) for name, v in self.template.constant.items()}
+        first = self.blocks[0][:1].view(self.template.row)[0]
+        for name in self.template.row.names or ():
+            value = first[name].astype(first[name].dtype.newbyteorder("="))
+            out[name] = np.broadcast_to(value.copy(), (self.count, *value.shape[1:]))
+        del first
+        self.blocks.reverse()
         start = 0
-        while start < stop:
-            rows = self.blocks.pop()[: stop - start].view(self.template.row)[:, 0]
+        while start < self.count:
+            rows = self.blocks.pop()[: self.count - start].view(self.template.row)[:, 0]
             for name in self.template.row.names or ():
-                out[name][start : start + len(rows)] = rows[name]
+                out[name] = _filled(out[name], start, rows[name])
             start += len(rows)
-        return out
+        return {name: out[name] for name in self.template.names}
+
+
+def _filled(column: NDArray[Any], start: int, values: NDArray[Any]) -> NDArray[Any]:
+    """A column with values from `start` on, which is the same as long as one value repeats."""
+    if column.strides[0] == 0 and len(column) > 1:
+        if values.astype(column.dtype).tobytes() == np.repeat(column[:1], len(values), axis=0).tobytes():
+            return column
+        whole = np.empty(column.shape, dtype=column.dtype)
+        whole[:start] = column[:start]
+        column = whole
+    elif not column.flags.writeable:
+        column = column.copy()
+    column[start : start + len(values)] = values
+    return column
+
+
+def _block(room: int, width: int) -> NDArray[np.uint8]:
+    """Uninitialised rows (room, width); large ones in pages of their own, which go back as soon as they are let go."""
+    size = room * width
+    if size < BLOCK // 2:
+        return np.empty((room, width), dtype=np.uint8)
+    return np.frombuffer(mmap.mmap(-1, size), dtype=np.uint8).reshape(room, width)
 
 
 @dataclass

@@ -111,9 +111,7 @@ class IndexedBag(BagReader):
         for info in self.chunk_infos:
             yield from self._chunk(info.pos, channels, wanted, gathered)
 
-    def _chunk(
-        self, pos: int, channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer
-    ) -> Iterator[Batch]:
+    def _chunk(self, pos: int, channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         assert self.bio
         chunk: Chunk = self.chunks[pos]
         self.bio.seek(chunk.datapos)

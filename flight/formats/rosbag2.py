@@ -24,9 +24,9 @@ from wrenchgap.flight.formats.folders import natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import (
+    ZSTD_MAGIC,
     Batch,
     Channel,
-    ZSTD_MAGIC,
     Gatherer,
     Places,
     Reader,

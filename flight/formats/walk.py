@@ -70,6 +70,7 @@ class Walk:
         self.depth = 0
 
     def message(self, prefix: str, kind: str) -> None:
+        """Read the fields of a message within."""
         if kind not in self.definitions:
             raise UndecodableError(f"type {kind} is not defined")
         self.depth += 1
@@ -80,6 +81,7 @@ class Walk:
         self.depth -= 1
 
     def value(self, path: str, description: Any) -> None:
+        """Read one field, whatever it is."""
         node, payload = description
         if node == Nodetype.BASE:
             self.base(path, payload[0])
@@ -90,12 +92,14 @@ class Walk:
             self.several(path, inner, int(number) if node == Nodetype.ARRAY else self.counter())
 
     def base(self, path: str, kind: str) -> None:
+        """Read one number or text."""
         if kind == "string":
             self.columns[path] = self.text()
         else:
             self.columns[path] = self.numbers(kind, 1, path)[:, 0]
 
     def several(self, path: str, inner: Any, number: int) -> None:
+        """Read an array or a sequence."""
         node, payload = inner
         if number > self.rows.shape[1]:  # even messages without fields are not as many as bytes
             raise UndecodableError("shorter than its definition")
@@ -124,6 +128,7 @@ class Walk:
         return raw.view(dtype).reshape(len(self.rows), number).astype(dtype.newbyteorder("="), copy=False)
 
     def counter(self) -> int:
+        """How many elements follow, which must be the same in all messages."""
         counts = self.numbers("uint32", 1)[:, 0]
         if np.any(counts != counts[0]):
             raise Uneven(counts)
@@ -131,6 +136,7 @@ class Walk:
         return int(counts[0])
 
     def text(self) -> NDArray[Any]:
+        """The bytes of a text (N,)."""
         raw = self.take(self.counter())
         width = raw.shape[1]
         self.fixed.append((self.position - width, width))
