@@ -96,6 +96,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         reference=builder.reference(),
         battery=builder.one("battery", 0),
     )
+    builder.parts.clear()
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return with_units(replace(flight, notes=notes, mapping=assignment.as_topics()), sources), timing
@@ -256,9 +257,8 @@ class _Builder:
         if pose is None:
             return None
         quat_EB = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
-        motion = self._motion(pose, quat_EB, "twist", "B")
-        topics = self._topics("pose", "twist")
-        return self._made(OdometrySeries, topics, pose, pose.values[:, :3], quat_EB, *motion)
+        values = (pose.values[:, :3].copy(), quat_EB, *self._motion(pose, quat_EB, "twist", "B"))
+        return self._made(OdometrySeries, self._topics("pose", "twist"), pose, *values)
 
     def reference(self) -> ReferenceSeries | None:
         """The reference, with velocity and acceleration in E and rates in D."""
@@ -288,10 +288,10 @@ class _Builder:
             truth = smooth(time, pose.values[:, :3], derivative=1)
             readings = {frame: so3.rotate(quat, linear @ meant.body("velocity").T), "E": linear @ meant.world.T}
             velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, frame if in_body else "E")
+            del readings, truth
         if np.isfinite(angular).all():
             truth = angular_velocity(time, quat)
-            turned = angular @ meant.body("rate").T
-            readings = {frame: turned, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
+            readings = {frame: angular @ meant.body("rate").T, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
             # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
             omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
         return velocity_E, omega

@@ -129,6 +129,20 @@ def plainly_walked_bag(data: bytes, places: Places) -> int:
     return count
 
 
+_OP, _CONN, _TIME = (np.frombuffer(name, dtype=np.uint8) for name in (b"op=", b"conn=", b"time="))
+
+
+@njit(cache=True)
+def _named(data: Bytes, place: int, name: Bytes) -> bool:
+    """Whether a field has this name; within the data, as a header is followed by four bytes at least."""
+    if place + len(name) > len(data):
+        return False
+    for k in range(len(name)):
+        if data[place + k] != name[k]:
+            return False
+    return True
+
+
 @njit(cache=True)
 def walked_bag(data: Bytes, places: Places) -> int:
     """As `plainly_walked_bag`."""
@@ -149,12 +163,14 @@ def walked_bag(data: Bytes, places: Places) -> int:
             first = at + length
             if first > stop:
                 return -1
-            if length == 4 and data[at] == 111 and data[at + 1] == 112 and data[at + 2] == 61:  # op=
-                op = data[at + 3]
-            elif length == 9 and data[at] == 99 and data[at + 1] == 111 and data[at + 4] == 61:  # conn=
+            if length == 4 and _named(data, at, _OP):
+                op = np.int64(data[at + 3])
+            elif length == 9 and _named(data, at, _CONN):
                 number = np.int64(_number(data, at + 5, 4))
-            elif length == 13 and data[at] == 116 and data[at + 1] == 105 and data[at + 4] == 61:  # time=
+            elif length == 13 and _named(data, at, _TIME):
                 time = np.int64(_number(data, at + 5, 4)) * 1_000_000_000 + np.int64(_number(data, at + 9, 4))
+            elif _named(data, at, _OP) or _named(data, at, _CONN) or _named(data, at, _TIME):
+                return -1
         start = stop + 4
         end = start + np.int64(_number(data, stop, 4))
         if end > size or (op != 2 and op != 7):
