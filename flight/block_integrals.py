@@ -126,6 +126,6 @@ def integrals(time: Array, values: Array, starts: Array, length: float, lowest: 
     """As `plain_integrals`; up to rounding, since sums are taken in another order."""
     out = np.zeros((len(starts), values.shape[1], count), dtype=complex)
     first, last = np.searchsorted(time, starts), np.searchsorted(time, starts + length)
-    wanted = (np.ascontiguousarray(a, dtype=float) for a in (time, values, starts))
-    _integrals(*wanted, first, last, float(length), int(lowest), out)
+    t, v, s = (np.ascontiguousarray(a, dtype=float) for a in (time, values, starts))
+    _integrals(t, v, s, first, last, float(length), int(lowest), out)
     return out

@@ -10,7 +10,6 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 
-
 PIECE = 2**16
 """Rows that are computed at once: of hours of log, what is needed on the way would be larger than the result."""
 

@@ -58,7 +58,7 @@ def plainly_walked(
 
 
 @njit(cache=True)
-def _number(data: Bytes, place: int, size: int) -> np.uint64:
+def _number(data: Bytes, place: Any, size: int) -> Any:
     """An unsigned little-endian number."""
     value = np.uint64(0)
     for k in range(size):
@@ -71,7 +71,7 @@ def walked(
     data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
 ) -> tuple[int, int, int]:
     """As `plainly_walked`."""
-    position = start
+    position: Any = start
     while position + 9 <= stop:
         opcode = data[position]
         length = _number(data, position + 1, 8)
@@ -133,11 +133,11 @@ _OP, _CONN, _TIME = (np.frombuffer(name, dtype=np.uint8) for name in (b"op=", b"
 
 
 @njit(cache=True)
-def _named(data: Bytes, place: int, name: Bytes) -> bool:
+def _named(data: Bytes, place: Any, name: Bytes) -> bool:
     """Whether a field has this name; within the data, as a header is followed by four bytes at least."""
     if place + len(name) > len(data):
         return False
-    for k in range(len(name)):
+    for k in range(len(name)):  # noqa: SIM110 - numba knows no generators
         if data[place + k] != name[k]:
             return False
     return True
@@ -146,15 +146,19 @@ def _named(data: Bytes, place: int, name: Bytes) -> bool:
 @njit(cache=True)
 def walked_bag(data: Bytes, places: Places) -> int:
     """As `plainly_walked_bag`."""
-    position, before, count, size = np.int64(0), np.int64(0), 0, len(data)
+    position: Any = np.int64(0)
+    before: Any = np.int64(0)
+    count, size = 0, len(data)
     while position < size:
         if position + 4 > size:
             return -1
-        first = position + 4
-        stop = first + np.int64(_number(data, position, 4))
+        first: Any = position + 4
+        stop: Any = first + np.int64(_number(data, position, 4))
         if stop + 4 > size:
             return -1
-        op, number, time = -1, np.int64(-1), np.int64(-1)
+        op: Any = np.int64(-1)
+        number: Any = np.int64(-1)
+        time: Any = np.int64(-1)
         while first < stop:
             if first + 4 > stop:
                 return -1
@@ -259,17 +263,19 @@ def plainly_copied(
     return count
 
 
-@intrinsic
-def _copy(context: Any, target: Any, place: Any, source: Any, first: Any, size: Any) -> Any:
+def _memcpy(context: Any, target: Any, place: Any, source: Any, first: Any, size: Any) -> Any:
     """Bytes from one array of bytes to another, as C's memcpy: a loop over so few takes five times as long."""
 
     def made(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         to, of = (context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 2))
         ends = builder.gep(to.data, [arguments[1]]), builder.gep(of.data, [arguments[3]])
-        cgutils.raw_memcpy(builder, *ends, arguments[4], 1)
+        cgutils.raw_memcpy(builder, *ends, arguments[4], 1)  # type: ignore[no-untyped-call]
         return context.get_dummy_value()
 
     return types.void(target, types.int64, source, types.int64, types.int64), made
+
+
+_copy: Any = intrinsic(_memcpy)
 
 
 @njit(cache=True)
