@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.formats.decode import Decoder, Definitions, UndecodableError, definitions_of, flat_fields
+from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
 from wrenchgap.flight.formats.reader import Batch, Channel, Places
 from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.walk import Definitions
 
 ROS = ("cdr", "ros1")
 OTHERS = ("json", "protobuf")
