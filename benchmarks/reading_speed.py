@@ -273,8 +273,8 @@ def main():
     print(text)
     if asked.page:
         page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- reading -->\n).*?(\n<!-- /reading -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + m[2], page), encoding="utf-8")
+        mark = re.compile(r"(<!-- reading -->\n).*?(<!-- /reading -->)", re.DOTALL)
+        PAGE.write_text(mark.sub(lambda m: m[1] + text + "\n" + m[2], page), encoding="utf-8")
 
 
 if __name__ == "__main__":
