@@ -74,8 +74,9 @@ def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
     if len(x) < 3 or x[-1] - x[0] < SHORT:
         return Relation(1.0, offset, float(np.std(y - x)))
     rate, _, inliers = _line(x, y)
-    fit = np.polyval(np.polyfit(x[inliers], y[inliers], 1), x[inliers])
-    return Relation(rate, offset, float(np.std(y[inliers] - fit)))
+    x, y = x[inliers], y[inliers]
+    slope, intercept = _straight(x, y)
+    return Relation(rate, offset, float(np.std(y - intercept - slope * x)))
 
 
 def without_jumps(log_time_ns: Stamps, header_ns: Stamps) -> tuple[Stamps, tuple[tuple[int, float], ...]]:
@@ -271,7 +272,16 @@ def _line(x: Array, y: Array) -> tuple[float, float, NDArray[np.bool_]]:
     slope, intercept = 1.0, float(np.median(y - x))
     for _ in range(3):
         if np.ptp(x[inliers]) > 0 and inliers.sum() > 2:
-            slope, intercept = (float(value) for value in np.polyfit(x[inliers], y[inliers], 1))
+            slope, intercept = _straight(x[inliers], y[inliers])
         residual = np.abs(y - intercept - slope * x)
         inliers = residual <= 5.0 * np.median(residual) + 1e-6
     return slope, intercept, inliers
+
+
+def _straight(x: Array, y: Array) -> tuple[float, float]:
+    """Slope and intercept of the least-squares line; hours of stamps want no matrix."""
+    middle = float(np.mean(x))
+    lever = x - middle
+    spread = float(lever @ lever)
+    slope = float(lever @ y) / spread if spread > 0.0 else 0.0
+    return slope, float(np.mean(y)) - slope * middle

@@ -31,6 +31,7 @@ def angular_velocity(time: Array, quat_EB: Array, window: float = 0.15) -> Array
     hat(omega_B) = R^T dR/dt; the steps log(q_i^-1 q_i+1) are rotation vectors in B, summed and differentiated.
     """
     q = so3.continuous(quat_EB)
-    steps = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
-    path = np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+    path = np.zeros((len(q), 3))
+    path[1:] = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
+    np.cumsum(path[1:], axis=0, out=path[1:])
     return smooth(time, path, window, derivative=1)

@@ -15,7 +15,7 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.load import assigned, build
-from wrenchgap.flight.roles import ROLE_PARTS, Assignment
+from wrenchgap.flight.roles import ROLE_PARTS, Assignment, Source
 from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
 
 
@@ -83,8 +83,13 @@ def inspect(
     """
     log, assignment = assigned(path, topics, preferred)
     flight: Flight | None = None
+    known: dict[str, Relation] = {}
     try:
-        flight = checked(*build(log, assignment, unmeasured), assignment.vehicles)
+        raw, timing = build(log, assignment, unmeasured)
+        known = {
+            s.topic: timing.relations[s.topic] for s in _plainly_stamped(assignment) if s.topic in timing.relations
+        }
+        flight = checked(raw, timing, assignment.vehicles)
         found = flight.checks or ()
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)
@@ -99,7 +104,7 @@ def inspect(
         duration=(last - first) * 1e-9
         if flight is None
         else max(float(series.time[-1]) for series in flight.series().values()),
-        topics=tuple(_topic(table, assignment, flight) for table in log.tables.values()),
+        topics=tuple(_topic(table, assignment, flight, known) for table in log.tables.values()),
         mapping=assignment.as_topics(),
         checks=accepting(found, accept),
         notes=log.notes if flight is None else flight.notes,
@@ -107,13 +112,13 @@ def inspect(
     )
 
 
-def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> TopicReport:
+def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: Mapping[str, Relation]) -> TopicReport:
     time = np.sort(
         (table.log_time_ns if table.header_ns is None else table.header_ns) * 1e-9 - table.log_time_ns[0] * 1e-9
     )
     gaps = gaps_of(time)
     several = len(time) > 2 and nominal_period(time) > 0.0  # damaged logs repeat one stamp
-    clock = _relation(table)
+    clock = known.get(table.topic) or _relation(table)
     series = [] if flight is None else flight.series().values()
     return TopicReport(
         topic=table.topic,
@@ -131,6 +136,11 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None) -> Topic
         could_play=tuple(part for part, others in assignment.candidates.items() if table.topic in others),
         problem=table.problem,
     )
+
+
+def _plainly_stamped(assignment: Assignment) -> list[Source]:
+    """Sources whose clocks the flight's timing tells as they are logged."""
+    return [source for source in assignment.sources.values() if source.meaning.stamp == 1.0]
 
 
 def _relation(table: Table) -> Relation | None:

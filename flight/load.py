@@ -28,7 +28,7 @@ from wrenchgap.flight.flight import (
     ReferenceSeries,
     Series,
 )
-from wrenchgap.flight.formats import Log, Table, read_log
+from wrenchgap.flight.formats import Log, Table, give_away, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
 from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
@@ -69,7 +69,7 @@ def assigned(
 
 
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
-    """The flight that a log holds under an assignment of roles, and how its clocks relate."""
+    """The flight that a log holds under an assignment of roles, and its clocks; the log's columns are given away."""
     if not assignment.sources:
         found = ", ".join(f"{topic} ({table.type})" for topic, table in log.tables.items())
         raise LogError(
@@ -96,6 +96,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         reference=builder.reference(),
         battery=builder.one("battery", 0),
     )
+    builder.parts.clear()
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return with_units(replace(flight, notes=notes, mapping=assignment.as_topics()), sources), timing
@@ -130,10 +131,14 @@ class _Builder:
     start_ns: int = 0
 
     def __post_init__(self) -> None:
-        for name in self.assignment.sources:
+        topics = Counter(source.topic for source in self.assignment.sources.values())
+        give_away(self.log.tables, topics)
+        for name, source in self.assignment.sources.items():
             part = self._clean(name)
             if part is not None:
                 self.parts[name] = part
+            topics[source.topic] -= 1
+            give_away(self.log.tables, +topics)  # hours of log are not held twice
         self.start_ns = min((int(part.stamps[0]) for part in self.parts.values()), default=0)
 
     def _clean(self, name: str) -> _Part | None:
@@ -144,8 +149,11 @@ class _Builder:
         values = source.meaning.applied(PART_QUANTITY[name], values)
         if name == "imu":
             self.unmeasured = {**not_estimated(table, source), **dict.fromkeys(self.declared, Why.DECLARED)}
-            values = values.copy()
-            values[:, [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]] = np.nan  # the gyroscope comes first
+            if self.unmeasured:
+                values = values.copy()
+                values[:, [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]] = (
+                    np.nan
+                )  # the gyroscope comes first
         if table.problem:
             self._note(f"{source.topic}: {table.problem}.")
         if not np.isfinite(values).any():
@@ -154,9 +162,11 @@ class _Builder:
         absent = empty_columns(values, name)
         stamps = self.timing.stamps[source.topic]
         unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
-        present = np.delete(values, absent, axis=1)
-        finite = np.isfinite(present).all(axis=1)
-        absurd = finite & (np.abs(np.where(np.isfinite(present), present, 0.0)) > ABSURD).any(axis=1)
+        finite, absurd = np.ones(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
+        for column in (values[:, k] for k in range(values.shape[1]) if k not in absent):  # hours are long
+            finite &= np.isfinite(column)
+            absurd |= np.abs(column) > ABSURD
+        absurd &= finite
         dropped: Counter[str] = Counter(
             {"not finite": int((~finite).sum()), "absurd": int(absurd.sum()), "no stamp": int(unset.sum())}
         )
@@ -177,7 +187,8 @@ class _Builder:
         if len(keep) < 2:
             self._note(f"{source.topic} plays {name}, but only {len(keep)} of its samples are usable: left out.")
             return None
-        return _Part(source, stamps[keep], values[keep], counted)
+        rows: Any = slice(None) if len(keep) == len(values) else keep
+        return _Part(source, stamps[rows], values[rows], counted)
 
     def one(self, role: str, *columns: int | slice) -> Any:
         """The series of a role of one part, whose `columns` are its fields."""
@@ -246,9 +257,8 @@ class _Builder:
         if pose is None:
             return None
         quat_EB = so3.continuous(so3.normalise(pose.values[:, [6, 3, 4, 5]]))
-        motion = self._motion(pose, quat_EB, "twist", "B")
-        topics = self._topics("pose", "twist")
-        return self._made(OdometrySeries, topics, pose, pose.values[:, :3], quat_EB, *motion)
+        values = (pose.values[:, :3].copy(), quat_EB, *self._motion(pose, quat_EB, "twist", "B"))
+        return self._made(OdometrySeries, self._topics("pose", "twist"), pose, *values)
 
     def reference(self) -> ReferenceSeries | None:
         """The reference, with velocity and acceleration in E and rates in D."""
@@ -278,10 +288,10 @@ class _Builder:
             truth = smooth(time, pose.values[:, :3], derivative=1)
             readings = {frame: so3.rotate(quat, linear @ meant.body("velocity").T), "E": linear @ meant.world.T}
             velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, frame if in_body else "E")
+            del readings, truth
         if np.isfinite(angular).all():
             truth = angular_velocity(time, quat)
-            turned = angular @ meant.body("rate").T
-            readings = {frame: turned, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
+            readings = {frame: angular @ meant.body("rate").T, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
             # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
             omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
         return velocity_E, omega

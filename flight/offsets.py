@@ -30,14 +30,13 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm as normal
 from scipy.stats import t as student
 
+from wrenchgap.flight.block_integrals import Complex, integrals
 from wrenchgap.flight.flight import Array, Gap
 from wrenchgap.flight.stamps import nominal_period
 
-Complex = NDArray[np.complex128]
 Intervals = Sequence[tuple[float, float]]
 
 EVERYWHERE: Intervals = ((-np.inf, np.inf),)
@@ -376,22 +375,8 @@ class _Pair:
 
     def _integrals(self, signal: Signal, starts: Array) -> Complex:
         """Fourier integrals (B, C, F) of the tapered blocks, each over the samples that lie in it."""
-        out = np.zeros((len(starts), signal.values.shape[1], len(self.omega)), dtype=complex)
-        first = np.searchsorted(signal.time, starts)
-        last = np.searchsorted(signal.time, starts + self.length)
-        for b, (start, i, j) in enumerate(zip(starts, first, last, strict=True)):
-            if j - i < 8:
-                continue
-            x = (signal.time[i:j] - start) / self.length
-            width = np.gradient(x)
-            weight = np.sin(np.pi * x) ** 2 * width
-            tapered = _without_trend(x, signal.values[i:j], weight) * weight[:, None]
-            turn = np.exp(-2j * np.pi * x)
-            wave = turn ** int(self.harmonics[0])
-            for k in range(len(self.harmonics)):
-                out[b, :, k] = wave @ tapered
-                wave = wave * turn
-        return out
+        count, lowest = len(self.harmonics), int(self.harmonics[0])
+        return integrals(signal.time, signal.values, starts, self.length, lowest, count)
 
     def _correlate(self, x: Complex, y: Complex, nudged: Complex, seconds: float) -> Correlated | None:
         """Weighted cross-spectra, or None where nothing is in common; `nudged` is y with stamps `NUDGE` earlier."""
@@ -451,15 +436,3 @@ def _runs(signal: Signal) -> list[tuple[float, float]]:
         edges += [gap.start, gap.stop]
     edges.append(float(signal.time[-1]))
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
-
-
-def _without_trend(x: Array, values: Array, weight: Array) -> Array:
-    """Values (n, C) less their weighted straight line over x.
-
-    With the taper as weight: samples at the ends, of which the one topic has more than the other, then do not tilt it.
-    """
-    share = weight / weight.sum()
-    lever = x - share @ x
-    mean = share @ values
-    slope = (share * lever) @ values / float((share * lever) @ lever)
-    return np.asarray(values - mean - np.outer(lever, slope))

@@ -10,6 +10,13 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 
+PIECE = 2**16
+"""Rows that are computed at once: of hours of log, what is needed on the way would be larger than the result."""
+
+
+def _pieces(count: int) -> list[slice]:
+    return [slice(start, start + PIECE) for start in range(0, count, PIECE)]
+
 
 def normalise(quat_wxyz: Array) -> Array:
     """Unit quaternion(s), shape (..., 4); the sign is kept."""
@@ -53,6 +60,8 @@ def exp(rotation_vector: Array) -> Array:
 
 def log(quat_wxyz: Array) -> Array:
     """Rotation vector [rad] of unit quaternion(s), shape (..., 4) to (..., 3); norm at most pi."""
+    if quat_wxyz.ndim == 2 and len(quat_wxyz) > PIECE:
+        return np.concatenate([log(quat_wxyz[rows]) for rows in _pieces(len(quat_wxyz))])
     q = np.where(quat_wxyz[..., :1] < 0, -quat_wxyz, quat_wxyz)
     norm = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(norm, q[..., :1])
@@ -104,6 +113,8 @@ def from_matrix(R: Array) -> Array:
 
 def rotate(quat_wxyz: Array, vector: Array) -> Array:
     """v_E = R_EB v_B for quat_EB, shapes (..., 4) and (..., 3)."""
+    if quat_wxyz.ndim == vector.ndim == 2 and len(quat_wxyz) == len(vector) > PIECE:
+        return np.concatenate([rotate(quat_wxyz[rows], vector[rows]) for rows in _pieces(len(vector))])
     w, u = quat_wxyz[..., :1], quat_wxyz[..., 1:]
     t = 2.0 * np.cross(u, vector)
     return np.asanyarray(vector + w * t + np.cross(u, t))

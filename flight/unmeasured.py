@@ -66,8 +66,8 @@ def unmeasured_axes(flight: Flight) -> dict[str, Why]:
     """The axes that a flight did not measure, in the order of `AXES`, each with the reason."""
     found = {axis: Why(why) for axis, why in flight.unmeasured.items()}
     if flight.imu is not None:
-        readings = np.hstack((flight.imu.specific_force_B, flight.imu.omega_B))
-        absent = {axis: Why.NAN for axis, values in zip(AXES, readings.T, strict=True) if np.isnan(values).all()}
+        readings = (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T)
+        absent = {axis: Why.NAN for axis, values in zip(AXES, readings, strict=True) if np.isnan(values).all()}
         found = {**absent, **found}
     return {axis: found[axis] for axis in AXES if axis in found}
 

@@ -82,10 +82,13 @@ def spikes(series: Series) -> NDArray[np.bool_]:
         values = getattr(series, name, None)
         if values is None:
             continue
-        size = np.nan_to_num(np.abs(values))
-        beyond = (size > limit) & (size > BEYOND * np.percentile(size, 95, axis=0))
-        if beyond.any() and beyond.any(axis=1).mean() <= RARE:
-            bad |= beyond.any(axis=1)
+        beyond = np.zeros(len(values), dtype=bool)
+        for column in values.T:  # hours are long
+            size = np.nan_to_num(np.abs(column))
+            if np.max(size, initial=0.0) > limit:
+                beyond |= (size > limit) & (size > BEYOND * np.percentile(size, 95))
+        if beyond.any() and beyond.mean() <= RARE:
+            bad |= beyond
     return bad
 
 

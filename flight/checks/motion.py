@@ -92,10 +92,11 @@ def seen(flight: Flight) -> Seen | None:
 
 def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:
     """Means (K, C) of a signal, straight between its samples, over intervals."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(series.time)[:, None]
-    integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
-    ends = [np.stack([np.interp(t, series.time, c) for c in integral.T], axis=1) for t in (start, stop)]
-    return np.asarray((ends[1] - ends[0]) / (stop - start)[:, None])
+    intervals, means = np.diff(series.time), np.empty((len(start), values.shape[1]))
+    for column, mean in zip(values.T, means.T, strict=True):  # one by one: hours are long
+        integral = np.concatenate(([0.0], np.cumsum(0.5 * (column[1:] + column[:-1]) * intervals)))
+        mean[:] = (np.interp(stop, series.time, integral) - np.interp(start, series.time, integral)) / (stop - start)
+    return means
 
 
 def _covered(series: Series, start: Array, stop: Array) -> NDArray[np.bool_]:

@@ -69,7 +69,7 @@ def unmeasured(flight: Flight) -> Iterator[Check]:
         return
     zero = [
         axis
-        for axis, values in zip(AXES, np.hstack((flight.imu.specific_force_B, flight.imu.omega_B)).T, strict=True)
+        for axis, values in zip(AXES, (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T), strict=True)
         if not values.any()
     ]
     if zero:

@@ -11,11 +11,12 @@ from wrenchgap.flight.formats import ardupilot, px4
 from wrenchgap.flight.formats.collector import Collector
 from wrenchgap.flight.formats.dataflash import DataflashReader
 from wrenchgap.flight.formats.mcap import McapReader
-from wrenchgap.flight.formats.reader import Reader, TableReader
+from wrenchgap.flight.formats.reader import DoubtfulError, Reader, TableReader
 from wrenchgap.flight.formats.rosbag1 import Rosbag1Reader
 from wrenchgap.flight.formats.rosbag2 import Rosbag2FolderReader, Rosbag2SqliteReader
 from wrenchgap.flight.formats.table import Selection as Selection
 from wrenchgap.flight.formats.table import Table as Table
+from wrenchgap.flight.formats.table import give_away as give_away
 from wrenchgap.flight.formats.tabular import CsvReader, ParquetReader
 from wrenchgap.flight.formats.ulog import UlogReader
 
@@ -96,8 +97,13 @@ def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], lis
     if isinstance(reader, TableReader):
         return reader.tables(selection), []
     collector = Collector(lambda topic, kind, fields: selection(topic, kind, fields) or px4.wanted(topic, kind))
-    for batch in reader.batches(collector.wanted):
-        collector.add(batch)
+    try:
+        for batch in reader.batches(collector.wanted):
+            collector.add(batch)
+    except DoubtfulError:
+        reader.careful = True
+        reader.notes.clear()
+        return _tables(reader, selection)
     return collector.tables(), collector.notes
 
 

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.formats.decode import Decoder, Definitions, UndecodableError, definitions_of, flat_fields
+from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
-from wrenchgap.flight.formats.reader import Batch, Channel
+from wrenchgap.flight.formats.reader import Batch, Channel, Places
 from wrenchgap.flight.formats.table import Columns, Selection, Table
+from wrenchgap.flight.formats.walk import Definitions
 
 ROS = ("cdr", "ros1")
 OTHERS = ("json", "protobuf")
@@ -100,7 +101,8 @@ class Collector:
         if isinstance(decoder, Decoder):
             decoder.add(batch.payloads, self.definitions.get(channel))
         elif decoder is not None:
-            decoder.add(batch.payloads)
+            payloads = batch.payloads
+            decoder.add(payloads.payloads() if isinstance(payloads, Places) else payloads)
 
     def tables(self) -> dict[str, Table]:
         """All topics, in the order of their names."""

@@ -3,15 +3,12 @@
 A serialised message has no table of offsets: where a field lies follows from the definition and from the counters of
 the strings and sequences before it. Messages whose counters agree have the same layout, so their bytes, stacked to
 (N, length), are cut in columns. Where a counter differs, the messages are parted by its value and each part is read by
-itself.
-
-CDR (ROS 2; OMG CDR 1): a 4-byte header whose second byte tells the byte order, then every primitive aligned to its
-size. ROS 1: little-endian, nothing aligned.
+itself. Messages that a reader hands on where they lie are copied by the layout of the first (`formats.packed`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import islice
@@ -22,29 +19,12 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from wrenchgap.flight.formats.reader import Channel, one_line
+from wrenchgap.flight.formats.packed import Packer
+from wrenchgap.flight.formats.reader import Channel, Places, one_line
 from wrenchgap.flight.formats.table import Columns
-
-Layout = dict[str, tuple[int, np.dtype[Any], int]]
-"""Offset [bytes], primitive and their number, of every numeric field of one message."""
-Definitions = Mapping[str, tuple[Any, Any]]
-
-DTYPES = {
-    "bool": "u1",
-    "byte": "u1",
-    "char": "u1",
-    "octet": "u1",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "int64": "i8",
-    "uint64": "u8",
-    "float32": "f4",
-    "float64": "f8",
-}
+from wrenchgap.flight.formats.walk import DTYPES as DTYPES
+from wrenchgap.flight.formats.walk import Definitions, Layout, Uneven, Walk
+from wrenchgap.flight.formats.walk import UndecodableError as UndecodableError
 
 ACTUATORS = {
     "actuator_msgs/msg/Actuators": (
@@ -57,21 +37,8 @@ ACTUATORS = {
 """Common types that no ROS distribution ships, for files without definitions."""
 
 
-DEEPEST = 40
-"""Messages within messages, at most; a recursive definition has no end of them."""
 MOST_FIELDS = 5000
-"""Names of a type's fields, at most, likewise."""
-
-
-class UndecodableError(Exception):
-    """The messages do not fit their definition; the text says how."""
-
-
-class _Uneven(Exception):
-    """A counter differs between messages: `counts` (N,)."""
-
-    def __init__(self, counts: NDArray[Any]) -> None:
-        self.counts = counts
+"""Names of a type's fields, at most: a recursive definition has no end of them."""
 
 
 def definitions_of(channel: Channel) -> Definitions:
@@ -91,7 +58,7 @@ def definitions_of(channel: Channel) -> Definitions:
 def layout_of(payload: bytes, kind: str, definitions: Definitions) -> Layout:
     """Where the numbers of one CDR message lie; messages with the same counters share it."""
     rows = np.frombuffer(payload, dtype=np.uint8)[None]
-    walk = _Walk(rows, definitions, "cdr", "<" if payload[1] == 1 else ">")
+    walk = Walk(rows, definitions, "cdr", "<" if payload[1] == 1 else ">")
     walk.message("", kind)
     return walk.layout
 
@@ -144,12 +111,28 @@ class Decoder:
     parts: list[tuple[NDArray[np.intp], Columns]] = field(default_factory=list)
     count: int = 0
     malformed: int = 0
+    _packer: Packer = field(init=False)
 
-    def add(self, payloads: list[bytes], definitions: Definitions | None = None) -> None:
+    def __post_init__(self) -> None:
+        self._packer = Packer(self.channel.type, self.channel.encoding)
+
+    def add(self, payloads: list[bytes] | Places, definitions: Definitions | None = None) -> None:
         """Decode some messages; those that do not fit their definition are counted in `malformed`.
 
         `definitions` are those of another writer of the topic, where they differ.
         """
+        known, first = self.definitions if definitions is None else definitions, self.count
+        self.count += len(payloads)
+        number = None
+        if isinstance(payloads, Places):
+            rest = self._packer.add(payloads, first, known)
+            if not len(rest):
+                return
+            payloads, number = payloads.taken(rest).payloads(), rest + first
+        self._walk(payloads, np.arange(first, self.count) if number is None else number, known)
+
+    def _walk(self, payloads: list[bytes], number: NDArray[np.intp], definitions: Definitions) -> None:
+        """Read messages of every length one field after another."""
         lengths = np.fromiter(map(len, payloads), dtype=np.intp, count=len(payloads))
         for length in np.unique(lengths):
             index = np.flatnonzero(lengths == length)
@@ -157,19 +140,18 @@ class Decoder:
             rows = np.frombuffer(raw, dtype=np.uint8).reshape(len(index), length)
             known = len(self.parts), self.malformed
             try:
-                self._add_rows(index + self.count, rows, self.definitions if definitions is None else definitions)
+                self._add_rows(number[index], rows, definitions)
             except RecursionError:  # thousands of counters, all different in every message
                 del self.parts[known[0] :]
                 self.malformed = known[1] + len(index)
-        self.count += len(payloads)
 
     def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8], definitions: Definitions) -> None:
         try:
             for order, part in _by_byte_order(rows, self.channel.encoding):
-                walk = _Walk(rows[part], definitions, self.channel.encoding, order)
+                walk = Walk(rows[part], definitions, self.channel.encoding, order)
                 walk.message("", self.channel.type)
                 self.parts.append((index[part], walk.columns))
-        except _Uneven as uneven:
+        except Uneven as uneven:
             for value in np.unique(uneven.counts):
                 chosen = uneven.counts == value
                 self._add_rows(index[chosen], rows[chosen], definitions)
@@ -181,6 +163,9 @@ class Decoder:
 
         Once: what was gathered is given away column by column, so that hours of log are not held twice.
         """
+        self.parts = sorted([*self.parts, *self._packer.parts()], key=lambda part: int(part[0][0]))
+        if len(self.parts) == 1 and len(self.parts[0][0]) == self.count:  # all of one layout, in their order
+            return self.parts.pop()[1]
         names = dict.fromkeys(name for _, columns in self.parts for name in columns)
         return {name: self._joined(name) for name in names}
 
@@ -214,91 +199,3 @@ def _by_byte_order(rows: NDArray[np.uint8], encoding: str) -> list[tuple[str, ND
         raise UndecodableError("not plain CDR")
     parts = [("<", np.flatnonzero(kinds == 1)), (">", np.flatnonzero(kinds == 0))]
     return [(order, index) for order, index in parts if len(index)]
-
-
-class _Walk:
-    """Reads the fields of N equally laid out messages, `rows` (N, length), one after another."""
-
-    def __init__(self, rows: NDArray[np.uint8], definitions: Definitions, encoding: str, order: str) -> None:
-        self.rows = rows
-        self.definitions = definitions
-        self.aligned = encoding == "cdr"
-        self.origin = self.position = 4 if self.aligned else 0
-        self.order = order
-        self.columns: Columns = {}
-        self.layout: Layout = {}
-        self.depth = 0
-
-    def message(self, prefix: str, kind: str) -> None:
-        if kind not in self.definitions:
-            raise UndecodableError(f"type {kind} is not defined")
-        self.depth += 1
-        if self.depth > DEEPEST:
-            raise UndecodableError(f"type {kind} contains itself")
-        for name, description in self.definitions[kind][1]:
-            self.value(f"{prefix}{name}", description)
-        self.depth -= 1
-
-    def value(self, path: str, description: Any) -> None:
-        node, payload = description
-        if node == Nodetype.BASE:
-            self.base(path, payload[0])
-        elif node == Nodetype.NAME:
-            self.message(f"{path}.", payload)
-        else:
-            inner, number = payload
-            self.several(path, inner, int(number) if node == Nodetype.ARRAY else self.counter())
-
-    def base(self, path: str, kind: str) -> None:
-        if kind == "string":
-            self.columns[path] = self.text()
-        else:
-            self.columns[path] = self.numbers(kind, 1, path)[:, 0]
-
-    def several(self, path: str, inner: Any, number: int) -> None:
-        node, payload = inner
-        if number > self.rows.shape[1]:  # even messages without fields are not as many as bytes
-            raise UndecodableError("shorter than its definition")
-        if node == Nodetype.BASE and payload[0] != "string":
-            values = self.numbers(payload[0], number, path)
-            if path.endswith(("linear_acceleration_covariance", "angular_velocity_covariance")):
-                self.columns[path] = values[:, :1]
-            elif not path.endswith("covariance"):
-                self.columns[path] = values
-        elif node == Nodetype.BASE:
-            texts = [self.text() for _ in range(number)]
-            self.columns[path] = np.stack(texts, axis=1) if texts else np.zeros((len(self.rows), 0), dtype="S1")
-        else:
-            for i in range(number):
-                self.value(f"{path}.{i}", inner)
-
-    def numbers(self, kind: str, number: int, path: str = "") -> NDArray[Any]:
-        """`number` primitives (N, number), after alignment."""
-        if kind not in DTYPES:
-            raise UndecodableError(f"fields of type {kind} are not read")
-        dtype = np.dtype(DTYPES[kind]).newbyteorder(self.order)  # type: ignore[arg-type]
-        if self.aligned and number:
-            self.position += -(self.position - self.origin) % dtype.itemsize
-        self.layout[path] = (self.position, dtype, number)
-        raw = self.take(dtype.itemsize * number)
-        return raw.view(dtype).reshape(len(self.rows), number).astype(dtype.newbyteorder("="), copy=False)
-
-    def counter(self) -> int:
-        counts = self.numbers("uint32", 1)[:, 0]
-        if np.any(counts != counts[0]):
-            raise _Uneven(counts)
-        return int(counts[0])
-
-    def text(self) -> NDArray[Any]:
-        raw = self.take(self.counter())
-        width = raw.shape[1]
-        return raw.view(f"S{width}")[:, 0] if width else np.zeros(len(self.rows), dtype="S1")
-
-    def take(self, size: int) -> NDArray[np.uint8]:
-        """The next `size` bytes of each message."""
-        stop = self.position + size
-        if stop > self.rows.shape[1]:
-            raise UndecodableError("shorter than its definition")
-        raw = np.ascontiguousarray(self.rows[:, self.position : stop])
-        self.position = stop
-        return raw

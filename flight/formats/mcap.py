@@ -19,17 +19,29 @@ from io import BytesIO
 from typing import BinaryIO, ClassVar
 
 import lz4.frame
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
+from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, plain_payload
+from wrenchgap.flight.formats.kernels import BROKEN, FULL, LAST_TIME, OTHER, grouped, walked
+from wrenchgap.flight.formats.reader import (
+    Batch,
+    Channel,
+    Gatherer,
+    Places,
+    Reader,
+    Wanted,
+    normalised_type,
+    plain_payload,
+)
 
-LAST_TIME = 2**63 - 1  # ns, in the year 2262
+Buffer = bytes | memoryview
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # opcode, length of the body
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -38,6 +50,14 @@ PIECE = 2**18
 """Bytes that are read, or decompressed, at once."""
 LARGEST_CHUNK = 2**28
 """Bytes of a chunk's records, at most: no recorder holds back more, and a few damaged bytes may claim terabytes."""
+
+
+MOST_AT_ONCE = 2**15
+"""Messages that are handed on at once, at most."""
+SEVERAL = -1
+"""Instead of an opcode: messages that are in no chunk."""
+ALONE = 100
+"""Messages that are read one by one where the next of `PIECE` bytes are few, before several are tried again."""
 
 
 @dataclass
@@ -55,6 +75,8 @@ class McapReader(Reader):
     _damaged_chunks: int = 0
     _orphans: int = 0
     _broken: int = 0
+    _walked: int = 0
+    _places: NDArray[np.int64] = field(default_factory=lambda: np.empty((4, MOST_AT_ONCE), dtype=np.int64))
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""
@@ -62,8 +84,9 @@ class McapReader(Reader):
         with self.path.open("rb", buffering=PIECE) as file:
             for opcode, body in self._records(file):
                 if opcode == Opcode.CHUNK:
-                    for inner_opcode, inner in self._inner(self._decompressed(body)):
-                        yield from self._safely(inner_opcode, inner, wanted, gathered)
+                    yield from self._chunk(self._decompressed(body), wanted, gathered)
+                elif opcode == SEVERAL:
+                    yield from self._alone(body, wanted, gathered)
                 elif opcode == Opcode.DATA_END:
                     break
                 else:
@@ -81,13 +104,22 @@ class McapReader(Reader):
     def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of each record of the file; of a chunk at the end that was cut, what there is of it.
 
-        What is written behind the end that the file has now is not waited for.
+        What is written behind the end that the file has now is not waited for. Messages that are in no chunk come
+        several at once, of which `_alone` says how many bytes are messages; where those are few, the next come by one.
         """
+        alone = 0
         size, position, header = os.fstat(file.fileno()).st_size, file.seek(len(MAGIC)), _RECORD.size
         while position + header <= size:
             opcode, length = _RECORD.unpack(file.read(header).ljust(header, b"\0"))
             start, stop = position + header, position + header + length
+            if opcode == Opcode.MESSAGE and alone <= 0:
+                file.seek(position)
+                yield SEVERAL, file.read(min(PIECE, size - position))
+                alone = 0 if self._walked > PIECE // 4 else ALONE
+                position = file.seek(position + self._walked)
+                continue
             if opcode and stop <= size:
+                alone -= 1
                 if opcode in _READ:
                     yield opcode, file.read(length)
                 position = file.seek(stop)
@@ -102,17 +134,42 @@ class McapReader(Reader):
                 yield opcode, file.read(min(following - start, LARGEST_CHUNK))
             position = file.seek(following)
 
-    def _inner(self, records: bytes) -> Iterator[tuple[int, bytes]]:
-        """Opcode and body of each record of a chunk, as far as they are records."""
-        size, unpack, header, position = len(records), _RECORD.unpack_from, _RECORD.size, 0
-        while position + header <= size:
-            opcode, length = unpack(records, position)
-            start = position + header
-            position = start + length
-            if position > size or not opcode:
-                self._broken += 1
-                return
-            yield opcode, records[start:position]
+    def _alone(self, records: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
+        """The messages with which bytes of the file begin, where they lie; the first odd one ends them."""
+        data, why, self._walked = np.frombuffer(records, dtype=np.uint8), FULL, 0
+        while why == FULL:
+            count, self._walked, why = walked(data, self._walked, len(records), _NONE_PASSED, self._places, 0)
+            yield from self._found(records, count, wanted, gathered)
+
+    def _chunk(self, records: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
+        """The messages of a chunk where they lie; records of another kind, and messages that are odd, one by one."""
+        data, position, size = np.frombuffer(records, dtype=np.uint8), 0, len(records)
+        why = OTHER
+        while why in (OTHER, FULL):
+            count, position, why = walked(data, position, size, _PASSED, self._places, 0)
+            yield from self._found(records, count, wanted, gathered)
+            if why == OTHER:
+                opcode, length = _RECORD.unpack_from(records, position)
+                start = position + _RECORD.size
+                position = start + length
+                yield from self._safely(opcode, records[start:position], wanted, gathered)
+        self._broken += why == BROKEN
+
+    def _found(self, records: bytes, count: int, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
+        """What a walk found, channel by channel."""
+        if not count:
+            return
+        identifiers, bounds, (times, starts, lengths) = grouped(self._places, count)
+        for identifier, first, stop in zip(
+            identifiers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True
+        ):
+            channel = self._channels.get(identifier)
+            if channel is None:
+                self._orphans += stop - first
+                continue
+            rows = slice(first, stop)
+            payloads = Places(records, starts[rows], lengths[rows]) if wanted(channel) else None
+            yield from gathered.direct(channel, times[rows], payloads)
 
     def _safely(self, opcode: int, body: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         try:
@@ -166,7 +223,8 @@ class McapReader(Reader):
         (length,) = struct.unpack_from("<Q", body, start)
         complete = len(body) >= start + 8 + length
         most = min(size, LARGEST_CHUNK)
-        records = _DECOMPRESS[compression](body[start + 8 : start + 8 + length], most)
+        inside = memoryview(body)[start + 8 : start + 8 + length]
+        records = (_at_once(compression, inside, most) if complete else b"") or _DECOMPRESS[compression](inside, most)
         right = len(records) == size and (not crc or zlib.crc32(records) == crc)
         if len(records) > most or (complete and not right):
             self._damaged_chunks += 1
@@ -205,7 +263,19 @@ def _next_chunk(data: mmap.mmap | bytes, start: int) -> int:
     return size
 
 
-def _unzstd(data: bytes, most: int) -> bytes:
+def _at_once(compression: str, data: memoryview, most: int) -> bytes:
+    """The records of a whole chunk, in one piece; none where they are not exactly as many bytes as it says."""
+    try:
+        if compression == "zstd" and zstandard.frame_content_size(data) == most:
+            return bytes(zstandard.ZstdDecompressor().decompress(data))
+        if compression == "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most + 1))
+    except (RuntimeError, EOFError, zstandard.ZstdError):
+        pass
+    return b""
+
+
+def _unzstd(data: Buffer, most: int) -> bytes:
     """Decompress as far as it goes, and no further than just beyond `most` bytes.
 
     Small steps where there is an error, because it loses the step that it is met in.
@@ -220,12 +290,12 @@ def _unzstd(data: bytes, most: int) -> bytes:
     return bytes(found)
 
 
-def _unlz4(data: bytes, most: int) -> bytes:
+def _unlz4(data: Buffer, most: int) -> bytes:
     found = _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, PIECE)
     return found or _in_steps(lz4.frame.LZ4FrameDecompressor(), data, most, 1024)
 
 
-def _in_steps(decompressor: object, data: bytes, most: int, step: int) -> bytes:
+def _in_steps(decompressor: object, data: Buffer, most: int, step: int) -> bytes:
     found = bytearray()
     try:
         for start in range(0, len(data), step):
@@ -237,12 +307,16 @@ def _in_steps(decompressor: object, data: bytes, most: int, step: int) -> bytes:
     return bytes(found)
 
 
-def _plain(data: bytes, most: int) -> bytes:
-    return data[: most + 1]
+def _plain(data: Buffer, most: int) -> bytes:
+    return bytes(data[: most + 1])
 
 
 _READ = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.DATA_END})
 """Records that are read; an attachment may be larger than the log."""
+_PASSED = np.ones(256, dtype=np.bool_)
+_PASSED[[Opcode.SCHEMA, Opcode.CHANNEL]] = False
+"""Records within a chunk that are passed over."""
+_NONE_PASSED = np.zeros(256, dtype=np.bool_)
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
-_DECOMPRESS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "zstd": _unzstd, "lz4": _unlz4}
+_DECOMPRESS: dict[str, Callable[[Buffer, int], bytes]] = {"": _plain, "zstd": _unzstd, "lz4": _unlz4}
 _DEFINITIONS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "jsonschema": "jsonschema"}

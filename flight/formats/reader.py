@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
+import numpy as np
 import zstandard
+from numpy.typing import NDArray
 
 from wrenchgap.flight.formats.table import Selection, Table
 
@@ -42,24 +44,52 @@ class Channel:
     definition_format: str = "msg"
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """N payloads where they lie: in `data`, from byte `starts` (N,) on, `lengths` (N,) of them."""
+
+    data: bytes
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def taken(self, rows: NDArray[np.intp]) -> Places:
+        """Some of them."""
+        return Places(self.data, self.starts[rows], self.lengths[rows])
+
+    def payloads(self) -> list[bytes]:
+        """Each by itself."""
+        return [self.data[a : a + n] for a, n in zip(self.starts.tolist(), self.lengths.tolist(), strict=True)]
+
+
 class Batch(NamedTuple):
-    """Some messages of one channel: log times [ns] and payloads, which are empty where none was wanted."""
+    """Some messages of one channel: log times [ns] and payloads, which are empty or none where none was wanted."""
 
     channel: Channel
-    log_time_ns: list[int]
-    payloads: list[bytes]
+    log_time_ns: list[int] | NDArray[np.int64]
+    payloads: list[bytes] | Places
 
 
 Wanted = Callable[[Channel], bool]
 """Says which channels are worth reading; of the others only the log times are kept."""
 
 
+class DoubtfulError(Exception):
+    """A log is not quite as it should be: it has to be read anew, carefully."""
+
+
 @dataclass
 class Reader(ABC):
-    """One log. `notes` grow while it is read: what was damaged, missing or skipped."""
+    """One log. `notes` grow while it is read: what was damaged, missing or skipped.
+
+    With `careful` it is read message by message; else a format may raise DoubtfulError at any time.
+    """
 
     path: Path
     notes: list[str] = field(default_factory=list)
+    careful: bool = False
 
     name: ClassVar[str]
     """What the format is called, for `inspect` and messages."""
@@ -138,6 +168,14 @@ class Gatherer:
         if len(times) >= BATCH or self.sizes[channel] >= BATCH_BYTES:
             del self.sizes[channel]
             yield Batch(channel, *self.pending.pop(channel))
+
+    def direct(self, channel: Channel, log_time_ns: NDArray[np.int64], payloads: Places | None) -> Iterator[Batch]:
+        """Hand out messages where they lie, after those of the channel that were kept; without payloads, None."""
+        self.total += len(log_time_ns)
+        if channel in self.pending:
+            del self.sizes[channel]
+            yield Batch(channel, *self.pending.pop(channel))
+        yield Batch(channel, log_time_ns, [] if payloads is None else payloads)
 
     def flush(self) -> Iterator[Batch]:
         """Hand out what is left."""

@@ -1,16 +1,39 @@
-"""ROS 1 bags (`.bag`, format 2.0), through rosbags' reader."""
+"""ROS 1 bags (`.bag`, format 2.0), through rosbags' reader.
+
+Of a whole bag the index is taken as arrays and the messages of a chunk are found by one walk; where anything does not
+agree (an index entry without its message, another time, a record that cannot be), rosbags reads the bag by itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as BagReader
+from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType, read_bytes, read_uint32
 
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.reader import Batch, Channel, Gatherer, Reader, Wanted, normalised_type, one_line
+from wrenchgap.flight.formats.kernels import walked_bag
+from wrenchgap.flight.formats.reader import (
+    Batch,
+    Channel,
+    DoubtfulError,
+    Gatherer,
+    Places,
+    Reader,
+    Wanted,
+    normalised_type,
+    one_line,
+)
+
+SHORTEST = 46
+"""Bytes of a message's record without its payload, at least."""
+ENTRY = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
+"""Of an index."""
 
 
 @dataclass
@@ -21,7 +44,17 @@ class Rosbag1Reader(Reader):
     magic: ClassVar[bytes] = b"#ROSBAG V"
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
-        """Go through the bag in order of time."""
+        """Go through the bag, chunk by chunk, or carefully in order of time."""
+        if self.careful:
+            yield from self._carefully(wanted)
+            return
+        try:
+            with IndexedBag(self.path) as bag:
+                yield from bag.batches(wanted)
+        except Exception as error:  # of a damaged bag rosbags raises many kinds
+            raise DoubtfulError(one_line(error)) from error
+
+    def _carefully(self, wanted: Wanted) -> Iterator[Batch]:
         gathered = Gatherer()
         try:
             with BagReader(self.path) as bag:
@@ -37,6 +70,67 @@ class Rosbag1Reader(Reader):
                 ) from error
             self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
         yield from gathered.flush()
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """What an index says of one connection in one chunk: log times [ns] (K,) and where the records begin (K,)."""
+
+    connection: int
+    log_time_ns: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+
+
+class IndexedBag(BagReader):
+    """A bag whose index is kept as arrays, by chunk; rosbags' own has an object for every message."""
+
+    def __init__(self, path: Any) -> None:
+        super().__init__(path)
+        self.entries: dict[int, list[Entries]] = {}
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+        """The entries of one connection in the chunk at `pos`."""
+        assert self.bio
+        header = Header.read(self.bio, RecordType.IDXDATA)
+        count = header.get_uint32("count")
+        data = read_bytes(self.bio, read_uint32(self.bio))
+        if header.get_uint32("ver") != 1 or len(data) != count * ENTRY.itemsize:
+            raise DoubtfulError("an index of another kind")
+        found = np.frombuffer(data, dtype=ENTRY)
+        time = found["seconds"].astype(np.int64) * 10**9 + found["nanoseconds"]
+        offsets = found["offset"].astype(np.int64)
+        self.entries.setdefault(pos, []).append(Entries(header.get_uint32("conn"), time, offsets))
+
+    def batches(self, wanted: Wanted) -> Iterator[Batch]:
+        """The messages of every chunk, by connection, in the order of the index."""
+        channels = {connection.id: _channel(connection) for connection in self.connections}
+        every = [entries for several in self.entries.values() for entries in several if len(entries.offsets)]
+        for entries in sorted(every, key=lambda e: int(e.log_time_ns.min())):
+            wanted(channels[entries.connection])  # the first message of a topic decides its type
+        gathered = Gatherer()
+        for info in self.chunk_infos:
+            yield from self._chunk(info.pos, channels, wanted, gathered)
+
+    def _chunk(self, pos: int, channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
+        assert self.bio
+        chunk: Chunk = self.chunks[pos]
+        self.bio.seek(chunk.datapos)
+        data = bytes(chunk.decompressor(read_bytes(self.bio, chunk.datasize)))
+        places = np.empty((6, len(data) // SHORTEST + 1), dtype=np.int64)
+        count = walked_bag(np.frombuffer(data, dtype=np.uint8), places)
+        if count < 0:
+            raise DoubtfulError("a record that is odd")
+        connection, time, starts, lengths, begin, before = places[:, :count]
+        for entries in self.entries.get(pos, ()):
+            rows = np.searchsorted(begin, entries.offsets)
+            rows = np.minimum(rows, count - 1)
+            agree = (begin[rows] == entries.offsets) | (before[rows] == entries.offsets)
+            agree &= (connection[rows] == entries.connection) & (time[rows] == entries.log_time_ns)
+            if not agree.all():
+                raise DoubtfulError("an index that does not fit")
+            channel = channels[entries.connection]
+            payloads = Places(data, starts[rows], lengths[rows]) if wanted(channel) else None
+            yield from gathered.direct(channel, time[rows], payloads)
 
 
 def _channel(connection: Connection) -> Channel:

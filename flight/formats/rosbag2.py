@@ -11,18 +11,24 @@ import sqlite3
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
+from operator import itemgetter
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
 import zstandard
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import natural, only_recording, storage
+from wrenchgap.flight.formats.kernels import grouped
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import (
+    ZSTD_MAGIC,
     Batch,
     Channel,
     Gatherer,
+    Places,
     Reader,
     Wanted,
     normalised_type,
@@ -32,6 +38,10 @@ from wrenchgap.flight.formats.reader import (
 
 PIECE = 2**16
 """Bytes that are decompressed at once."""
+FETCHED, ROWS, BYTES = 128, 4096, 2**22
+"""Rows of a table that are fetched and taken at once, and bytes of their messages, about."""
+Row = tuple[Any, Any, Any]
+PAYLOAD = itemgetter(2)
 
 
 @dataclass
@@ -41,27 +51,19 @@ class Rosbag2SqliteReader(Reader):
     name: ClassVar[str] = "ROS 2 bag file (sqlite3)"
     magic: ClassVar[bytes] = b"SQLite format 3\x00"
 
+    _broken: int = 0
+
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
-        """Go through the table of messages in order of log time."""
-        gathered, broken = Gatherer(), 0
+        """Go through the table of messages as it was written."""
+        gathered = Gatherer()
         try:
             database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
             database.text_factory = lambda text: text.decode(errors="replace")
             try:
-                channels, unnamed = _channels(database)
-                broken += unnamed
-                rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id")
-                for identifier, log_time_ns, payload in rows:
-                    channel = channels.get(identifier)
-                    if channel is None or not isinstance(log_time_ns, int) or not isinstance(payload, bytes):
-                        broken += 1
-                        continue
-                    try:
-                        payload = plain_payload(payload) if wanted(channel) else b""
-                    except zstandard.ZstdError:
-                        broken += 1
-                        continue
-                    yield from gathered.add(channel, log_time_ns, payload)
+                channels, self._broken = _channels(database)
+                rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
+                for several in _several(rows):
+                    yield from self._taken(several, channels, wanted, gathered)
             finally:
                 database.close()
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
@@ -71,9 +73,71 @@ class Rosbag2SqliteReader(Reader):
                     "tables topics and messages"
                 ) from error
             self.notes.append(f"{self.path.name} is damaged ({one_line(error)}): read as far as it goes.")
-        if broken:
-            self.notes.append(f"{broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
+        if self._broken:
+            self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
         yield from gathered.flush()
+
+    def _taken(
+        self, rows: list[Row], channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer
+    ) -> Iterator[Batch]:
+        """Rows by channel, side by side; those among which one is odd or compressed one by one."""
+        identifiers, times, payloads = zip(*rows, strict=True)
+        kinds = set(map(type, identifiers)), set(map(type, times)), set(map(type, payloads))
+        if kinds != ({int}, {int}, {bytes}) or ZSTD_MAGIC in {payload[:4] for payload in payloads}:
+            for row in rows:
+                yield from self._one(*row, channels, wanted, gathered)
+            return
+        places = np.empty((4, len(rows)), dtype=np.int64)
+        places[0], places[1], places[3] = identifiers, times, list(map(len, payloads))
+        places[2] = np.cumsum(places[3]) - places[3]
+        data = b"".join(payloads)
+        numbers, bounds, (log_time_ns, starts, lengths) = grouped(places, len(rows))
+        for number, first, stop in zip(numbers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+            channel, part = channels.get(number), slice(first, stop)
+            if channel is None:
+                self._broken += stop - first
+            else:
+                found = Places(data, starts[part], lengths[part]) if wanted(channel) else None
+                yield from gathered.direct(channel, log_time_ns[part], found)
+
+    def _one(
+        self, number: Any, log_time_ns: Any, payload: Any, channels: dict[int, Channel], wanted: Wanted, to: Gatherer
+    ) -> Iterator[Batch]:
+        channel = channels.get(number)
+        if channel is None or not isinstance(log_time_ns, int) or not isinstance(payload, bytes):
+            self._broken += 1
+            return
+        try:
+            payload = plain_payload(payload) if wanted(channel) else b""
+        except zstandard.ZstdError:
+            self._broken += 1
+            return
+        yield from to.add(channel, log_time_ns, payload)
+
+
+def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:
+    """Rows in lists, of so many bytes; where the database is damaged those before the damage, then the error."""
+    found: list[Row] = []
+    size = known = 0
+    try:
+        while True:
+            found.extend(islice(rows, FETCHED))  # keeps those before an error
+            if len(found) == known:
+                break
+            try:
+                size += sum(map(len, map(PAYLOAD, found[known:])))
+            except TypeError:  # one that is no message
+                size = BYTES
+            known = len(found)
+            if size >= BYTES or known >= ROWS:
+                yield found
+                found, size, known = [], 0, 0
+    except sqlite3.DatabaseError:
+        if found:
+            yield found
+        raise
+    if found:
+        yield found
 
 
 @dataclass

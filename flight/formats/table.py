@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +29,13 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.log_time_ns)
+
+
+def give_away(tables: Mapping[str, Table], keep: Collection[str]) -> None:
+    """Let go of the columns of all topics but those to `keep`: nobody will ask for them any more."""
+    for topic, table in tables.items():
+        if topic not in keep:
+            table.columns.clear()
 
 
 Selection = Callable[[str, str, list[str]], bool]

@@ -10,9 +10,9 @@ from typing import Any
 from wrenchgap import flight
 from wrenchgap.flight.check import Check, TimeLeftOut, accepted_names
 from wrenchgap.flight.errors import UsageError, WrenchgapError
+from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
-from wrenchgap.flight.roles import parse_source
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import OpenFlight, open_flight
@@ -53,38 +53,30 @@ def inspect(
     path, wanted, moves = Path(path), dict(topics or {}), dict(shifts or {})
     absent = axis_names([*axis_names(unmeasured), *(model.unmeasured if model is not None else ())])
     accept = accepted_names(accept)
-    seen = _with_topics_of(path, wanted, model, absent, accept)
+    preferred = None if model is None else model.topics
+    seen = flight.inspect(path, wanted, preferred, unmeasured=absent, accept=accept)
     moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
-    found = None if moved is None else timing(moved)
     against: tuple[Check, ...] = ()
     opened: OpenFlight | None = None
     if model is not None:
         how: dict[str, Any] = {"topics": wanted, "cutoff_hz": cutoff_hz, "shifts": moves, "unmeasured": absent}
-        against, opened = _checks(path, model, accept=accept, keep=tuple(keep), **how)
-        found = found if opened is None else timing_of(opened, model)
+        log = path if seen.flight is None else seen.flight  # which was read once
+        against, opened = _checks(log, model, accept=accept, keep=tuple(keep), **how)
+    found: FlightTiming | None = None
+    if opened is not None and model is not None:
+        found = timing_of(opened, model)
+    elif moved is not None:
+        found = timing(moved)
     alone = () if seen.flight is None else seen.flight.left_out
     left = alone if opened is None else tuple(n for n in opened.notes if isinstance(n, TimeLeftOut))
     phases = () if opened is None else opened.phases
     return LogReport(seen, against, found, moves, tuple(seen.notes if moved is None else moved.notes), phases, left)
 
 
-def _with_topics_of(
-    path: Path, topics: Mapping[str, str], model: Model | None, unmeasured: tuple[str, ...], accept: tuple[str, ...]
-) -> Inspection:
-    """`flight.inspect` with the model file's topics, where the log has them."""
-    plain = flight.inspect(path, topics, unmeasured=unmeasured, accept=accept)
-    if model is None or not model.topics:
-        return plain
-    have = {topic.topic for topic in plain.topics}
-    preferred = {role: text for role, text in model.topics.items() if parse_source(text).topic in have}
-    wanted = {**preferred, **topics}
-    return flight.inspect(path, wanted, unmeasured=unmeasured, accept=accept) if wanted != dict(topics) else plain
-
-
-def _checks(path: Path, model: Model, **how: Any) -> tuple[tuple[Check, ...], OpenFlight | None]:
+def _checks(log: Path | Flight, model: Model, **how: Any) -> tuple[tuple[Check, ...], OpenFlight | None]:
     """What a model says about a log, and the flight; a log that cannot be used with it is itself a finding."""
     try:
-        opened = open_flight(path, model, gate=False, **how)
+        opened = open_flight(log, model, gate=False, **how)
     except UsageError:
         raise
     except WrenchgapError as error:

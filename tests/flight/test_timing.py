@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight import offsets, so3, topic_offsets
+from wrenchgap.flight.block_integrals import integrals, plain_integrals
 from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
 from wrenchgap.flight.offsets import Problem, Signal, offset
 
@@ -193,3 +194,23 @@ def test_tracking_and_controller_offsets():
     assert topic_offsets.controller_offset(found).seconds == pytest.approx(0.002, abs=1e-5)
     assert topic_offsets.controller_offset(replace(found, commanded=replace(commanded, time=time))).same
     assert topic_offsets.controller_offset(made) is None
+
+
+def test_compiled_integrals_agree_with_their_plain_form():
+    rng = np.random.default_rng(3)
+    time = np.sort(np.arange(0.0, 12.0, 0.01) + rng.normal(0.0, 1e-3, 1200))
+    values = rng.normal(size=(1200, 3)).cumsum(axis=0)
+    starts = np.append(np.linspace(0.0, 10.0, 7), 11.97)  # in the last lie fewer samples than `FEWEST`
+    plain = plain_integrals(time, values, starts, 2.0, 2, 30)
+    found = integrals(time, values, starts, 2.0, 2, 30)
+    np.testing.assert_allclose(found, plain, atol=1e-11 * np.abs(plain).max())
+    assert not found[-1].any()
+    assert np.abs(found[0]).min() > 0.0
+
+
+def test_integrals_of_a_wave_are_half_its_amplitude_at_its_harmonic_and_half_of_that_beside_it():
+    """Hann's window: the integral of sin^2(pi x) exp(2 pi i k x) over a block is 1/2 at k = 0 and -1/4 beside it."""
+    time = np.linspace(0.0, 2.0, 4001)
+    wave = 3.0 * np.cos(2.0 * np.pi * 10.0 * time / 2.0)[:, None]
+    found = np.abs(integrals(time, wave, np.array([0.0]), 2.0, 8, 5)[0, 0])
+    np.testing.assert_allclose(found, 3.0 * np.array([0.0, 0.125, 0.25, 0.125, 0.0]), atol=2e-3)

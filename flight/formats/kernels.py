@@ -1,0 +1,311 @@
+"""Loops over the bytes of messages, compiled; the plain form of each stands beside it and says what it does.
+
+numba compiles them once per machine and keeps them (docs/decisions/0030-messages-where-they-lie.md). Tests compare the
+two forms on whole and damaged bytes (tests/flight/formats/test_kernels.py).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+Places = NDArray[np.int64]
+
+END, OTHER, FULL, BROKEN = range(4)
+"""Why a walk stops: no record left; one that it does not read; no room for more messages; one that cannot be."""
+RECORD, MESSAGE = 9, 22
+"""Bytes of an MCAP record's opcode and length, and of a message's numbers before its payload."""
+MESSAGE_OPCODE = 5
+ZSTD = 0xFD2FB528
+"""The first four bytes of what zstd compressed, as a number."""
+LAST_TIME = 2**63 - 1  # ns, in the year 2262
+
+
+def plainly_walked(
+    data: bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
+) -> tuple[int, int, int]:
+    """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
+
+    A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of a payload.
+    Records whose opcode is `passed` (256,) are passed over. The walk ends before a record that it does not read:
+    another opcode, a message that is too short, later than `LAST_TIME`, or compressed by itself.
+    """
+    position = start
+    while position + RECORD <= stop:
+        opcode, length = data[position], int.from_bytes(data[position + 1 : position + RECORD], "little")
+        first = position + RECORD
+        if opcode == 0 or first + length > stop:
+            return count, position, BROKEN
+        if opcode == MESSAGE_OPCODE:
+            payload, time = first + MESSAGE, int.from_bytes(data[first + 6 : first + 14], "little")
+            magic = length >= MESSAGE + 4 and int.from_bytes(data[payload : payload + 4], "little") == ZSTD
+            if length < MESSAGE or time > LAST_TIME or magic:
+                return count, position, OTHER
+            if count == places.shape[1]:
+                return count, position, FULL
+            places[:, count] = int.from_bytes(data[first : first + 2], "little"), time, payload, length - MESSAGE
+            count += 1
+        elif not passed[opcode]:
+            return count, position, OTHER
+        position = first + length
+    return count, position, END
+
+
+@njit(cache=True)
+def _number(data: Bytes, place: Any, size: int) -> Any:
+    """An unsigned little-endian number."""
+    value = np.uint64(0)
+    for k in range(size):
+        value |= np.uint64(data[place + k]) << np.uint64(8 * k)
+    return value
+
+
+@njit(cache=True)
+def walked(
+    data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
+) -> tuple[int, int, int]:
+    """As `plainly_walked`."""
+    position: Any = start
+    while position + 9 <= stop:
+        opcode = data[position]
+        length = _number(data, position + 1, 8)
+        first = position + 9
+        if opcode == 0 or length > np.uint64(stop - first):
+            return count, position, BROKEN
+        size = np.int64(length)
+        if opcode == 5:
+            if size < 22:
+                return count, position, OTHER
+            time = _number(data, first + 6, 8)
+            if time > np.uint64(LAST_TIME) or (size >= 26 and _number(data, first + 22, 4) == np.uint64(ZSTD)):
+                return count, position, OTHER
+            if count == places.shape[1]:
+                return count, position, FULL
+            places[0, count] = np.int64(data[first]) | np.int64(data[first + 1]) << 8
+            places[1, count] = np.int64(time)
+            places[2, count] = first + 22
+            places[3, count] = size - 22
+            count += 1
+        elif not passed[opcode]:
+            return count, position, OTHER
+        position = first + size
+    return count, position, END
+
+
+def plainly_walked_bag(data: bytes, places: Places) -> int:
+    """Go through the records of a ROS 1 chunk and note the messages; gives how many, or -1 where something is odd.
+
+    A column of `places` (6, room) becomes connection, log time [ns], first byte and length of the payload, where the
+    record begins, and where the connection records just before it begin. Source: http://wiki.ros.org/Bags/Format/2.0
+    """
+    position, before, count, size = 0, 0, 0, len(data)
+    while position < size:
+        first, fields = position + 4, dict[bytes, bytes]()
+        stop = first + int.from_bytes(data[position:first], "little")
+        while first < stop <= size:
+            length = int.from_bytes(data[first : first + 4], "little")
+            name, _, value = data[first + 4 : first + 4 + length].partition(b"=")
+            fields[name] = value
+            first += 4 + length
+        start = stop + 4
+        end = start + int.from_bytes(data[stop:start], "little")
+        if first != stop or end > size or fields.get(b"op") not in (b"\x02", b"\x07"):
+            return -1
+        if fields[b"op"] == b"\x02":
+            if len(fields.get(b"conn", b"")) != 4 or len(fields.get(b"time", b"")) != 8:
+                return -1
+            seconds, rest = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
+            time, number = seconds * 10**9 + rest, int.from_bytes(fields[b"conn"], "little")
+            places[:, count] = number, time, start, end - start, position, before
+            count += 1
+            before = end
+        position = end
+    return count
+
+
+_OP, _CONN, _TIME = (np.frombuffer(name, dtype=np.uint8) for name in (b"op=", b"conn=", b"time="))
+
+
+@njit(cache=True)
+def _named(data: Bytes, place: Any, name: Bytes) -> bool:
+    """Whether a field has this name; within the data, as a header is followed by four bytes at least."""
+    if place + len(name) > len(data):
+        return False
+    for k in range(len(name)):  # noqa: SIM110 - numba knows no generators
+        if data[place + k] != name[k]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def walked_bag(data: Bytes, places: Places) -> int:
+    """As `plainly_walked_bag`."""
+    position: Any = np.int64(0)
+    before: Any = np.int64(0)
+    count, size = 0, len(data)
+    while position < size:
+        if position + 4 > size:
+            return -1
+        first: Any = position + 4
+        stop: Any = first + np.int64(_number(data, position, 4))
+        if stop + 4 > size:
+            return -1
+        op: Any = np.int64(-1)
+        number: Any = np.int64(-1)
+        time: Any = np.int64(-1)
+        while first < stop:
+            if first + 4 > stop:
+                return -1
+            length = np.int64(_number(data, first, 4))
+            at = first + 4
+            first = at + length
+            if first > stop:
+                return -1
+            if length == 4 and _named(data, at, _OP):
+                op = np.int64(data[at + 3])
+            elif length == 9 and _named(data, at, _CONN):
+                number = np.int64(_number(data, at + 5, 4))
+            elif length == 13 and _named(data, at, _TIME):
+                time = np.int64(_number(data, at + 5, 4)) * 1_000_000_000 + np.int64(_number(data, at + 9, 4))
+            elif _named(data, at, _OP) or _named(data, at, _CONN) or _named(data, at, _TIME):
+                return -1
+        start = stop + 4
+        end = start + np.int64(_number(data, stop, 4))
+        if end > size or (op != 2 and op != 7):
+            return -1
+        if op == 2:
+            if number < 0 or time < 0:
+                return -1
+            found = places[:, count]
+            found[0], found[1], found[2], found[3], found[4], found[5] = (
+                number, time, start, end - start, position, before,
+            )  # fmt: skip
+            count += 1
+            before = end
+        position = end
+    return count
+
+
+def plainly_grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
+    """The first `count` columns of `places` (4, room), channel by channel, as they come within a channel.
+
+    Channels (C,), the first column of each and the number of all (C + 1,), and times, first bytes, lengths (3, count).
+    """
+    channels, first = np.unique(places[0, :count], return_index=True)
+    channels = channels[np.argsort(first)]
+    groups = [np.flatnonzero(places[0, :count] == channel) for channel in channels]
+    order = np.concatenate([np.zeros(0, dtype=np.intp), *groups])
+    return channels, np.cumsum([0, *map(len, groups)]), places[1:, order]
+
+
+@njit(cache=True)
+def grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
+    """As `plainly_grouped`."""
+    channels, numbers = np.empty(count, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
+    group = np.empty(count, dtype=np.int64)
+    known, at = 0, 0
+    for i in range(count):
+        channel = places[0, i]
+        if at >= known or channels[at] != channel:
+            at = 0
+            while at < known and channels[at] != channel:
+                at += 1
+            if at == known:
+                channels[at] = channel
+                known += 1
+        group[i] = at
+        numbers[at + 1] += 1
+    for k in range(known):
+        numbers[k + 1] += numbers[k]
+    place = numbers[:known].copy()
+    out = np.empty((3, count), dtype=np.int64)
+    for i in range(count):
+        to = place[group[i]]
+        place[group[i]] += 1
+        for k in range(3):
+            out[k, to] = places[k + 1, i]
+    return channels[:known].copy(), numbers[: known + 1].copy(), out
+
+
+def plainly_copied(
+    data: bytes,
+    starts: Places,
+    lengths: Places,
+    fixed: Places,
+    expected: Bytes,
+    ranges: Places,
+    fits: NDArray[np.bool_],
+    rows: Bytes,
+    used: int,
+) -> int:
+    """Copy the numbers of the messages that have the `expected` bytes where a layout is `fixed`; gives how many.
+
+    Messages begin at `starts` (N,) and have `lengths` (N,), which must be len(expected). `fixed` (F, 2) are first byte
+    and number of bytes that must be the same; `ranges` (R, 3) are first byte, place in the row and number of bytes
+    that are copied, to `rows` (room, width) from `used` on. `fits` (N,) says afterwards of which messages there are
+    rows.
+    """
+    length = len(expected)
+    window: Any = np.ndarray((len(data) - length + 1,), dtype=f"V{length}", buffer=data, strides=(1,))
+    fits[:] = lengths == length
+    messages = window[np.where(fits, starts, 0)].view(np.uint8).reshape(len(starts), length)
+    for first, size in fixed:
+        fits &= (messages[:, first : first + size] == expected[first : first + size]).all(axis=1)
+    count = int(fits.sum())
+    for first, place, size in ranges:
+        rows[used : used + count, place : place + size] = messages[fits, first : first + size]
+    return count
+
+
+def _memcpy(context: Any, target: Any, place: Any, source: Any, first: Any, size: Any) -> Any:
+    """Bytes from one array of bytes to another, as C's memcpy: a loop over so few takes five times as long."""
+
+    def made(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        to, of = (context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (0, 2))
+        ends = builder.gep(to.data, [arguments[1]]), builder.gep(of.data, [arguments[3]])
+        cgutils.raw_memcpy(builder, *ends, arguments[4], 1)  # type: ignore[no-untyped-call]
+        return context.get_dummy_value()
+
+    return types.void(target, types.int64, source, types.int64, types.int64), made
+
+
+_copy: Any = intrinsic(_memcpy)
+
+
+@njit(cache=True)
+def copied(
+    data: Bytes,
+    starts: Places,
+    lengths: Places,
+    fixed: Places,
+    expected: Bytes,
+    ranges: Places,
+    fits: NDArray[np.bool_],
+    rows: Bytes,
+    used: int,
+) -> int:
+    """As `plainly_copied`."""
+    count, width = 0, rows.shape[1]
+    for i in range(len(starts)):
+        start = starts[i]
+        good = lengths[i] == len(expected)
+        for f in range(len(fixed)):
+            if not good:
+                break
+            first = fixed[f, 0]
+            for k in range(first, first + fixed[f, 1]):
+                if data[start + k] != expected[k]:
+                    good = False
+                    break
+        fits[i] = good
+        if good:
+            for r in range(len(ranges)):
+                _copy(rows, (used + count) * width + ranges[r, 1], data, start + ranges[r, 0], ranges[r, 2])
+            count += 1
+    return count
