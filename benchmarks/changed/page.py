@@ -25,7 +25,7 @@ def head() -> str:
     """What was flown."""
     return f"""# Graded changes: what `changed` and `trend` find
 
-Made by `python -m benchmarks.changed --json docs/changed-benchmark.json --page docs/changed-benchmark.md` (first seed
+Made by `python -m benchmarks.changed --rows docs/changed-benchmark.jsonl --page docs/changed-benchmark.md` (first seed
 {PUBLISHED}; nobody tunes on these flights). RotorPy flies the quadrotors and the octorotor, MuJoCo the tilting
 hexarotor; neither shares a formula with the fit. Flights of {SECONDS:g} s, all axes excited, each with another
 trajectory. Three healthy flights are the baseline of one suspect; the whole catalogue is tried.
