@@ -3,8 +3,8 @@
     python -m benchmarks.changed --rows FILE.jsonl [--page FILE] [--flights FOLDER] [--seed N] [--vehicle NAME]
                                  [--seasons N] [--minutes M]
 
-Rows are appended as they come, a line each; the same command goes on where it was interrupted, and ends after `--minutes`
-of processor time. Vehicles, baselines, effects and sizes take turns, so that a run that ends early has some of all.
+Rows are appended as they come, a line each; the same command goes on where it was interrupted, and ends after
+`--minutes` of processor time. Vehicles, baselines, effects and sizes take turns, so that a run that ends early has some of all.
 `--flights` keeps what was flown. Needs RotorPy for all vehicles but the tilting hexarotor:
 `pip install -e '.[benchmark]'`. `--no-run` makes the page of the rows that there are.
 """
@@ -69,25 +69,23 @@ def main(argv: list[str] | None = None) -> None:
     if not a.no_run:
         run(a, kept, keep)
     if a.page is not None:
-        a.page.write_text(
-            page([r for r in kept if "case" in r], [r for r in kept if "season" in r]), encoding="utf-8"
-        )
+        a.page.write_text(page([r for r in kept if "case" in r], [r for r in kept if "season" in r]), encoding="utf-8")
 
 
 def run(a: argparse.Namespace, kept: list[Row], keep: Callable[[Row], bool]) -> None:
     """Everything that has no row yet, until `keep` says that it is enough; seasons come last."""
     known = {(r["case"], r["baseline"]) for r in kept if "case" in r}
     vehicles = VEHICLES if a.vehicle is None else (a.vehicle,)
-    queues = [queue for vehicle in vehicles for queue in comparisons(vehicle, a.seed)]
     usual: dict[str, Baseline] = {}
-    for turn in range(max(len(suspects) for *_, suspects in queues)):
-        for name, block, suspects in queues:
-            if turn >= len(suspects) or (suspects[turn].name, name) in known:
-                continue
-            if name not in usual:
-                usual[name] = baseline(block, a.flights)
-            if not keep(judged(suspects[turn], usual[name], name, a.flights)):
-                return
+    for queues in zip(*(comparisons(vehicle, a.seed) for vehicle in vehicles), strict=True):
+        for turn in range(max(len(suspects) for *_, suspects in queues)):
+            for name, block, suspects in queues:
+                if turn >= len(suspects) or (suspects[turn].name, name) in known:
+                    continue
+                if name not in usual:
+                    usual[name] = baseline(block, a.flights)
+                if not keep(judged(suspects[turn], usual[name], name, a.flights)):
+                    return
     done = {r["season"] for r in kept if "season" in r}
     for k in range(a.seasons):
         for kind, size in SEASONS:
