@@ -4,7 +4,7 @@
                                  [--seasons N] [--minutes M]
 
 Rows are appended as they come, a line each; the same command goes on where it was interrupted, and ends after
-`--minutes` of processor time. Vehicles, baselines, effects and sizes take turns, so that a run that ends early has some of all.
+`--minutes` of processor time. Vehicles, effects and sizes take turns: a run that ends early has some of all.
 `--flights` keeps what was flown. Needs RotorPy for all vehicles but the tilting hexarotor:
 `pip install -e '.[benchmark]'`. `--no-run` makes the page of the rows that there are.
 """

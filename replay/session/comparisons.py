@@ -91,7 +91,7 @@ def shown(found: Changed, suspect: str, healthy: tuple[str, ...], model: str) ->
         Change(
             p.effect,
             p.where,
-            f"{p.name} {number(p.change)} ± {number(p.std, 2)} {unit(p.unit)} (scatter of healthy flights "
+            f"{'' if p.name.split('_')[0] in ('rotor', 'arm') else f'{p.name} '}{number(p.change)} ± {number(p.std, 2)} {unit(p.unit)} (scatter of healthy flights "
             f"{number(p.scatter, 2)})",
             p.significance,
         )
