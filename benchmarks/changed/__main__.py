@@ -69,7 +69,9 @@ def main(argv: list[str] | None = None) -> None:
     if not a.no_run:
         run(a, kept, keep)
     if a.page is not None:
-        a.page.write_text(page([r for r in kept if "case" in r], [r for r in kept if "season" in r]), encoding="utf-8")
+        planned = sum(len(suspects) for v in VEHICLES for *_, suspects in comparisons(v, a.seed))
+        rows, seasons = ([r for r in kept if key in r] for key in ("case", "season"))
+        a.page.write_text(page(rows, seasons, planned), encoding="utf-8")
 
 
 def run(a: argparse.Namespace, kept: list[Row], keep: Callable[[Row], bool]) -> None:

@@ -158,7 +158,7 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
     """
     alone = pool.only(healthy)
     flights = len(alone.names)
-    excited = not answered(alone.data)
+    excited = flights > 1 and not answered(alone.data)  # one flight shows no deviations: trims, and the answer says so
     sizes = {one.name: one.common.scale for one in pool.laws}
     scales: dict[str, Array] = {}
     if excited:
@@ -175,7 +175,7 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
             shown = np.clip(np.abs(theta[at : at + size]), least, least / ABSOLUTE)
             sizes = sizes | {one.name: shown}
             at += size
-        if excited and flights > 1:  # one flight shows no deviations: typical ones, and the answer says so
+        if excited:
             scales = renewed(alone.varying, theta[own], variance[own], flights, pool.model)
     left = alone.left - alone.shared(theta)
     at = own.start

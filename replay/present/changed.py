@@ -70,7 +70,8 @@ def baseline(found: Changed) -> str:
     if not found.scatter_known:
         return (
             "one healthy flight does not show what healthy flights differ by: typical values instead (1 % thrust of "
-            "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust). Give more healthy flights."
+            "each rotor, 2 % of the arm for the centre of mass, 1.5 % of all thrust), as one constant wrench; of "
+            "excited flights, changes of these sizes may be named that are usual. Give more healthy flights."
         )
     known = [f"{head.split()[0]} {number(s, 2)}" for head, s in zip(UNIT_HEADS, found.scatter, strict=True) if s == s]
     return f"{healthy} healthy flights differ by (standard deviation, N and Nm): {', '.join(known)}."
