@@ -36,8 +36,8 @@ def comparisons(vehicle: str, seed: int) -> Iterator[tuple[str, list[Case], list
     """Name, baseline and suspects: every block of healthy flights against changed flights in any order, in turn with
     all other healthy ones.
     """  # noqa: D205
-    good, bad = healthy(vehicle, seed), changed(vehicle, seed)
-    np.random.default_rng([seed, 73]).shuffle(bad)  # type: ignore[arg-type]
+    good, graded = healthy(vehicle, seed), changed(vehicle, seed)
+    bad = [graded[k] for k in np.random.default_rng([seed, 73]).permutation(len(graded))]
     blocks = [good[k : k + COMPARED] for k in range(0, len(good) - COMPARED, COMPARED)]
     for k, block in enumerate(blocks):
         rest, mine = [c for c in good if c not in block], bad[k :: len(blocks)]
