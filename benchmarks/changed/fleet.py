@@ -50,9 +50,9 @@ GRADED: dict[str, tuple[Graded, ...]] = {
     ),
 }
 """What is changed, in which unit, in which sizes, by vehicle."""
-HEALTHY = {"nano": 7, "quad": 7, "x8": 7, "hexa": 18}
+HEALTHY = {"nano": 7, "quad": 7, "x8": 7, "hexa": 7}
 """Healthy flights."""
-REPEATS = {"nano": 1, "quad": 1, "x8": 1, "hexa": 2}
+REPEATS = {"nano": 1, "quad": 1, "x8": 1, "hexa": 1}
 """Changed flights of each size."""
 CHANGED_FROM = 100
 """Seeds of changed flights count from there, those of healthy ones from the first seed."""

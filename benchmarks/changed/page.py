@@ -16,16 +16,18 @@ STEEP = np.linspace(1.0, 8.0, 15)
 """Slopes of the logistic curve over the logarithm of the size that are believed, alike."""
 
 
-def page(rows: Sequence[Row], seasons: Sequence[Row]) -> str:
-    """The whole page."""
-    return "".join((head(), alarms(rows), sizes(rows), coverage(rows), seasons_table(seasons)))
+def page(rows: Sequence[Row], seasons: Sequence[Row], planned: int) -> str:
+    """The whole page; `planned` comparisons are a full run."""
+    return "".join(
+        (head(), extent(len(rows), planned), alarms(rows), sizes(rows), coverage(rows), seasons_table(seasons))
+    )
 
 
 def head() -> str:
     """What was flown."""
     return f"""# Graded changes: what `changed` and `trend` find
 
-Made by `python -m benchmarks.changed --json docs/changed-benchmark.json --page docs/changed-benchmark.md` (first seed
+Made by `python -m benchmarks.changed --rows docs/changed-benchmark.jsonl --page docs/changed-benchmark.md` (first seed
 {PUBLISHED}; nobody tunes on these flights). RotorPy flies the quadrotors and the octorotor, MuJoCo the tilting
 hexarotor; neither shares a formula with the fit. Flights of {SECONDS:g} s, all axes excited, each with another
 trajectory. Three healthy flights are the baseline of one suspect; the whole catalogue is tried.
@@ -36,6 +38,16 @@ are alike (one standard deviation): thrust of each rotor {100 * SCATTER["rotor"]
 {100 * SCATTER["air"]:g} %, centre of mass {100 * SCATTER["place"]:g} % of the arm forward and to the left, mounting of
 the IMU {SCATTER["mount_deg"]:g} deg about each axis, wind {SCATTER["wind"]:g} m/s in each direction.
 """
+
+
+def extent(count: int, planned: int) -> str:
+    """How much of it was run."""
+    if count >= planned:
+        return f"\nRun in full: {count} comparisons.\n"
+    return (
+        f"\n**Not run in full: {count} of {planned} comparisons.** What stands below is of these alone"
+        f"{', too few for rates, thresholds or coverage' if count < planned // 2 else ''}.\n"
+    )
 
 
 def alarms(rows: Sequence[Row]) -> str:
@@ -61,6 +73,8 @@ def alarms(rows: Sequence[Row]) -> str:
 
 def sizes(rows: Sequence[Row]) -> str:
     """Which sizes are found."""
+    if all(r["effect"] == "none" for r in rows):
+        return ""
     lines = ["\n## Smallest change that is found\n"]
     lines.append(
         "Found: something changed, and a set of the heaviest class says what. 50 % and 90 %: sizes on the logistic\n"

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from wrenchgap.learn.changed.pool import Pool, calibrated
-from wrenchgap.learn.changed.search import ChangeScorer
+from wrenchgap.learn.changed.search import ChangeScorer, worth_a_name
 from wrenchgap.learn.posterior.score import Scored, saturated
 
 FEWEST = 3
@@ -39,7 +41,7 @@ def odd_flights(pool: Pool, healthy: Sequence[int]) -> tuple[tuple[int, Odd], ..
 
 
 def _against(pool: Pool, flight: int, others: Sequence[int]) -> Odd:
-    """One flight as the suspect of some others; changes one by one."""
+    """One flight as the suspect of some others; changes one by one, those that are large enough for a name."""
     both = sorted((flight, *others))
     alone = calibrated(pool.only(both), [both.index(f) for f in others])
     mine = both.index(flight)
@@ -48,5 +50,8 @@ def _against(pool: Pool, flight: int, others: Sequence[int]) -> Odd:
     scorer = ChangeScorer(spectrum, saturated(spectrum)[0])
     nothing = scorer(()).log_probability
     singles: list[Scored] = [scorer((key,)) for key in spectrum.columns]
+    singles = [s for s in singles if worth_a_name(scorer, s.keys[0])]
+    if not singles:
+        return Odd(pool.names[flight], "", -np.inf)
     best = max(singles, key=lambda s: s.log_probability)
     return Odd(pool.names[flight], best.keys[0], best.log_probability - nothing)

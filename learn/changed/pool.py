@@ -13,7 +13,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import ABSOLUTE, Law
 from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
 from wrenchgap.learn.changed.spectrum import ChangeSpectrum, answered
-from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, varying
+from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed, seeming, varying
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.trim import trim_of, typical
 from wrenchgap.learn.posterior.columns import Column
@@ -97,10 +97,20 @@ class Pool:
         same = {v.name for v in self.varying}
         changes = tuple(replace(c, accuracy=0.0) if c.key in same else c for c in changes)
         trim = trim_of(replace(self.model, between_flights=tuple(self.scatter.tolist())))
-        known = (*columns(self.varying, self.data.flight, suspects), *self.common)
+        known = (*columns(self.varying, self.data.flight, suspects), *self._slack(suspects), *self.common)
         if len(suspects) > 1:
             known = (self._day(suspects), *known)
         return ChangeSpectrum(self.data, self.left, changes, trim, known)
+
+    def _slack(self, suspects: Collection[int]) -> tuple[Column, ...]:
+        """On the suspect flights: by what each law seems to change from one trajectory to the next; of what flights
+        differ by that is known already, and where means alone are compared there is no trajectory.
+        """  # noqa: D205
+        if not self.deviations or not suspects:
+            return ()
+        rows, same = self.rows(suspects), {v.name for v in self.varying}
+        whole = [one for one in self.shared_laws if one.name not in same]
+        return tuple(seeming(one.name, one.bent.jacobian, one.bent.scale).column(rows) for one in whole)
 
     def _day(self, suspects: Collection[int]) -> Column:
         rows = self.rows(suspects)

@@ -14,16 +14,19 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class ChangePrior:
     """`share` of an effect's typical size that is typical of its change; `price` log odds against it besides those of
-    any effect; `far` the largest change in typical sizes; `loses` says that parameters only become smaller.
+    any effect; `far` the largest change in typical sizes; `loses` says that parameters only become smaller. `slack`, in
+    sizes of the prior, is what the effect seems to differ by from one trajectory to the next while nothing changed: a
+    law is nearly right, and on each trajectory off by something else.
     """  # noqa: D205
 
     share: float
     price: float = 0.0
     far: float = 1e3
     loses: bool = False
+    slack: float = 0.1
 
 
-LAW = ChangePrior(0.2, 2.0, 1.0)
+LAW = ChangePrior(0.2, 2.0, 1.0, slack=0.3)
 """A law of the flow, or a property of the type of a part: does not change by itself."""
 
 _KNOWN = {
@@ -32,10 +35,10 @@ _KNOWN = {
     "mass": ChangePrior(1.0),
     "payload": ChangePrior(1.0, -3.0),
     "tilt_offset": ChangePrior(1.0),
-    "servo_lag": ChangePrior(0.5),
-    "motor_lag": ChangePrior(0.5),
-    "asymmetric_motor_lag": ChangePrior(0.5, 1.0),
-    "command_delay": ChangePrior(0.3, 1.0),
+    "servo_lag": ChangePrior(0.5, slack=0.04),
+    "motor_lag": ChangePrior(0.5, slack=0.04),
+    "asymmetric_motor_lag": ChangePrior(0.5, 1.0, slack=0.04),
+    "command_delay": ChangePrior(0.3, 1.0, slack=0.04),
     "backlash": ChangePrior(1.0),
     "arm_twist": ChangePrior(0.5, 1.0),
     "thrust_scale": ChangePrior(0.5),
@@ -46,8 +49,8 @@ _KNOWN = {
     "imu_lever_arm": ChangePrior(0.5, 1.0),
     "inertia": ChangePrior(0.5, 1.0),
     "wind": ChangePrior(1.0),
-    "body_drag": ChangePrior(0.3, 1.0),
-    "body_drag_areas": ChangePrior(0.3, 1.0),
+    "body_drag": ChangePrior(0.3, 1.0, slack=0.2),
+    "body_drag_areas": ChangePrior(0.3, 1.0, slack=0.2),
     "tether": ChangePrior(1.0, 2.0),
     "constant_wrench": ChangePrior(1.0, 2.0),
 }

@@ -16,6 +16,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import again
 from wrenchgap.learn.changed.pool import Pool
 from wrenchgap.learn.changed.priors import change_prior
+from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.classes import Class, NamedSet, merged, settled
 from wrenchgap.learn.posterior.hunt import Hunt
 from wrenchgap.learn.posterior.posterior import Posterior
@@ -86,6 +87,13 @@ def weigh(pool: Pool, suspects: Collection[int]) -> Weighed:
     vehicle = pool.model.vehicle
     found = Posterior(sets, grouped(sets, scorer, vehicle), settled(sets, vehicle))
     return Weighed(found, scorer, pool, tuple(suspects))
+
+
+def worth_a_name(scorer: ChangeScorer, name: str) -> bool:
+    """Whether a change by itself is large enough for a name: what is smaller, however well established, is what laws
+    are off by from one trajectory to the next.
+    """  # noqa: D205
+    return float(np.max(np.abs(scorer((name,)).theta[name]) / scorer.spectrum.columns[name].scale)) >= MATERIAL
 
 
 def _moved(scorer: Scorer) -> dict[str, Array]:

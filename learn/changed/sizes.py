@@ -18,7 +18,7 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.by_flight import shared, values_by_flight
 from wrenchgap.learn.changed.places import where_of
 from wrenchgap.learn.changed.propeller import read
-from wrenchgap.learn.changed.search import Weighed
+from wrenchgap.learn.changed.search import Weighed, worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.identify.least_squares import MISFIT
@@ -59,11 +59,14 @@ class Size:
 
 @dataclass(frozen=True)
 class Alone:
-    """A change by itself: its parameters, and the log odds of it against none, its prior included."""
+    """A change by itself: its parameters, and the log odds of it against none, its prior included. Of one that is not
+    `large`, the odds, however good, are no news (`learn.changed.search.worth_a_name`).
+    """  # noqa: D205
 
     effect: str
     odds: float
     sizes: tuple[Size, ...]
+    large: bool = True
 
     @property
     def largest(self) -> Size:
@@ -127,11 +130,13 @@ def reading(found: Weighed, name: str) -> Array:
 
 
 def candidate_changes(found: Weighed) -> tuple[Alone, ...]:
-    """Every change by itself, the likeliest first."""
+    """Every change by itself, the likeliest first; of those likelier than none, ones too small for a name come last."""
     scorer = found.scorer
     odds = {k: scorer((k,)).log_probability - scorer(()).log_probability for k in scorer.spectrum.columns}
-    listed = [Alone(k, odds[k], sizes(found, (k,))) for k in sorted(odds, key=lambda k: -odds[k])]
-    return tuple(one for one in listed if one.sizes)
+    listed = [Alone(k, odds[k], sizes(found, (k,)), worth_a_name(scorer, k)) for k in odds]
+    return tuple(
+        sorted((one for one in listed if one.sizes), key=lambda one: (one.odds < 0.0, not one.large, -one.odds))
+    )
 
 
 def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:

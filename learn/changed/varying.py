@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import Law
+from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.trim import AIR, PLACE, ROTOR, WORTH, typical
 from wrenchgap.learn.posterior.columns import Column
@@ -82,6 +83,12 @@ def varying(data: Dataset, model: Model, laws: Sequence[Law], scales: dict[str, 
             out.append(Varying(one.name, one.line.jacobian, scales.get(one.name, usual)))
     blown = Varying(WIND, blowing(data), scales.get(WIND, np.full(2, typical_of(model.vehicle, WIND))))
     return (*out, blown)
+
+
+def seeming(name: str, jacobian: Array, scale: Array) -> Varying:
+    """What a law (K, 6, P), typical sizes `scale` (P,), is off by on some flights more than on others."""
+    prior = change_prior(name)
+    return Varying(name, jacobian, prior.slack * prior.share * scale)
 
 
 def blowing(data: Dataset) -> Array:

@@ -288,11 +288,10 @@ def open_flights(
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
     for log in logs:
         raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
+        for other in found:
+            if other.flight.content_hash == raw.content_hash:
+                raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
         moved = flight.shifted(raw, shifts or {})
-        one = opened(moved, model, accept=accept, keep=keep, gate=gate, **how)
-        for other in found:
-            if other.flight.content_hash == one.flight.content_hash:
-                raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")
-        found.append(one)
+        found.append(opened(moved, model, accept=accept, keep=keep, gate=gate, **how))
     return distinct(found)

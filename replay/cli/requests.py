@@ -98,18 +98,23 @@ class Run:
         model: Model,
         unseen: Sequence[Path] | None = None,
         roles: tuple[str, str] = ("log", "validation"),
+        *,
+        unseen_first: bool = False,
         **how: Any,
     ) -> tuple[list[OpenFlight], list[OpenFlight]]:
         """Flights of `logs` and of `unseen`, opened for a model; `how` as in `learn.data.opening.open_flights`.
 
-        `roles` are those of the two among what went into the result.
+        `roles` are those of the two among what went into the result; `unseen_first` reads those first, so that what is
+        wrong with them is said first.
         """
         from wrenchgap.learn.data.opening import open_flights
 
         how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
         how |= {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
-        every = open_flights([*logs, *(unseen or ())], model, cutoff_hz=reading.cutoff_hz, **how)
-        flights, tests = every[: len(logs)], every[len(logs) :]
+        sides = [list(logs), list(unseen or ())][:: -1 if unseen_first else 1]
+        every = open_flights([*sides[0], *sides[1]], model, cutoff_hz=reading.cutoff_hz, **how)
+        parts = [every[: len(sides[0])], every[len(sides[0]) :]]
+        flights, tests = parts[:: -1 if unseen_first else 1]
         self._logs += [*((one, roles[0]) for one in flights), *((one, roles[1]) for one in tests)]
         return flights, tests
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import Changed, Verdict
-from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.changed.sizes import Alone, Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import settle, timing, what_to_inspect
@@ -28,7 +28,10 @@ SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter   +-: of the change, from within the flights   "
     "significance: change over both together"
 )
-ALONE_LEGEND = "log odds: of this change alone against none, its prior included; above about 2 it is worth a name"
+ALONE_LEGEND = (
+    "log odds: of this change alone against none, its prior included; above about 2 it is worth a name, in brackets "
+    "where it is smaller than a fifth of what is typical of such changes, and no news"
+)
 
 
 def parts(found: Changed) -> list[Part]:
@@ -169,11 +172,15 @@ def sizes(found: Changed) -> Table:
 def alone(found: Changed) -> Table:
     """Each change by itself, likeliest first."""
     rows = [
-        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", f"{a.odds:.1f}")
+        (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", _said(a))
         for a, s in ((a, a.largest) for a in found.alone[:MOST])
     ]
     heads = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
     return plain("each change by itself", heads, rows, left=3)
+
+
+def _said(change: Alone) -> str:
+    return f"{change.odds:.1f}" if change.large else f"({change.odds:.1f})"
 
 
 def flights(found: Changed) -> Table:
@@ -214,7 +221,7 @@ def to_json(found: Changed) -> dict[str, Any]:
         "places": [vars(p) for p in found.places],
         "nothing": found.nothing,
         "alone": [
-            {"effect": a.effect, "log_odds": a.odds, "parameters": [_parameter(p) for p in a.sizes]}
+            {"effect": a.effect, "log_odds": a.odds, "large": a.large, "parameters": [_parameter(p) for p in a.sizes]}
             for a in found.alone
         ],
         "odd_because": [vars(o) for o in found.odd],

@@ -10,6 +10,7 @@ import numpy as np
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.changed import changed as changing
 from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import tool_version
@@ -80,6 +81,11 @@ def with_changes(model: Model, found: Changed) -> Model:
     return model.with_effects(tuple(effects.values()))
 
 
+def _own_name(size: Size) -> str:
+    """Of a rotor or an arm nothing: the user's name of it is there already."""
+    return "" if size.name.split("_")[0] in ("rotor", "arm") else f"{size.name} "
+
+
 def shown(found: Changed, suspect: str, healthy: tuple[str, ...], model: str) -> Differences:
     """The answer as the panel takes it."""
     something = found.verdict is not Verdict.NOTHING
@@ -91,7 +97,7 @@ def shown(found: Changed, suspect: str, healthy: tuple[str, ...], model: str) ->
         Change(
             p.effect,
             p.where,
-            f"{p.name} {number(p.change)} ± {number(p.std, 2)} {unit(p.unit)} (scatter of healthy flights "
+            f"{_own_name(p)}{number(p.change)} ± {number(p.std, 2)} {unit(p.unit)} (scatter of healthy flights "
             f"{number(p.scatter, 2)})",
             p.significance,
         )

@@ -15,7 +15,7 @@ from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.changed.propeller import MOST, damaged, read
 from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
-from wrenchgap.learn.changed.varying import Varying, renewed, typical_of
+from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.identify.trim import WORTH, typical
 from wrenchgap.learn.posterior.columns import Column
@@ -238,6 +238,17 @@ def test_the_scatter_of_parameters_is_the_typical_one_until_flights_say_otherwis
     np.testing.assert_allclose(found, true, rtol=0.05)
     few = renewed((part,), np.zeros(9), np.zeros(9), 3, hexarotor)["com_offset"]
     np.testing.assert_allclose(few, np.sqrt(WORTH / (3 + WORTH)) * typical_of(hexarotor.vehicle, "com_offset"))
+
+
+def test_a_law_seems_to_change_by_its_slack_on_suspect_flights():
+    """Slack in units of the law: its share of the typical change, which is a share of the typical size."""
+    line, scale = np.ones((4, 6, 3)), np.array([1.0, 2.0, 3.0])
+    law, mass = seeming("rotor_gyroscopic", line, scale), seeming("mass", line, scale)
+    assert law.scale == pytest.approx(0.3 * 0.2 * scale)
+    assert mass.scale == pytest.approx(0.1 * scale)
+    on_suspects = law.column(np.array([False, True, True, False]))
+    assert not on_suspects.jacobian[[0, 3]].any()
+    assert on_suspects.jacobian[[1, 2]].all()
 
 
 def test_means_by_flight_are_signed(plain):

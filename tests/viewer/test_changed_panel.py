@@ -70,6 +70,8 @@ def test_it_shows_what_changed_where_and_how_far_flights_lie_apart(panel, monkey
     assert "Inspect the propeller of M3." in text
     assert "-12.0 times what healthy flights differ by" in text
     assert text.count("rgb(15,45,110)") == 1  # darkest blue: far below the healthy flights
+    assert "<th>Mx</th>" in text
+    assert "<th>Mz</th>" not in text  # no flight measured it: the others have its room
 
 
 def test_the_link_puts_it_into_the_model(panel, monkeypatch, eventually):

@@ -87,19 +87,21 @@ class ChangedPanel(Panel):
         if found is None:
             self.answer.content = ""
             return
+        shown = [k for k in range(len(AXES)) if any(np.isfinite(row.mean[k]) for row in found.rows)]
         self.answer.content = markup.render(
             "changed",
             found=found,
             badge=BADGES.get(found.verdict, "unknown"),
-            axes=[axis.replace("force_", "F").replace("torque_", "M") for axis in AXES],
-            rows=[(row, self._cells(row)) for row in found.rows],
+            axes=[AXES[k].replace("force_", "F").replace("torque_", "M") for k in shown],
+            rows=[(row, self._cells(row, shown)) for row in found.rows],
             adding=self.links.to(partial(self._add, found)) if found.effects else None,
         )
 
-    def _cells(self, row: FlightMean) -> list[dict[str, str]]:
-        """Signed means in the colours of their distance from the healthy flights."""
+    def _cells(self, row: FlightMean, shown: Sequence[int]) -> list[dict[str, str]]:
+        """Signed means on the axes that are shown, in the colours of their distance from the healthy flights."""
         out = []
-        for axis, mean, beyond in zip(AXES, row.mean, row.beyond, strict=True):
+        for k in shown:
+            axis, mean, beyond = AXES[k], row.mean[k], row.beyond[k]
             back, front = markup.heat(float(np.clip(np.nan_to_num(beyond) / DARKEST, -1.0, 1.0)))
             title = f"{axis}: {markup.number(mean)}, {beyond:+.1f} times what healthy flights differ by"
             out.append({"back": back, "front": front, "number": markup.number(mean, 2), "title": title})

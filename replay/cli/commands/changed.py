@@ -58,8 +58,8 @@ def changed(
     page_file.check(page)
     base, names = run.model(model), o.parse_effects(effects_only)
     with run.progress("comparing") as report:
-        get_ready(cores(), "wrenchgap.learn.changed.changed")  # workers start while logs are read
-        good, bad = run.open(reading, healthy, base, suspects, ("healthy", "suspect"))
+        good, bad = run.open(reading, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
+        get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
         found = between_flights.changed(bad, good, base, names=names, progress=report)
     run.result(found)
     run.notes(base.notes)
