@@ -25,7 +25,7 @@ from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
+from wrenchgap.plant.mismatch import Follows, Judged, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ class Settings:
     solver            "newton": compiled, handing over to L-BFGS where it does not settle, and where a model cannot be
                       compiled; "lbfgs": the paper's reference, on plain models; "onboard": Newton alone, which is what
                       `wrenchgap export` writes
+    despite_verdict   compensate in full, on outputs too of which `learn` says not to (`plant.mismatch.Judged`)
     good_enough       share of `accept` at which L-BFGS stops; Newton, which converges faster, goes on to 1e-14
     """
 
@@ -77,6 +78,7 @@ class Settings:
     normalise: bool | None = None
     solver: Solver = "newton"
     good_enough: float = GOOD_ENOUGH
+    despite_verdict: bool = False
 
     def __post_init__(self) -> None:
         if self.solver not in get_args(Solver):
@@ -141,8 +143,9 @@ class Compensator:
         *,
         physics: PhysicsMismatch | None = None,
     ) -> None:
-        self.model, self.physics = model, physics
         self.settings = settings or Settings()
+        model = _judged(model, self.settings, physics)
+        self.model, self.physics = model, physics
         if physics is not None and physics.outputs != model.outputs:
             raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
         bound = _bounds(model, self.settings)
@@ -314,6 +317,23 @@ class _Sum:
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         (mean, slope), (more, steeper) = (linearisation(m)(wrench_cmd) for m in (self.physics, self.process))
         return mean + more, slope + steeper
+
+
+def _judged(
+    model: MismatchModel | Follows, settings: Settings, physics: PhysicsMismatch | None
+) -> MismatchModel | Follows:
+    """The model as far as it is to be compensated; UsageError where nothing is."""
+    if not isinstance(model, Judged):
+        return model
+    if settings.despite_verdict:
+        return model.despite_verdict()
+    if physics is None and set(model.refused) == set(model.outputs):
+        raise UsageError(
+            f"compensate: the verdict of `wrenchgap learn` on {', '.join(model.outputs)} is not to compensate, and "
+            "there is nothing else; learn from another flight or on named effects, or say --despite-verdict "
+            "(Settings(despite_verdict=True))"
+        )
+    return model
 
 
 def _checked(wrench_des: ArrayLike) -> Array:

@@ -8,6 +8,7 @@ from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismat
 from wrenchgap.flight import AXES, FitError, Flight
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
+from wrenchgap.learn.process.verdict import Verdict
 from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
@@ -87,13 +88,22 @@ class LearntFromThisFlight:
     flight: str
 
 
-ProcessCaveat = LearnWarned | OtherVersion | LearntFromThisFlight
+@dataclass(frozen=True)
+class Refused:
+    """Outputs that are not compensated, because the verdict of `learn` is against it."""
+
+    verdicts: tuple[Verdict, ...]
+
+
+ProcessCaveat = LearnWarned | OtherVersion | LearntFromThisFlight | Refused
 
 
 def caveats(process: GaussianProcess, model: Model, flight: Flight | None = None) -> tuple[ProcessCaveat, ...]:
     """What a user must know before compensating with this process and model, on this flight."""
     source = process.provenance
     found: list[ProcessCaveat] = [LearnWarned(warning) for warning in source.warnings]
+    refused = tuple(v for v in source.verdicts if v.output in process.refused)
+    found += [Refused(refused)] if refused else []
     if process.settings.mean == "physics" and content_hash(model) != source.model_hash:
         found.append(OtherVersion(model.name, source.physics))
     if flight is not None and flight.content_hash in [log.sha256 for log in source.logs]:
