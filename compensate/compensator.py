@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser, linearisation
+from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser
+from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
@@ -186,7 +187,7 @@ class Compensator:
         self._correction = np.zeros(len(AXES))  # less that of the physics
         self._known = np.zeros(len(AXES))  # correction of the physics alone
         self._model: MismatchModel | None = None
-        self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else _Fixed(m) for m in self._parts]
+        self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else Fixed(m) for m in self._parts]
         self._stepped = False
         if self._fast is not None:
             self._fast.reset()
@@ -206,7 +207,7 @@ class Compensator:
         if self._fast is not None:
             return self._fast_step(self._fast, wrench, state, started)
         here = [f.here(state) for f in self._following]
-        model = self._model = _Sum(*here) if len(here) > 1 else here[0]
+        model = self._model = Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
         if len(here) > 1:
             known = self._unbounded.solve(here[0], wrench, self._known)
@@ -279,44 +280,6 @@ def result_of(row: Array, trouble: str, took: float) -> Result:
     if not math.isfinite(cost):
         trouble = trouble or "no correction: the mismatch model gave a value that is not finite"
     return Result(row[:6], row[6:12], row[12:18], sigma, beta, cost, int(evaluations), accepted > 0.0, trouble, took)
-
-
-@dataclass(frozen=True)
-class _Fixed:
-    """A model that depends on the command alone, as a `Follower`."""
-
-    model: MismatchModel
-
-    def here(self, state: State | None, /) -> MismatchModel:
-        return self.model
-
-    def sent(self, wrench_cmd: Array, /) -> None:
-        pass
-
-
-@dataclass(frozen=True)
-class _Sum:
-    """Two mismatch models on top of each other; only the second is uncertain."""
-
-    physics: MismatchModel
-    process: MismatchModel
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        return self.process.outputs
-
-    def mean(self, wrench_cmd: Array, /) -> Array:
-        return self.physics.mean(wrench_cmd) + self.process.mean(wrench_cmd)
-
-    def std(self, wrench_cmd: Array, /) -> Array:
-        return self.process.std(wrench_cmd)
-
-    def jacobian(self, wrench_cmd: Array, /) -> Array:
-        return self.physics.jacobian(wrench_cmd) + self.process.jacobian(wrench_cmd)
-
-    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
-        (mean, slope), (more, steeper) = (linearisation(m)(wrench_cmd) for m in (self.physics, self.process))
-        return mean + more, slope + steeper
 
 
 def _judged(

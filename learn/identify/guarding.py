@@ -3,7 +3,7 @@
     1. components of the command that the flights do not show the effect of: not looked at (`learn.process.shown`)
     2. a lag of the vehicle, where held-out time supports one: the commands are lagged (`learn.identify.lag`)
     3. the fit, and a gain for each output from held-out time (`learn.process.support`)
-    4. a stability margin below `LEAST_MARGIN` along the commands: 3. again without a look at the outputs' own components
+    4. a stability margin below `LEAST_MARGIN` along the commands: 3. again, blind to the outputs' own components
 
 and a verdict for each output.
 """
@@ -19,6 +19,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.lag import lags
+from wrenchgap.learn.identify.observing import observer_hz
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.learn.process.shown import unshown
@@ -81,7 +82,9 @@ def guarded_process(
         lags=tuple(late[rows].tolist()),
         margin=float(min(found.margin.least, 1e6)),
     )
-    return replace(found, gp=replace(found.gp, provenance=said))
+    gp = replace(found.gp, provenance=said)
+    loop = loop_of(base, float(late.max()))
+    return replace(found, gp=replace(gp, provenance=replace(said, observer_hz=observer_hz(records, base, gp, loop))))
 
 
 def loop_of(model: Model, lag: float = 0.0) -> Loop:

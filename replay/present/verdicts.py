@@ -74,7 +74,7 @@ def lags_in_words(gp: GaussianProcess) -> list[str]:
     blind = ", ".join(gp.settings.blind)
     return [
         f"lag behind the commands, not learnt as a function: {', '.join(late)}." if late else "",
-        f"the flights do not show how the wrench depends on the commanded {blind}: there the GP leaves it to the physics."
+        f"the flights do not show how the wrench depends on the commanded {blind}: there the GP leaves it to physics."
         if blind
         else "",
     ]

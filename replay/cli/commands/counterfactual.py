@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.commands.replay import DespiteVerdict
 from wrenchgap.replay.cli.requests import Reading, Run
 
 MANY = ("--without", "--with", "--gains")
@@ -62,6 +63,7 @@ def counterfactual(
     gp: Compensate = None,
     lead: o.Lead = None,
     baselines: Baselines = False,
+    despite_verdict: DespiteVerdict = False,
     without: Without = None,
     with_: With = None,
     gains: Gains = None,
@@ -106,6 +108,7 @@ def counterfactual(
             gains=gains or (),
             believe=other,
             baselines=baselines,
+            despite_verdict=despite_verdict,
             start=start,
             duration=duration,
             progress=report,
