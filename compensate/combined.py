@@ -7,11 +7,11 @@ The feed-forward is asked for M_asked and believes that the vehicle will make it
 `compensate.observer`) estimates by how much it does not: what the gate withholds, what nobody has learnt, what ran into
 a bound. So the gate acts on the process alone.
 
-H is the lag and delay with which the vehicle is known to follow. An observer that does not know them takes every lag
-of its own correction for a disturbance and rings (that is what limits `DisturbanceObserver`); one that does has
-d_hat = Q d with the low-pass Q of bandwidth k, and no loop around it. The unknown part of the lag, dH, closes a loop
-with the gain |Q dH|, which is why k comes from the log (`learn.identify.observing`). Source of the structure: internal
-model control, Morari and Zafiriou, Robust Process Control, 1989, chapter 2.
+H is the lag and delay that the vehicle is taken to have. An observer that is told the true ones has d_hat = Q d with
+the low-pass Q of bandwidth k, and no loop around it (internal model control; Morari and Zafiriou, Robust Process
+Control, 1989, chapter 2). What it is not told of them counts as a disturbance: a lag tau that it works against, and a
+loop with the characteristic polynomial tau s^2 + s + k, damping 1 / (2 sqrt(k tau)). That makes the vehicle follow
+faster, and bounds k, which comes from the log (`learn.identify.observing`). A delay cannot be worked against.
 """
 
 from __future__ import annotations

@@ -1,14 +1,17 @@
 """The bandwidth of an observer of what a process leaves, from the log that it was learnt from.
 
-With the residual d (K, 3) that process, effects and lag leave of the training log, an observer of bandwidth k would
-have corrected H Q_k d of it, H being lag and delay of the vehicle and Q_k a first-order low-pass. And it would have
-added what it makes of the gyroscope's noise and of vibration, k J n with n the rates above the filter's cut-off. k is
-what leaves least
+An observer of bandwidth k on a vehicle that follows with the lag tau (delay included) makes, of a disturbance d and of
+noise n in the measured rates,
 
-    E(k)^2 = sum over axes of [rms(d - H Q_k d)^2 + (k J rms(n))^2] / J^2
+    correction = -k / (tau s^2 + s + k) d,        torque = k J n          above its bandwidth
 
-up to a bound. The part of the lag that nobody knows closes a loop around the observer (`compensate.combined`), whose
-gain stays below one for k dT < 1: half of a lag that was found is taken for unknown, and `UNKNOWN` where none was.
+The first is the observer's low-pass behind the lag, with the loop that it closes: its damping is 1 / (2 sqrt(k tau)),
+so k is bounded by k tau <= `MOST`, a damping of 0.41. tau is the lag that held-out time showed (`learn.identify.lag`)
+with that of named effects; where there is none it is taken for `UNKNOWN`. Up to that bound k is what would have left
+least on the training log, with d the residual that process, effects and lag leave, and n the gyroscope above the
+filter's cut-off, noise and vibration alike:
+
+    E(k)^2 = sum over axes of [rms(d - k / (tau s^2 + s + k) d)^2 + (k J rms(n))^2] / J^2
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.signal import bilinear, lfilter
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.inputs import process_inputs
@@ -23,32 +27,27 @@ from wrenchgap.learn.data.measurement import Record, low_pass
 from wrenchgap.learn.identify.lag import lagged
 from wrenchgap.learn.identify.samples import stretches
 from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.plant.effects.lag import delay as delayed
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.stability import Loop
 
 BANDWIDTHS_HZ = tuple(float(f) for f in np.geomspace(0.2, 12.0, 25))
-"""That are tried; a vehicle whose lag is known well has the best beyond neither end."""
-UNKNOWN = 0.08
-"""Lag and delay [s] that are taken for unknown where the log shows no lag: servos have 15 to 90 ms."""
-UNSURE = 0.5
-"""Share of a lag and delay that was found which is taken for unknown."""
+"""That are tried."""
+UNKNOWN = 0.1
+"""Lag and delay [s] of a vehicle whose log shows none: tilt servos have 15 to 90 ms."""
+MOST = 1.5
+"""Largest k tau."""
 
 
 def observer_hz(records: Sequence[Record], base: Model, gp: GaussianProcess, loop: Loop) -> float:
-    """Bandwidth [Hz] for `compensate.Combined`, for these flights, with the lag and delay of `loop`.
-
-    The process's torques count; where it has no torque among its outputs, what `base` leaves.
-    """
-    unsure = UNSURE * (loop.lag + loop.delay) if loop.lag > 0 else UNKNOWN
-    period = 1.0 / base.controller.rate_hz
-    most = min(1.0 / unsure, 1.0 / period) / (2.0 * np.pi)
+    """Bandwidth [Hz] of an observer for these flights (`compensate.Combined`), on a vehicle with the lag of `loop`."""
+    tau = loop.lag + loop.delay if loop.lag > 0 else UNKNOWN
+    most = min(MOST / tau, base.controller.rate_hz) / (2.0 * np.pi)
     J = np.diag(base.vehicle.body.inertia)
-    tried = [f for f in BANDWIDTHS_HZ if f < most] + [most]
-    left = [(part, dt) for part, dt in _residuals(records, base, gp, loop) if len(part) > 1]
+    tried = [*(f for f in BANDWIDTHS_HZ if f < most), most]
+    left = residuals(records, base, gp)
     noise = np.sqrt(np.mean([fast_rates(r) ** 2 for r in records], axis=0))
-    costs = [np.sum((_missed(left, f, loop) ** 2 + (2.0 * np.pi * f * J * noise) ** 2) / J**2) for f in tried]
+    costs = [np.sum((missed(left, f, tau) ** 2 + (2.0 * np.pi * f * J * noise) ** 2) / J**2) for f in tried]
     return float(tried[int(np.argmin(costs))])
 
 
@@ -58,26 +57,22 @@ def fast_rates(record: Record) -> Array:
     return np.asarray(np.std(omega - low_pass(omega, record.dt, record.cutoff_hz), axis=0))
 
 
-def _residuals(records: Sequence[Record], base: Model, gp: GaussianProcess, loop: Loop) -> list[tuple[Array, float]]:
-    """Torques (K, 3) that are left on each record, and the time between them [s]."""
-    found = []
-    late = np.zeros(6)
-    rows = output_indices(gp.outputs)
+def residuals(records: Sequence[Record], base: Model, gp: GaussianProcess) -> list[tuple[Array, float]]:
+    """Torques (K, 3) that model, process and lag leave of each record, and the time between them [s]."""
+    found, late, rows = [], np.zeros(6), output_indices(gp.outputs)
     late[rows] = gp.provenance.lags or np.zeros(len(rows))
     for record, part in zip(records, stretches(records, base), strict=True):
         expected = part.expected.copy()
         expected[:, rows] += gp.mean(process_inputs(gp.settings.inputs, record))
-        left = np.nan_to_num((part.measured - lagged(expected, late, part.dt))[:, 3:])
-        found.append((left, part.dt))
+        found.append((np.nan_to_num((part.measured - lagged(expected, late, part.dt))[:, 3:]), part.dt))
     return found
 
 
-def _missed(parts: Sequence[tuple[Array, float]], hz: float, loop: Loop) -> Array:
-    """Rms (3,) of d - H Q d."""
-    squares, count = np.zeros(3), 0
+def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float) -> Array:
+    """Rms (3,) of what an observer of this bandwidth leaves of disturbances (K, 3)."""
+    squares, count, k = np.zeros(3), 0, 2.0 * np.pi * hz
     for d, dt in parts:
-        seen = lagged(lagged(d, 1.0 / (2.0 * np.pi * hz), dt), loop.lag, dt)
-        late, _ = delayed(seen, loop.delay, dt, None)
-        squares += np.sum((d - late) ** 2, axis=0)
+        b, a = bilinear([k], [tau, 1.0, k], fs=1.0 / dt)
+        squares += np.sum((d - lfilter(b, a, d, axis=0)) ** 2, axis=0)
         count += len(d)
-    return np.sqrt(squares / max(count, 1))
+    return np.asarray(np.sqrt(squares / max(count, 1)))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight import AXES, FitError, Flight
-from wrenchgap.learn.identify.guarding import loop_of
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.learn.process.verdict import Verdict
@@ -40,8 +39,9 @@ def combined(
 ) -> Combined:
     """`compensator`, and an observer of what it leaves, of the bandwidth that the training log supports.
 
-    Where nothing of the process is to be compensated, effects and observer, or the observer alone. Raises FitError for
-    a process that an older version learnt, or without a look at held-out time: it has no bandwidth.
+    A lag is left to the observer, which then works against it too; a delay that has a name is not, since nothing can
+    be done about it. Where nothing of the process is to be compensated, effects and observer, or the observer alone.
+    Raises FitError for a process that an older version learnt, or without a look at held-out time: it has no bandwidth.
     """
     hz, asked = process.provenance.observer_hz, settings or Settings()
     if hz is None:
@@ -49,9 +49,9 @@ def combined(
     nothing = set(process.refused) == set(process.outputs) and not asked.despite_verdict
     alone = nothing and process.settings.mean != "physics"
     known = None if alone else compensator(process, model, asked, lead=lead)
-    loop = loop_of(model, max(process.provenance.lags, default=0.0))
     hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
-    return Combined(model.vehicle, asked.dt, hz, known, lag=loop.lag, delay=loop.delay)
+    delay = sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
+    return Combined(model.vehicle, asked.dt, hz, known, delay=delay)
 
 
 def physics(process: GaussianProcess, model: Model, lead: float | None = None) -> PhysicsMismatch | None:
