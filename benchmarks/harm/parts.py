@@ -27,11 +27,11 @@ from wrenchgap.plant.simulate import physics_rate, simulate
 from wrenchgap.plant.trajectory import Trajectory, named
 from wrenchgap.replay.compensation.compensators import combined, compensator
 
-TRAINING, LENGTH, SETTLE = 40.0, 13.0, 3.0
+TRAINING, LENGTH, SETTLE = 30.0, 9.0, 3.0
 POINTS = 100
 IMBALANCE = ((87.0, 0.6), (183.0, 1.2))
-"""Torques of rotors out of balance, frequency [Hz] and size [Nm] on every axis: the second is seen at 17 Hz by a gyroscope
-that is read at 200 Hz."""
+"""Torques of rotors out of balance, frequency [Hz] and size [Nm] on every axis. A gyroscope read at 200 Hz sees the
+second at 17 Hz."""
 TRAJECTORIES = ("figure8", "pitch")
 METHODS = ("none", "plain", "observer", "GP", "combined")
 
@@ -62,7 +62,7 @@ CONDITIONS = (
 
 def keys() -> list[str]:
     """One row for each condition and trajectory."""
-    return [f"{k} {t}" for k in range(len(CONDITIONS)) for t in TRAJECTORIES]
+    return [f"{k} {t}" for t in TRAJECTORIES for k in range(len(CONDITIONS))]
 
 
 def fly(plant: Plant, asked: Trajectory, seed: int, condition: Condition, helper: Any = None) -> Flight:

@@ -24,7 +24,7 @@ from wrenchgap.replay.compensation.compensators import combined, compensator
 KINDS = ("hidden", "nothing", "lag")
 TRAININGS = ("excited", "smooth")
 VEHICLES = 200
-TRAINING, LENGTH, MOMENT, LATE = 24.0, 6.0, 1.0, 4.0
+TRAINING, LENGTH, MOMENT, LATE = 20.0, 5.0, 0.5, 3.5
 """Lengths of the flights, the moment of the step, and from when on the error is late [s]."""
 POINTS = 60
 

@@ -82,9 +82,8 @@ def guarded_process(
         lags=tuple(late[rows].tolist()),
         margin=float(min(found.margin.least, 1e6)),
     )
-    gp = replace(found.gp, provenance=said)
-    loop = loop_of(base, float(late.max()))
-    return replace(found, gp=replace(gp, provenance=replace(said, observer_hz=observer_hz(records, base, gp, loop))))
+    hz = observer_hz(records, base, late, loop_of(base, float(late.max())))
+    return replace(found, gp=replace(found.gp, provenance=replace(said, observer_hz=hz)))
 
 
 def loop_of(model: Model, lag: float = 0.0) -> Loop:
