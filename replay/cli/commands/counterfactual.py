@@ -93,10 +93,9 @@ def counterfactual(
     run.claim({"--output": output}, log, gp)
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
     process = run.gp(gp)
+    reading = Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep)
     with run.progress("counterfactual", "reading the log") as report:
-        ((flight,), _) = run.open(
-            Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep), [log], base
-        )
+        ((flight,), _) = run.open(reading, [log], base)
         result = api.counterfactual(
             flight,
             base,
