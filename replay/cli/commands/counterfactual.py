@@ -87,6 +87,7 @@ def counterfactual(
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.replay import api
     from wrenchgap.replay.present.counterfactual import write_log
 
