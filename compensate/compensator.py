@@ -20,12 +20,13 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser, linearisation
+from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser
+from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.mismatch import Follows, KnowsItsData, MismatchModel, needs_state, output_indices
+from wrenchgap.plant.mismatch import Follows, Judged, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ class Settings:
     solver            "newton": compiled, handing over to L-BFGS where it does not settle, and where a model cannot be
                       compiled; "lbfgs": the paper's reference, on plain models; "onboard": Newton alone, which is what
                       `wrenchgap export` writes
+    despite_verdict   compensate in full, on outputs too of which `learn` says not to (`plant.mismatch.Judged`)
     good_enough       share of `accept` at which L-BFGS stops; Newton, which converges faster, goes on to 1e-14
     """
 
@@ -77,6 +79,7 @@ class Settings:
     normalise: bool | None = None
     solver: Solver = "newton"
     good_enough: float = GOOD_ENOUGH
+    despite_verdict: bool = False
 
     def __post_init__(self) -> None:
         if self.solver not in get_args(Solver):
@@ -141,8 +144,9 @@ class Compensator:
         *,
         physics: PhysicsMismatch | None = None,
     ) -> None:
-        self.model, self.physics = model, physics
         self.settings = settings or Settings()
+        model = _judged(model, self.settings, physics)
+        self.model, self.physics = model, physics
         if physics is not None and physics.outputs != model.outputs:
             raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
         bound = _bounds(model, self.settings)
@@ -183,7 +187,7 @@ class Compensator:
         self._correction = np.zeros(len(AXES))  # less that of the physics
         self._known = np.zeros(len(AXES))  # correction of the physics alone
         self._model: MismatchModel | None = None
-        self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else _Fixed(m) for m in self._parts]
+        self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else Fixed(m) for m in self._parts]
         self._stepped = False
         if self._fast is not None:
             self._fast.reset()
@@ -203,7 +207,7 @@ class Compensator:
         if self._fast is not None:
             return self._fast_step(self._fast, wrench, state, started)
         here = [f.here(state) for f in self._following]
-        model = self._model = _Sum(*here) if len(here) > 1 else here[0]
+        model = self._model = Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
         if len(here) > 1:
             known = self._unbounded.solve(here[0], wrench, self._known)
@@ -278,42 +282,21 @@ def result_of(row: Array, trouble: str, took: float) -> Result:
     return Result(row[:6], row[6:12], row[12:18], sigma, beta, cost, int(evaluations), accepted > 0.0, trouble, took)
 
 
-@dataclass(frozen=True)
-class _Fixed:
-    """A model that depends on the command alone, as a `Follower`."""
-
-    model: MismatchModel
-
-    def here(self, state: State | None, /) -> MismatchModel:
-        return self.model
-
-    def sent(self, wrench_cmd: Array, /) -> None:
-        pass
-
-
-@dataclass(frozen=True)
-class _Sum:
-    """Two mismatch models on top of each other; only the second is uncertain."""
-
-    physics: MismatchModel
-    process: MismatchModel
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        return self.process.outputs
-
-    def mean(self, wrench_cmd: Array, /) -> Array:
-        return self.physics.mean(wrench_cmd) + self.process.mean(wrench_cmd)
-
-    def std(self, wrench_cmd: Array, /) -> Array:
-        return self.process.std(wrench_cmd)
-
-    def jacobian(self, wrench_cmd: Array, /) -> Array:
-        return self.physics.jacobian(wrench_cmd) + self.process.jacobian(wrench_cmd)
-
-    def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
-        (mean, slope), (more, steeper) = (linearisation(m)(wrench_cmd) for m in (self.physics, self.process))
-        return mean + more, slope + steeper
+def _judged(
+    model: MismatchModel | Follows, settings: Settings, physics: PhysicsMismatch | None
+) -> MismatchModel | Follows:
+    """The model as far as it is to be compensated; UsageError where nothing is."""
+    if not isinstance(model, Judged):
+        return model
+    if settings.despite_verdict:
+        return model.despite_verdict()
+    if physics is None and set(model.refused) == set(model.outputs):
+        raise UsageError(
+            f"compensate: the verdict of `wrenchgap learn` on {', '.join(model.outputs)} is not to compensate, and "
+            "there is nothing else; learn from another flight or on named effects, or say --despite-verdict "
+            "(Settings(despite_verdict=True))"
+        )
+    return model
 
 
 def _checked(wrench_des: ArrayLike) -> Array:

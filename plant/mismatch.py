@@ -66,6 +66,18 @@ class KnowsItsData(Protocol):
         """Largest absolute mismatch in the training data (L,)."""
 
 
+@runtime_checkable
+class Judged(Protocol):
+    """A mismatch model of which some outputs are not to be compensated: what is known of them does not help."""
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Names of these outputs; the model expects nothing on them."""
+
+    def despite_verdict(self) -> MismatchModel | Follows:
+        """The model as if nobody had judged it."""
+
+
 class Follower(Protocol):
     """Keeps what a mismatch depends on besides the next command: the motion and the commands that were sent."""
 

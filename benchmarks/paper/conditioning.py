@@ -41,7 +41,17 @@ def one(job: tuple[int, float, float]) -> dict[str, Any]:
         folder = Path(name)
         log, gp_file = flight.write(flown.flight, folder / "slow.mcap"), folder / "slow.gp"
         learnt = _command(
-            folder, "learn", str(log), "-o", str(gp_file), "--points", str(POINTS), "--mean", "zero", "--no-guard"
+            folder,
+            "learn",
+            str(log),
+            "-o",
+            str(gp_file),
+            "--points",
+            str(POINTS),
+            "--mean",
+            "zero",
+            "--no-guard",
+            "--as-fitted",
         )
         replayed = _command(folder, "replay", str(log), "--gp", str(gp_file), "-o", str(folder / "replayed.mcap"))
         gp = load(gp_file)

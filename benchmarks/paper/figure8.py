@@ -28,8 +28,8 @@ from wrenchgap.plant.trajectory import named
 POINTS = 200
 TRAINING, LENGTH, SETTLE = 80.0, 40.0, 3.0
 PAPER = (0.945, 0.879, 0.837)
-ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH)
-ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE)
+ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH, m.JUDGED, m.TOGETHER)
+ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.JUDGED, m.TOGETHER)
 QUICK = (m.PD, m.LINEAR, m.GP)
 HIDDEN = (
     ("com_offset", "tilt_offset", "weak_rotor"),
@@ -62,9 +62,9 @@ def engine_knowledge(effects: Sequence[str], seed: int) -> tuple[Knowledge, Any]
     return Knowledge(model, (opened(flight, model),), POINTS), truth.parameters
 
 
-def on_engine(index: int, quick: bool) -> dict[str, Array]:
+def on_engine(index: int, quick: bool, only: Sequence[Method] | None = None) -> dict[str, Array]:
     """Mean |e_R| (3,) by method on one vehicle of the engine."""
-    effects, rows = HIDDEN[index], QUICK if quick else ENGINE_ROWS
+    effects, rows = HIDDEN[index], only or (QUICK if quick else ENGINE_ROWS)
     known, hidden = engine_knowledge(effects, 1 + index)
     found = {}
     for method in rows:
@@ -108,6 +108,18 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
         "named_by_explain": [] if quick else list(known.explanation.effects),
         "engine": [{"hidden": list(HIDDEN[k]), "rows": o} for k, o in zip(vehicles, others, strict=True)],
     }
+
+
+def missing(kept: dict[str, Any], report: Report) -> dict[str, Any]:
+    """Results with the rows that they lack, on both plants."""
+    rows = [r for r in ROWS if r.name not in kept["own"]]
+    flights = in_parallel(partial(own, known=knowledge(), length=LENGTH), rows, report, "our plant") if rows else []
+    more = {r.name: np.abs(e[t > SETTLE]).mean(axis=0) for r, (t, e) in zip(rows, flights, strict=True)}
+    only = [r for r in ENGINE_ROWS if r.name not in kept["engine"][0]["rows"]]
+    vehicles = range(len(HIDDEN) if only else 0)
+    others = in_parallel(partial(on_engine, quick=False, only=only), vehicles, report, "engine") if only else []
+    engines = [v | {"rows": v["rows"] | o} for v, o in zip(kept["engine"], others, strict=True)]
+    return kept | {"own": kept["own"] | more, "engine": engines or kept["engine"]}
 
 
 def tables(body: dict[str, Any]) -> str:

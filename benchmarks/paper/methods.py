@@ -21,6 +21,7 @@ from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
+from wrenchgap.replay.compensation.compensators import combined
 
 LEAD = 0.1
 """Horizon over which physics leads the lags [s]; shorter pushes the actuators harder."""
@@ -59,11 +60,14 @@ class Knowledge:
         return self.explanation.model
 
     def gp(self, physics: bool = False, **settings: Any) -> GaussianProcess:
-        """A torque GP on what the nominal model, or that with `physics`, leaves; `settings` of the fit."""
+        """A torque GP on what the nominal model, or that with `physics`, leaves; `settings` of the fit.
+
+        As fitted, like the paper's, unless the settings say `guarded`.
+        """
         key = f"{physics} {sorted(settings.items())}"
         if key not in self._held:
             mean = "physics" if physics else "zero"
-            chosen = FitSettings(**{"points": self.points, "mean": mean, **settings})
+            chosen = FitSettings(**{"points": self.points, "mean": mean, "guarded": False, **settings})
             self._held[key] = learn_process(self.flights, self.physics if physics else self.model, TORQUE, chosen).gp
         return self._held[key]
 
@@ -159,6 +163,13 @@ LEADING = _physics(f"physics, lags led by {LEAD:g} s", LEAD)
 LEADING_BOTH = with_gp(f"physics, lags led by {LEAD:g} s, + GP", physics=True, lead=LEAD)
 ON_A_LINE = with_gp("GP on a linear mean", mean="linear")
 PAPERS = with_gp("GP, points chosen as in the paper", method="pyclustering", scale="raw")
+
+JUDGED = with_gp("GP, as far as held-out time supports it", guarded=True)
+TOGETHER = Method(
+    "combined: that GP and an observer of the log's bandwidth",
+    lambda known: combined(known.gp(guarded=True), known.model, known.settings),
+)
+"""Feed-forward and feedback (`compensate.Combined`)."""
 
 EVERYWHERE = (PD, INTEGRAL, CONSTANT, LINEAR, OBSERVER, PHYSICS, GP, BOTH)
 """The rows of every table."""

@@ -23,7 +23,7 @@ from wrenchgap.plant.trajectory import named
 
 LENGTH = 100.0
 PAPER = {"without": ((0.07, 0.087, 0.051), (0.114, 0.100, 0.066)), "with": ((0.04, 0.03, 0.058), (0.050, 0.040, 0.054))}
-ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING, m.LEADING_BOTH)
+ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING, m.LEADING_BOTH, m.JUDGED, m.TOGETHER)
 QUICK = (m.PD, m.INTEGRAL, m.LINEAR, m.GP)
 SHOWN = (m.INTEGRAL, m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.GP, m.PAST, m.BOTH, m.LEADING_BOTH)
 
@@ -53,6 +53,14 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
         "named_by_explain": [] if quick else list(known.explanation.effects),
         "rows": {name: summary(e) for name, e in errors.items()},
     }
+
+
+def missing(kept: dict[str, Any], report: Report) -> dict[str, Any]:
+    """Results with the rows that they lack."""
+    rows = [r for r in ROWS if r.name not in kept["rows"]]
+    known = knowledge(0, seconds=TRAINING)
+    found = in_parallel(partial(one, known=known, length=LENGTH), rows, report, "flying") if rows else []
+    return kept | {"rows": kept["rows"] | {r.name: summary(e) for r, e in zip(rows, found, strict=True)}}
 
 
 def summary(error: Array) -> dict[str, Array]:

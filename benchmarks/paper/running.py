@@ -93,6 +93,7 @@ def main(names: Sequence[str]) -> None:
     """Command line of one or all experiments."""
     parser = argparse.ArgumentParser(description="The paper's experiments on a simulated VoliroX.")
     parser.add_argument("--quick", action="store_true", help="a small version: short flights, few seeds")
+    parser.add_argument("--missing", action="store_true", help="only rows that the kept results lack (pitch, figure8)")
     parser.add_argument("--out", type=Path, help="folder for results and figures (default: the repository's own)")
     a = parser.parse_args()
     if a.quick and a.out is None:
@@ -101,7 +102,9 @@ def main(names: Sequence[str]) -> None:
     console = Console()
     for name in names:
         with _progress(name) as report:
-            body = experiment(name).run(a.quick, out, report)
+            kept = out.read(name) if a.missing else None
+            made = experiment(name)
+            body = made.run(a.quick, out, report) if kept is None else made.missing(kept, report)
         out.write(name, body)
         console.print(experiment(name).tables(plain(body)), markup=False, highlight=False, soft_wrap=True)
     if a.out is None:

@@ -1,13 +1,11 @@
 """A Gaussian process learnt from flights, how well it predicts, and what to know before it is used.
 
-Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench. Samples are thinned to
-1 / (2 f_c) or more, because the filter has made closer ones dependent (Nyquist: a signal below f_c has 2 f_c
-independent values per second).
+Inputs are the filtered commanded wrenches, outputs what the model leaves of the measured wrench
+(`learn.identify.samples`). How much of it is believed is decided in `learn.identify.guarding`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -18,14 +16,14 @@ from numpy.typing import NDArray
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
-from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.data.inputs import process_inputs
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
+from wrenchgap.learn.identify.guarding import guarded_process
+from wrenchgap.learn.identify.samples import samples
 from wrenchgap.learn.process.alternatives import Alternatives, compare_alternatives
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import (
@@ -38,10 +36,12 @@ from wrenchgap.learn.process.gp import (
     Provenance,
 )
 from wrenchgap.learn.process.predictors import NOMINAL
-from wrenchgap.learn.process.train import fit, fit_linear
+from wrenchgap.learn.process.train import fit_linear
+from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.mismatch import conditioning, output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
+from wrenchgap.plant.stability import Margin
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -58,22 +58,14 @@ WORTH_IT = 0.95
 CONSTANT, LINEAR = "constant offset", "linear in the command"
 
 
-@dataclass(frozen=True)
-class Samples:
-    """What is learnt from: `inputs` (M, D), the command first, and mismatch `outputs` (M, 6), `spacing` [s] apart."""
-
-    inputs: Array
-    outputs: Array
-    spacing: float
-
-
 @dataclass(frozen=True, repr=False)
 class Learnt(Result):
     """A GP and what it does on the training flights and, where given, on others.
 
     `real_min` (3,): 1st percentile, median and maximum, along the training commands, of the smallest real part of the
-    eigenvalues of I + dmu/dW. `alternatives` are other inputs and the other inference on held-out time; `absorption`
-    is which effect of the catalogue the process reproduces. Both None where nobody asked.
+    eigenvalues of I + dmu/dW; `margin`: the stability margin there. `alternatives` are other inputs and the other
+    inference on held-out time; `absorption` is which effect of the catalogue the process reproduces. Both None where
+    nobody asked.
     """
 
     gp: GaussianProcess
@@ -82,6 +74,7 @@ class Learnt(Result):
     training: Comparison
     validation: Comparison | None
     real_min: Array
+    margin: Margin
     alternatives: Alternatives | None = None
     absorption: Absorption | None = None
 
@@ -128,25 +121,6 @@ def absorption(
 ) -> Absorption:
     """Which effect of the catalogue the GP, learnt on `model` from `flights`, is absorbing."""
     return absorbed(dataset([r for f in flights for r in f.records], model), model, gp, progress=progress)
-
-
-def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = ()) -> Samples:
-    """Inputs and mismatches of all records, thinned to at least 1 / (2 f_c).
-
-    Raises FitError where an effect of the model, or a group of inputs, needs what a log lacks.
-    """
-    check_effects(model.effects, model, records)
-    physics = Predictor("physics", model.wrench_model)
-    inputs, outputs = [], []
-    spacing = 0.0
-    for record in records:
-        kept = record.dt * (record.keep.step or 1)
-        step = max(1, math.ceil(1.0 / (2.0 * record.cutoff_hz * kept) - 1e-9))
-        residual = record.measured - physics.predict(record, model.vehicle.body)
-        inputs.append(process_inputs(groups, record)[::step])
-        outputs.append(residual[::step])
-        spacing = kept * step
-    return Samples(np.concatenate(inputs), np.concatenate(outputs), spacing)
 
 
 def learn(
@@ -203,7 +177,6 @@ def learn_process(
     """`learn` with settings as they are, compared with nothing but the simplest alternatives."""
     records = [r for f in flights for r in f.records]
     base = physics_of(model, settings)
-    data = samples(records, base, settings.inputs)
     provenance = Provenance(
         vehicle=model.vehicle.name,
         model_hash=content_hash(base),
@@ -213,8 +186,8 @@ def learn_process(
         version=tool_version(),
         date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     )
-    targets = data.outputs[:, output_indices(outputs)]
-    gp = fit(data.inputs, targets, outputs, settings, provenance=provenance, progress=progress)
+    made = guarded_process(records, base, outputs, settings, provenance, progress)
+    gp, data = made.gp, made.data
     found = [Predictor(NOMINAL, model.nominal.wrench_model), *_lines(records, model, outputs)]
     found += [Predictor(model.name, base.wrench_model)] if base.effects else []
     found.append(Predictor(f"{model.name if base.effects else NOMINAL}+GP", base.wrench_model, gp))
@@ -226,8 +199,23 @@ def learn_process(
         compare(flights, model, found),
         compare(validation, model, found) if validation else None,
         np.array([np.percentile(real, 1), np.median(real), real.max()]),
+        made.margin,
     )
-    return replace(learnt, gp=replace(gp, provenance=replace(provenance, warnings=learnt.cautions)))
+    return replace(learnt, gp=_judged(learnt))
+
+
+def _judged(learnt: Learnt) -> GaussianProcess:
+    """The process with what `learn` says of it; outputs that increase the error on unseen flights are not believed."""
+    gp, cautions = learnt.gp, learnt.cautions
+    worse = {axis for c in cautions if c.kind is CautionKind.WORSE for axis in c.axes} if gp.settings.guarded else set()
+
+    def judged(one: Verdict) -> Verdict:
+        refused = {"decision": Decision.DO_NOT, "reason": Reason.WORSE, "gain": 0.0}
+        return replace(one, **refused) if one.output in worse and one.gain else one  # type: ignore[arg-type]
+
+    said = replace(gp.provenance, warnings=cautions, verdicts=tuple(map(judged, gp.provenance.verdicts)))
+    gain = np.array([0.0 if axis in worse else g for axis, g in zip(gp.outputs, gp.gain, strict=True)])
+    return replace(gp, gain=gain, provenance=said)
 
 
 def alternatives(

@@ -10,6 +10,9 @@ X (N, D) the training inputs, and for each output
     var       = k(x, x) + s_n^2 - |C^-1 k(X, x)|^2                  C C^T = K + s_n^2 I
     dmean/dx_d = b_d + sum_n alpha_n k(x, X_n) (X_nd - x_d) / l_d^2
 
+`mean` and its derivative are multiplied by `gain`, what held-out time supports of each output
+(`learn.process.support`).
+
 A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weights` in place of alpha and its own
 `whitener` in place of C^-1; its X are the inducing inputs.
 
@@ -22,7 +25,7 @@ Inputs are the six components of the command, and where `settings.inputs` says s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal
 
@@ -32,6 +35,7 @@ from scipy.linalg import solve_triangular
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.process.subsample import Method, Scale
+from wrenchgap.learn.process.verdict import Decision, Verdict
 from wrenchgap.plant import mismatch_inputs
 from wrenchgap.plant.effects.lag import LagMemory
 from wrenchgap.plant.expansion import Expansion
@@ -79,9 +83,15 @@ class Caution:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a fitted model comes from. `physics` names the effects whose remainder was learnt, and `warnings` are what
-    `learn` found wrong with it.
-    """  # noqa: D205
+    """Where a fitted model comes from, and what `learn` found of it.
+
+    physics       names the effects whose remainder was learnt
+    warnings      what is wrong with it
+    verdicts      one for each output; none in files of older versions, and where nobody asked
+    lags          first-order lag of each output behind the commands, as the fit found it [s] (`learn.identify.lag`)
+    margin        least stability margin along the training commands (`plant.stability`)
+    observer_hz   bandwidth that the training log supports for an observer of what is left [Hz]
+    """
 
     vehicle: str = ""
     model_hash: str = ""
@@ -91,6 +101,10 @@ class Provenance:
     version: str = ""
     date: str = ""
     warnings: tuple[Caution, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    lags: tuple[float, ...] = ()
+    margin: float | None = None
+    observer_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -107,6 +121,9 @@ class FitSettings:
     inference "exact" on the points kept, or "sparse": all samples, seen through as many inducing points
     calibrate scale sigma by what it turns out to be on blocks of time that were left out
     restarts  searches from random hyperparameters besides two fixed ones, deterministic in `seed`
+    blind     components of the command that the process does not look at
+    guarded   `learn` decides by held-out time what of it is believed (docs/compensation.md#do-no-harm); False: the
+              paper's, believed as it is
     """
 
     points: int = 200
@@ -119,9 +136,13 @@ class FitSettings:
     restarts: int = 1
     seed: int = 0
     pre_thin: int = 5000
+    blind: tuple[str, ...] = ()
+    guarded: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inputs", mismatch_inputs.checked(self.inputs))
+        if self.blind:
+            output_indices(self.blind)
 
 
 @dataclass(frozen=True)
@@ -150,6 +171,7 @@ class GaussianProcess:
     sigma_training      (L,) 99th percentile of `std` over all samples that were given to the fit [N or Nm]
     mismatch_max        (L,) largest absolute output among them [N or Nm]
     sigma_scale         (L,) factor of calibration in `std` (`learn.process.calibration`)
+    gain                (L,) what `mean` is multiplied by, 0 to 1
     weights             (L, N) and `whitener` (L, N, N) of a sparse posterior; empty for an exact one
     """
 
@@ -166,6 +188,7 @@ class GaussianProcess:
     sigma_training: Array
     mismatch_max: Array
     sigma_scale: Array = field(default_factory=lambda: np.empty(0))
+    gain: Array = field(default_factory=lambda: np.empty(0))
     weights: Array = field(default_factory=lambda: np.empty((0, 0)))
     whitener: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
     settings: FitSettings = field(default_factory=FitSettings)
@@ -174,8 +197,9 @@ class GaussianProcess:
 
     def __post_init__(self) -> None:
         output_indices(self.outputs)
-        if np.size(self.sigma_scale) == 0:
-            object.__setattr__(self, "sigma_scale", np.ones(len(self.outputs)))
+        for name in ("sigma_scale", "gain"):
+            if np.size(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.ones(len(self.outputs)))
         for name, shape in self.array_shapes().items():
             array = np.array(getattr(self, name), dtype=float)
             if array.shape != shape:
@@ -190,6 +214,8 @@ class GaussianProcess:
         for name in ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance", "sigma_scale"):
             if (getattr(self, name) <= 0).any():
                 raise FitError(f"GP: {name} must be positive, got {getattr(self, name).min():g}")
+        if (self.gain < 0).any() or (self.gain > 1).any():
+            raise FitError(f"GP: gain must be between 0 and 1, got {self.gain.tolist()}")
         object.__setattr__(self, "_factors", self._factor())
 
     def array_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -209,6 +235,7 @@ class GaussianProcess:
             "sigma_training": (outputs,),
             "mismatch_max": (outputs,),
             "sigma_scale": (outputs,),
+            "gain": (outputs,),
             "weights": sparse,
             "whitener": (*sparse, sparse[-1]),
         }
@@ -235,14 +262,15 @@ class GaussianProcess:
 
     def expansion(self) -> Expansion:
         """See `plant.expansion.Expands`."""
-        shared = ("outputs", "input_mean", "input_scale", "output_scale", "mean_coefficients", "lengthscales")
+        shared = ("outputs", "input_mean", "input_scale", "output_scale", "lengthscales")
         spread = ("signal_variance", "noise_variance", "sigma_scale")
         f = self._factors
         return Expansion(
             input_groups=self.settings.inputs,
             **{name: getattr(self, name) for name in shared + spread},
+            mean_coefficients=self.mean_coefficients * self.gain[:, None],
             points=f.points,
-            alpha=f.alpha,
+            alpha=f.alpha * self.gain[:, None],
             whitener=f.whitener,
         )
 
@@ -273,8 +301,17 @@ class GaussianProcess:
         total = weighted.sum(axis=2)
         slope = (weighted @ self._factors.points - total[:, :, None] * q) / self.lengthscales[:, None, :]
         slope += self.mean_coefficients[:, None, 1:]
-        jacobian = slope.transpose(1, 0, 2) * (self.output_scale[:, None] / self.input_scale)
+        jacobian = slope.transpose(1, 0, 2) * ((self.gain * self.output_scale)[:, None] / self.input_scale)
         return self._with_mean_function(x, total), jacobian
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Outputs on which the verdict of `learn` is not to compensate; see `plant.mismatch.Judged`."""
+        return tuple(v.output for v in self.provenance.verdicts if v.decision is not Decision.COMPENSATE and not v.gain)
+
+    def despite_verdict(self) -> GaussianProcess:
+        """The process as it was fitted, believed in full."""
+        return replace(self, gain=np.ones(len(self.outputs)))
 
     def check_vehicle(self, vehicle: str) -> None:
         """Raise FitError unless this GP was learnt on the named vehicle."""
@@ -291,7 +328,7 @@ class GaussianProcess:
     def _with_mean_function(self, x: Array, standardised: Array) -> Array:
         """`standardised` (L, M) plus m(x), in N and Nm: (M, L)."""
         mean_function = self.mean_coefficients[:, 0] + x @ self.mean_coefficients[:, 1:].T
-        return np.asarray((mean_function + standardised.T) * self.output_scale)
+        return np.asarray((mean_function + standardised.T) * (self.gain * self.output_scale))
 
     def _std(self, xi: Array, noise: bool) -> Array:
         _, _, k = self._kernel(xi)

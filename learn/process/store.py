@@ -25,10 +25,11 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import FitError, ModelError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, GaussianProcess, LogSource, Provenance
+from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 
 FORMAT = "wrenchgap Gaussian process"
-VERSION = 2
-READABLE = (1, 2)
+VERSION = 3
+READABLE = (1, 2, 3)
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 LARGEST = 2**30
@@ -68,9 +69,7 @@ def load(path: Path | str) -> GaussianProcess:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             return GaussianProcess(
                 outputs=tuple(metadata["outputs"]),
-                settings=FitSettings(
-                    **{**metadata["settings"], "inputs": tuple(metadata["settings"].get("inputs", ()))}
-                ),
+                settings=_settings(metadata["settings"]),
                 provenance=_provenance(metadata["provenance"]),
                 **arrays,
             )
@@ -130,14 +129,28 @@ def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if metadata.get("format_version") not in READABLE:
         raise FitError(
             f"{path}: stored GP of format version {metadata.get('format_version')}, this program reads "
-            f"{' and '.join(map(str, READABLE))}; learn it again"
+            f"{', '.join(map(str, READABLE))}; learn it again"
         )
     return metadata
 
 
+def _settings(entries: dict[str, Any]) -> FitSettings:
+    lists = {name: tuple(entries.get(name, ())) for name in ("inputs", "blind")}
+    return FitSettings(**{**entries, **lists})
+
+
 def _provenance(entries: dict[str, Any]) -> Provenance:
     logs = tuple(LogSource(**log) for log in entries["logs"])
-    return Provenance(**{**entries, "logs": logs, "warnings": tuple(map(_caution, entries.get("warnings", ())))})
+    found: dict[str, Any] = {"logs": logs, "lags": tuple(entries.get("lags", ()))}
+    found |= {
+        name: tuple(map(make, entries.get(name, ()))) for name, make in (("warnings", _caution), ("verdicts", _verdict))
+    }
+    return Provenance(**{**entries, **found})
+
+
+def _verdict(entry: dict[str, Any]) -> Verdict:
+    kinds = {"decision": Decision(entry["decision"]), "reason": Reason(entry["reason"])}
+    return Verdict(**{**entry, **kinds, "reduction": tuple(entry["reduction"])})
 
 
 def _caution(entry: str | dict[str, Any]) -> Caution:

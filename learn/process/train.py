@@ -19,12 +19,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.process import calibration, sparse
 from wrenchgap.learn.process.calibration import Mask
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance
 from wrenchgap.learn.process.sparse import Kernel
 from wrenchgap.learn.process.subsample import Indices, subsample, thin
+from wrenchgap.learn.process.support import HeldOut
 from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 
 Progress = Callable[[float, str], None]
@@ -32,6 +33,9 @@ Progress = Callable[[float, str], None]
 
 BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0)}
 """Of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
+
+BLIND = 1e6
+"""Lengthscale of an input that the process does not look at."""
 
 TIE = 7.0
 """Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
@@ -55,10 +59,32 @@ def fit(
     `sigma_training` and the calibration; `settings.points` of them are kept as training or inducing inputs. Raises
     FitError where the data cannot carry a fit.
     """
+    gp, held = fit_held_out(inputs, outputs, names, settings, provenance=provenance, progress=progress)
+    return gp if held is None else believed(gp, held, gp.gain, inputs)
+
+
+def fit_held_out(
+    inputs: Array,
+    outputs: Array,
+    names: tuple[str, ...],
+    settings: FitSettings | None = None,
+    *,
+    provenance: Provenance | None = None,
+    progress: Progress | None = None,
+) -> tuple[GaussianProcess, HeldOut | None]:
+    """As `fit`, not calibrated, and the samples that were left out in turn; None where they are too few."""
     gp, errors = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
     if errors is None:
-        return gp
-    gp = replace(gp, sigma_scale=calibration.sigma_scale(*errors))
+        return gp, None
+    index, _ = _seen(inputs, gp.settings)
+    error, std = errors
+    return gp, HeldOut(outputs[index], outputs[index] - error, std, index * calibration.BLOCKS // len(inputs))
+
+
+def believed(gp: GaussianProcess, held: HeldOut, gain: Array, inputs: Array) -> GaussianProcess:
+    """The process with this gain (L,), and sigma calibrated to what it then leaves of the samples held out."""
+    scale = calibration.sigma_scale(held.actual - gain * held.predicted, held.std)
+    gp = replace(gp, gain=gain, sigma_scale=scale if gp.settings.calibrate else gp.sigma_scale)
     return replace(gp, sigma_training=np.percentile(gp.std(_seen(inputs, gp.settings)[1]), 99, axis=0))
 
 
@@ -90,7 +116,8 @@ def _fit(
     report = progress or (lambda fraction, message: None)
     input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
     x = (inputs - input_mean) / input_scale
-    coefficients, output_scale = _mean_function(x, outputs, settings.mean)
+    looks = _looks(x, settings)
+    coefficients, output_scale = _mean_function(x, outputs, settings.mean, looks)
     residuals = outputs / output_scale - _affine(x, coefficients)
 
     report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
@@ -137,13 +164,16 @@ class _Posterior:
 
     def fit(self, index: int) -> None:
         """The kernel of one output after the other."""
-        x, z = self.x, self.residuals[:, index]
+        looks = _looks(self.x, self.settings)
+        x, z = self.x[:, looks], self.residuals[:, index]
         kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
         if self.settings.inference == "sparse":
             with _quiet_gpy() as gpy:
                 likelihood, found = sparse.maximise(gpy, x[self.seen], z[self.seen], kernel, BOUNDS, x[self.kept])
             kernel = found if np.isfinite(likelihood) else kernel
-        self.kernels.append(kernel)
+        lengthscales = np.full(len(looks), BLIND)
+        lengthscales[looks] = kernel.lengthscales
+        self.kernels.append(replace(kernel, lengthscales=lengthscales))
 
     def content(self, usable: Mask) -> dict[str, Any]:
         """Fields of the process, given the samples that are `usable` (M,)."""
@@ -198,14 +228,21 @@ def _spread(inputs: Array) -> Array:
     return np.where(spread > 1e-12 * (1 + np.abs(inputs).max(axis=0)), spread, 1.0)
 
 
-def _mean_function(x: Array, outputs: Array, kind: MeanKind) -> tuple[Array, Array]:
+def _looks(x: Array, settings: FitSettings) -> Mask:
+    """Which inputs (D,) the process looks at."""
+    blind = [AXES.index(name) for name in settings.blind]
+    return np.asarray(~np.isin(np.arange(x.shape[1]), blind))
+
+
+def _mean_function(x: Array, outputs: Array, kind: MeanKind, looks: Mask | None = None) -> tuple[Array, Array]:
     """Standardised coefficients (L, 1 + D) of m(x), and the rms (L,) of what m leaves."""
     coefficients = np.zeros((outputs.shape[1], 1 + x.shape[1]))
     if kind == "constant":
         coefficients[:, 0] = outputs.mean(axis=0)
     if kind == "linear":
-        regressors = np.column_stack([np.ones(len(x)), x])
-        coefficients = np.linalg.lstsq(regressors, outputs, rcond=None)[0].T
+        columns = np.ones(x.shape[1], dtype=bool) if looks is None else looks
+        regressors = np.column_stack([np.ones(len(x)), x[:, columns]])
+        coefficients[:, np.concatenate([[True], columns])] = np.linalg.lstsq(regressors, outputs, rcond=None)[0].T
     rms = np.sqrt(np.mean((outputs - _affine(x, coefficients)) ** 2, axis=0))
     scale = np.maximum(rms, 1e-6 * np.abs(outputs).max(axis=0) + 1e-12)
     return coefficients / scale[:, None], scale

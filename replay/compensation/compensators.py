@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from wrenchgap.compensate import Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight import AXES, FitError, Flight
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
+from wrenchgap.learn.process.verdict import Verdict
 from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
@@ -30,6 +32,26 @@ def compensator(
     if len(process.input_mean) != expected:
         raise FitError(f"GP: has {len(process.input_mean)} inputs, expected {expected}: the commanded wrench first")
     return Compensator(process, settings, physics=physics(process, model, lead))
+
+
+def combined(
+    process: GaussianProcess, model: Model, settings: Settings | None = None, *, lead: float | None = None
+) -> Combined:
+    """`compensator`, and an observer of what it leaves, of the bandwidth that the training log supports.
+
+    A lag is left to the observer, which then works against it too; a delay that has a name is not, since nothing can
+    be done about it. Where nothing of the process is to be compensated, effects and observer, or the observer alone.
+    Raises FitError for a process that an older version learnt, or without a look at held-out time: it has no bandwidth.
+    """
+    hz, asked = process.provenance.observer_hz, settings or Settings()
+    if hz is None:
+        raise FitError("GP: has no bandwidth for an observer; learn it again with `wrenchgap learn`, not --as-fitted")
+    nothing = set(process.refused) == set(process.outputs) and not asked.despite_verdict
+    alone = nothing and process.settings.mean != "physics"
+    known = None if alone else compensator(process, model, asked, lead=lead)
+    hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
+    delay = sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
+    return Combined(model.vehicle, asked.dt, hz, known, delay=delay)
 
 
 def physics(process: GaussianProcess, model: Model, lead: float | None = None) -> PhysicsMismatch | None:
@@ -58,6 +80,9 @@ def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple
     if model.effects:
         physics_alone = PhysicsMismatch(model.wrench_model, outputs)
         found.append(("the effects of the model alone", Compensator(physics_alone, Settings(dt=dt))))
+    if process is not None and process.provenance.observer_hz is not None:
+        hz = process.provenance.observer_hz
+        found.append((f"combined: GP and observer, {hz:.1f} Hz", combined(process, model, Settings(dt=dt))))
     if process is not None and process.settings.mean == "zero" and not process.settings.inputs:
         inputs = process.input_mean + process.input_scale * process.inputs
         line = fit_linear(inputs, process.residuals * process.output_scale, outputs)
@@ -87,13 +112,22 @@ class LearntFromThisFlight:
     flight: str
 
 
-ProcessCaveat = LearnWarned | OtherVersion | LearntFromThisFlight
+@dataclass(frozen=True)
+class Refused:
+    """Outputs that are not compensated, because the verdict of `learn` is against it."""
+
+    verdicts: tuple[Verdict, ...]
+
+
+ProcessCaveat = LearnWarned | OtherVersion | LearntFromThisFlight | Refused
 
 
 def caveats(process: GaussianProcess, model: Model, flight: Flight | None = None) -> tuple[ProcessCaveat, ...]:
     """What a user must know before compensating with this process and model, on this flight."""
     source = process.provenance
     found: list[ProcessCaveat] = [LearnWarned(warning) for warning in source.warnings]
+    refused = tuple(v for v in source.verdicts if v.output in process.refused)
+    found += [Refused(refused)] if refused else []
     if process.settings.mean == "physics" and content_hash(model) != source.model_hash:
         found.append(OtherVersion(model.name, source.physics))
     if flight is not None and flight.content_hash in [log.sha256 for log in source.logs]:

@@ -62,6 +62,7 @@ def change(
     gains: Sequence[str] = (),
     believe: Model | None = None,
     baselines: bool = False,
+    despite_verdict: bool = False,
 ) -> Change:
     """What the options of the command line ask for; `period` [s] is that of the control loop.
 
@@ -78,7 +79,8 @@ def change(
     if gp is not None:
         name, process = gp
         words.append(f"compensated by {name}" + ("" if lead is None else f", lead time {lead:g} s"))
-        compensator = compensating.compensator(process, model, Settings(dt=period), lead=lead)
+        settings = Settings(dt=period, despite_verdict=despite_verdict)
+        compensator = compensating.compensator(process, model, settings, lead=lead)
     return Change(
         plant=plant,
         gains=changed_gains(model.controller, gains) if gains else None,
@@ -86,5 +88,5 @@ def change(
         compensator=compensator,
         beside=compensating.baselines(None if gp is None else gp[1], model, period) if baselines else (),
         words=tuple(words),
-        process=None if gp is None else gp[1],
+        process=None if gp is None else gp[1].despite_verdict() if despite_verdict else gp[1],
     )

@@ -22,14 +22,17 @@ import numpy as np
 from wrenchgap import flight
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
+from wrenchgap.learn.data.inputs import process_inputs
 from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
+from wrenchgap.learn.identify.guarding import loop_of
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.closed_loop import Lost
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating
+from wrenchgap.plant.stability import Margin, of_model
 from wrenchgap.plant.tracking import Deviation, Tracking
 from wrenchgap.replay.counterfactual.reflight import Reflight, refly
 
@@ -115,7 +118,8 @@ class Counterfactual(Result):
 
     `uncompensated` is the re-simulation with all of the change but its compensator: what the compensated one is to be
     compared with. It is the null run where nothing else was changed, None where no compensator flew. `beside` are the
-    re-simulations with other compensators in its place.
+    re-simulations with other compensators in its place. `margin` is the stability margin of the process along the
+    recorded commands.
     """
 
     inference: Inference
@@ -124,6 +128,7 @@ class Counterfactual(Result):
     change: Change
     uncompensated: Reflight | None = None
     beside: tuple[tuple[str, Reflight], ...] = ()
+    margin: Margin | None = None
 
     @cached_property
     def null_run(self) -> Deviation:
@@ -221,7 +226,14 @@ def counterfactual(
     if change.compensator is None:
         return Counterfactual(inference, null, plain, change, beside=beside)
     changed = run(change.compensator, 0.6, 0.6 + share)
-    return Counterfactual(inference, null, changed, change, plain, beside)
+    return Counterfactual(inference, null, changed, change, plain, beside, _margin(recording, model, change.process))
+
+
+def _margin(recording: Recording, model: Model, process: GaussianProcess | None) -> Margin | None:
+    if process is None:
+        return None
+    lag = max(process.provenance.lags, default=0.0)
+    return of_model(process, process_inputs(process.settings.inputs, recording.record), loop_of(model, lag))
 
 
 __all__ = ["Change", "Counterfactual", "counterfactual", "read_recording"]

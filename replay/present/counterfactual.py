@@ -32,7 +32,8 @@ from wrenchgap.replay.counterfactual.counterfactual import (
 from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
-from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
+from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
+from wrenchgap.replay.present.verdicts import margin_in_words
 
 
 def notes(result: Counterfactual) -> tuple[str, ...]:
@@ -103,7 +104,8 @@ def parts(result: Counterfactual) -> list[Part]:
     if words:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
-    return [first, second, third, *note_lines(notes(result))]
+    checked = [] if result.margin is None else [Line(margin_in_words(result.margin))]
+    return [first, second, third, *checked, *note_lines(notes(result))]
 
 
 def _errors(one: Tracking) -> Array:
@@ -142,6 +144,7 @@ def to_json(result: Counterfactual) -> dict[str, Any]:
         "axes": list(AXES),
         "disturbance": entries(size, "mean", "rms", "rms_above_10_hz=rms_fast", "max_abs=largest", "pull_rms=rms_pull"),
         "unmeasured": unmeasured(r.record.noise),
+        "stability_margin": None if result.margin is None else min(result.margin.least, 1e6),
         "controller_explained": inference.explained,
         "lost": None if lost is None else f"{lost}; the re-simulation ends there",
         "notes": list(notes(result)),

@@ -16,11 +16,18 @@ from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
 from wrenchgap.learn.process.alternatives import Alternatives
 from wrenchgap.learn.process.gp import Caution, CautionKind
-from wrenchgap.replay.compensation.compensators import LearntFromThisFlight, LearnWarned, OtherVersion, ProcessCaveat
+from wrenchgap.replay.compensation.compensators import (
+    LearntFromThisFlight,
+    LearnWarned,
+    OtherVersion,
+    ProcessCaveat,
+    Refused,
+)
 from wrenchgap.replay.present import comparison
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
+from wrenchgap.replay.present.verdicts import lags_in_words, margin_in_words, verdict, verdicts, verdicts_json
 
 
 def parts(learnt: Learnt) -> list[Part]:
@@ -40,11 +47,14 @@ def parts(learnt: Learnt) -> list[Part]:
             f"{high:.2f} (largest); 1 is no mismatch, 0 cannot be inverted"
         )
     )
+    out.append(Line(margin_in_words(learnt.margin)))
+    out += [Line(words) for words in lags_in_words(gp) if words]
     if learnt.alternatives is not None and learnt.alternatives.tried:
         out.append(_alternatives(learnt.alternatives, gp.outputs))
     said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
     out += [Line(words, "bold") for words in said if words]
-    return [*out, *note_lines(map(caution, learnt.cautions), "warning"), *note_lines(_notes(learnt))]
+    out += [*note_lines(map(caution, learnt.cautions), "warning"), *note_lines(_notes(learnt))]
+    return [*out, *verdicts(gp)]
 
 
 def _notes(learnt: Learnt) -> list[str]:
@@ -113,6 +123,8 @@ def of_process(caveats: Sequence[ProcessCaveat]) -> tuple[str, ...]:
 
 def _caveat(found: ProcessCaveat) -> str:
     match found:
+        case Refused(listed):
+            return " ".join(verdict(one) for one in listed)
         case LearnWarned(warning):
             return f"when this GP was learnt: {caution(warning)}"
         case OtherVersion(model, physics):
@@ -158,6 +170,7 @@ def better_inputs(learnt: Learnt) -> str:
 def to_json(learnt: Learnt) -> dict[str, Any]:
     """The body of the `learn` schema."""
     gp = learnt.gp
+    margin = learnt.margin
     low, middle, high = learnt.real_min
     return {
         "axes": list(AXES),
@@ -170,6 +183,10 @@ def to_json(learnt: Learnt) -> dict[str, Any]:
         **entries(gp, "sigma_prior", "sigma_training", "sigma_scale"),
         "coverage": {name: {"before": before, "after": after} for name, (before, after) in learnt.coverage.items()},
         "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
+        "stability_margin": {"percentile_1": min(margin.least, 1e6), "lag_s": margin.lag, "delay_s": margin.delay},
+        "lags_s": list(gp.provenance.lags),
+        "blind": list(gp.settings.blind),
+        "verdicts": verdicts_json(gp),
         "training": comparison.to_json(learnt.training),
         "validation": None if learnt.validation is None else comparison.to_json(learnt.validation),
         "warnings": [caution(c) for c in learnt.cautions],

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.commands.replay import DespiteVerdict
 from wrenchgap.replay.cli.requests import Reading, Run
 
 MANY = ("--without", "--with", "--gains")
@@ -62,6 +63,7 @@ def counterfactual(
     gp: Compensate = None,
     lead: o.Lead = None,
     baselines: Baselines = False,
+    despite_verdict: DespiteVerdict = False,
     without: Without = None,
     with_: With = None,
     gains: Gains = None,
@@ -85,16 +87,16 @@ def counterfactual(
 
     Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.replay import api
     from wrenchgap.replay.present.counterfactual import write_log
 
     run.claim({"--output": output}, log, gp)
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
     process = run.gp(gp)
+    reading = Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep)
     with run.progress("counterfactual", "reading the log") as report:
-        ((flight,), _) = run.open(
-            Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep), [log], base
-        )
+        ((flight,), _) = run.open(reading, [log], base)
         result = api.counterfactual(
             flight,
             base,
@@ -106,6 +108,7 @@ def counterfactual(
             gains=gains or (),
             believe=other,
             baselines=baselines,
+            despite_verdict=despite_verdict,
             start=start,
             duration=duration,
             progress=report,

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.commands.replay import DecayTime, NoFilter, Slope, Threshold
+from wrenchgap.replay.cli.commands.replay import DecayTime, DespiteVerdict, NoFilter, Slope, Threshold
 from wrenchgap.replay.cli.requests import Run
 
 MANY = ("--without",)
@@ -53,6 +53,7 @@ def export(
     sigma_threshold: Threshold = None,
     kappa: Slope = None,
     decay_time: DecayTime = 0.15,
+    despite_verdict: DespiteVerdict = False,
     *,
     run: Run,
 ) -> None:
@@ -75,6 +76,7 @@ def export(
         sigma_threshold=sigma_threshold,
         kappa=kappa,
         decay_time=decay_time,
+        despite_verdict=despite_verdict,
     )
     with run.progress("exporting", "compiling, the first time on this machine"):
         made = export_compensator(

@@ -50,6 +50,14 @@ NoGuard = Annotated[
 ]
 
 
+AsFitted = Annotated[
+    bool,
+    typer.Option(
+        "--as-fitted", help="As in the paper: believe the fit in full, whatever held-out time and stability say."
+    ),
+]
+
+
 def learn(
     logs: o.Logs,
     model: o.ModelOption,
@@ -65,6 +73,7 @@ def learn(
     restarts: Restarts = 1,
     seed: Seed = 0,
     no_guard: NoGuard = False,
+    as_fitted: AsFitted = False,
     *,
     reading: Reading,
     run: Run,
@@ -85,7 +94,7 @@ def learn(
     names = () if inputs == "auto" else o.parse_names(inputs)
     kind = default_mean(base) if mean is None else mean.value
     how: dict[str, Any] = {"method": subsample.value, "scale": scale.value, "mean": kind, "inference": inference.value}
-    settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, **how)
+    settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, guarded=not as_fitted, **how)
     physics_of(base, settings)  # or it raises, before any log is read
     with run.progress("learning") as report:
         flights, tests = run.open(reading, logs, base, validate)

@@ -25,6 +25,9 @@ NoFilter = Annotated[bool, typer.Option("--no-filter", help="Apply the optimum i
 Threshold = Annotated[float | None, typer.Option(help="Standard deviation at which half of the optimum is withheld.")]
 Slope = Annotated[float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")]
 DecayTime = Annotated[float, typer.Option(help="Time constant with which a withheld correction fades, in seconds.")]
+DespiteVerdict = Annotated[
+    bool, typer.Option("--despite-verdict", help="Compensate in full, also where the verdict of learn is against it.")
+]
 CutoffOfGp = Annotated[
     float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
 ]
@@ -42,6 +45,7 @@ def replay(
     kappa: Slope = None,
     decay_time: DecayTime = 0.15,
     lead: o.Lead = None,
+    despite_verdict: DespiteVerdict = False,
     csv: o.Csv = None,
     parquet: Parquet = None,
     figure: o.Figure = None,
@@ -70,7 +74,11 @@ def replay(
 
     run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
     settings = Settings(
-        filter_uncertain=not no_filter, sigma_threshold=sigma_threshold, kappa=kappa, decay_time=decay_time
+        filter_uncertain=not no_filter,
+        sigma_threshold=sigma_threshold,
+        kappa=kappa,
+        decay_time=decay_time,
+        despite_verdict=despite_verdict,
     )
     base, process, wanted = run.model(model), run.gp(gp), checked(source)
     assert process is not None

@@ -1,0 +1,70 @@
+"""The tables of docs/do-no-harm.md, written from the rows that are kept."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.harm import parts, rows, vehicles
+from benchmarks.paper.running import mrad, table
+
+PAGE = Path(__file__).parents[2] / "docs" / "do-no-harm.md"
+SWING = 5e-3
+"""Above that without compensation [rad]."""
+RATIO = 1.05
+"""Of the late error, to that without compensation."""
+
+
+def of_vehicles(found: dict[str, dict[str, Any]]) -> str:
+    """What became of the roll steps, by kind of vehicle and training."""
+    head = [
+        "vehicles",
+        "flights",
+        "method",
+        "lost",
+        "swinging",
+        f"late error > {RATIO:g} x",
+        "worst ratio",
+        "median reduction [%]",
+        "outputs compensated",
+    ]
+    lines = []
+    for kind in vehicles.KINDS:
+        for training in vehicles.TRAININGS:
+            some = [r for key, r in found.items() if key.split()[1:] == [kind, training]]
+            lines += [_line(f"{kind}, {training} training", some, name) for name in ("GP", "combined") if some]
+    return table(head, lines)
+
+
+def _line(words: str, some: list[dict[str, Any]], name: str) -> list[str]:
+    ratios = np.array([r[name]["late"] / r["none"]["late"] for r in some])
+    swinging = sum(r[name]["swing"] > r["none"]["swing"] + SWING for r in some)
+    used = sum(g > 0 for r in some for g in r["gain"])
+    fall = f"{100 * (1 - np.median(ratios)):.1f}" if words.startswith("hidden") else "-"
+    counts = [str(int(sum(r[name]["lost"] for r in some))), str(swinging), str(int((ratios > RATIO).sum()))]
+    return [words, str(len(some)), name, *counts, f"{ratios.max():.2f}", fall, f"{used} of {3 * len(some)}"]
+
+
+def of_parts(found: dict[str, dict[str, Any]]) -> str:
+    """Mean attitude errors under every condition."""
+    names = {"none": "none", "plain": "observer, 4 Hz", "observer": "observer, from the log", "GP": "GP"}
+    names["combined"] = "combined"
+    lines = []
+    for key, row in found.items():
+        index, trajectory = key.split()
+        cells = ["lost" if row[name] is None else mrad(row[name]) for name in parts.METHODS]
+        lines.append([f"{trajectory}, {parts.CONDITIONS[int(index)].name}", *cells, f"{row['hz']:.1f}"])
+    return table(["mean abs(e_R) x / y / z [mrad]", *names.values(), "observer [Hz]"], lines)
+
+
+def renew(page: Path = PAGE) -> None:
+    """Write the page with the tables of the rows that are kept."""
+    text = page.read_text(encoding="utf-8")
+    for name, made in (("vehicles", of_vehicles), ("parts", of_parts)):
+        tables = made(rows.kept(rows.RESULTS / f"{name}.jsonl"))
+        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
+        text = pattern.sub(lambda m, tables=tables: f"{m.group(1)}{tables}\n{m.group(2)}", text)
+    page.write_text(text, encoding="utf-8")

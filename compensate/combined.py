@@ -1,0 +1,128 @@
+"""Feed-forward and feedback in one object: what is known is compensated, and an observer takes what that leaves.
+
+    W_des - d_hat  ->  feed-forward (effects, process, gate)  ->  W_cmd
+    d_hat = k [L - integral (H(M_asked) - omega x L + d_hat) dt],        L = J omega, M_asked = torque of W_des - d_hat
+
+The feed-forward is asked for M_asked and believes that the vehicle will make it. The observer (momentum observer, see
+`compensate.observer`) estimates by how much it does not: what the gate withholds, what nobody has learnt, what ran into
+a bound. So the gate acts on the process alone.
+
+H is the lag and delay that the vehicle is taken to have. An observer that is told the true ones has d_hat = Q d with
+the low-pass Q of bandwidth k, and no loop around it (internal model control; Morari and Zafiriou, Robust Process
+Control, 1989, chapter 2). What it is not told of them counts as a disturbance: a lag tau that it works against, and a
+loop with the characteristic polynomial tau s^2 + s + k, damping 1 / (2 sqrt(k tau)). That makes the vehicle follow
+faster, and bounds k, which comes from the log (`learn.identify.observing`). A delay cannot be worked against.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wrenchgap.compensate.compensator import REACH, Compensator, Result
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.plant.effects.lag import LagMemory, first_order
+from wrenchgap.plant.mismatch import KnowsItsData, output_indices
+from wrenchgap.plant.state import State
+from wrenchgap.plant.vehicle import Vehicle
+
+
+class Combined:
+    """Steps like `Compensator`.
+
+    feedforward   what is known; None: the observer alone
+    bandwidth_hz  of the observer, k / (2 pi), at most 1 / (2 pi dt)
+    lag, delay    with which the torque follows [s]: lag one number, or one for each axis (3,)
+    torque_max    (3,) largest estimate [Nm]; by default three times the largest mismatch that the process has seen,
+                  unbounded on axes where there is none
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        dt: float,
+        bandwidth_hz: float,
+        feedforward: Compensator | None = None,
+        *,
+        lag: float | Array = 0.0,
+        delay: float = 0.0,
+        torque_max: ArrayLike | None = None,
+    ) -> None:
+        if not (math.isfinite(dt) and dt > 0 and 0 < 2.0 * math.pi * bandwidth_hz * dt <= 1.0):
+            raise UsageError(
+                f"combined: got dt {dt} s and an observer of {bandwidth_hz} Hz, expected positive numbers and at most "
+                f"{1.0 / (2.0 * math.pi * dt) if dt > 0 else math.nan:.3g} Hz for this period"
+            )
+        self.lag = np.broadcast_to(np.asarray(lag, dtype=float), 3).copy()
+        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and math.isfinite(delay) and delay >= 0):
+            raise UsageError(f"combined: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more")
+        self.inertia, self.dt, self.delay = vehicle.body.inertia, dt, delay
+        self.gain, self.feedforward = 2.0 * math.pi * bandwidth_hz, feedforward
+        self.torque_max = _bounds(feedforward) if torque_max is None else np.asarray(torque_max, dtype=float)
+        self.reset()
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Of the observer."""
+        return self.gain / (2.0 * math.pi)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._integral: Array | None = None
+        self._estimate = np.zeros(3)
+        self._asked: deque[Array] = deque(maxlen=math.ceil(self.delay / self.dt) + 2)
+        self._memory: list[LagMemory | None] = [None] * 3
+        if self.feedforward is not None:
+            self.feedforward.reset()
+
+    def step(self, wrench_des: ArrayLike, state: State | None = None) -> Result:
+        """Command for the desired wrench (6,) in this state (N = 1). Raises UsageError without a state."""
+        if state is None:
+            raise UsageError("an observer needs the state: step(wrench_des, state)")
+        wrench = np.array(wrench_des, dtype=float)
+        self._observe(state.omega_B[0])
+        asked = wrench.copy()
+        asked[3:] -= self._estimate
+        self._asked.append(asked[3:].copy())
+        if self.feedforward is None:
+            correction = asked - wrench
+            return Result(asked, correction, correction, 0.0, 0.0, 0.0, 0, True)
+        made = self.feedforward.step(asked, state)
+        return replace(made, correction=made.wrench_cmd - wrench, optimum=made.optimum + asked - wrench)
+
+    def _observe(self, omega: Array) -> None:
+        """The estimate from the rate (3,), within its bounds."""
+        momentum = self.inertia @ omega
+        if self._integral is None:
+            self._integral = momentum.copy()
+        else:
+            self._integral += self.dt * (self._followed() - np.cross(omega, momentum) + self._estimate)
+        estimate = self.gain * (momentum - self._integral)
+        self._estimate = np.clip(estimate, -self.torque_max, self.torque_max)
+        self._integral = momentum - self._estimate / self.gain  # an integral beyond the bounds would wind up
+
+    def _followed(self) -> Array:
+        """H(M_asked): the torque (3,) that the vehicle is believed to have made over the last period."""
+        back = self.delay / self.dt
+        whole, part = int(back), back - int(back)
+        past = [self._asked[max(len(self._asked) - 1 - whole - more, 0)] for more in (0, 1)]
+        late = (1.0 - part) * past[0] + part * past[1]
+        found = np.empty(3)
+        for k in range(3):
+            value, self._memory[k] = first_order(late[None, [k]], float(self.lag[k]), self.dt, self._memory[k])
+            found[k] = value[0, 0]
+        return found
+
+
+def _bounds(feedforward: Compensator | None) -> Array:
+    """Largest estimate (3,)."""
+    bound = np.full(len(AXES), np.inf)
+    model = None if feedforward is None else feedforward.model
+    if model is not None and isinstance(model, KnowsItsData):
+        bound[output_indices(model.outputs)] = REACH * model.mismatch_max
+    return np.asarray(bound[3:])

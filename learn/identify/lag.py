@@ -1,0 +1,85 @@
+"""Whether the vehicle follows its commands late, decided on held-out time before a process is fitted.
+
+A process whose input is the command of now takes a lag for noise or, worse, for a function: of a sinusoid at omega a
+first-order lag tau leaves -omega^2 tau^2 / (1 + omega^2 tau^2) in phase, a slope that held-out blocks of the same
+flight confirm and another flight does not. So the commands are lagged first,
+
+    tau y' = u - y,         z_tau = W_meas - y(physics of W_cmd),       a function of y(W_cmd)
+
+which is exact for a function behind a lag. tau is, output by output, what predicts held-out blocks best with a
+quadratic in y(W_cmd); zero where that is no better than without, beyond chance (`learn.data.blocks`). The process then
+learns the function alone. The lag itself is not compensated: name it for that (`wrenchgap explain`, `--lead`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.data.blocks import by_block, paired_t, significant
+from wrenchgap.learn.process.calibration import BLOCKS, FOLDS
+from wrenchgap.plant.effects.lag import first_order
+
+TAUS = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1, 0.12, 0.15, 0.2)
+"""Time constants that are tried [s]."""
+LEAST_GAIN = 0.05
+"""Of the rms on held-out time."""
+RIDGE = 1e-3
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive samples `dt` [s] apart: commands (K, 6), what the physics expects of them and what was measured."""
+
+    dt: float
+    commanded: Array
+    expected: Array
+    measured: Array
+
+
+def lagged(signal: Array, tau: float | Array, dt: float) -> Array:
+    """Samples (K, D) behind a first-order lag; one time constant [s] for all columns, or one each (D,)."""
+    taus = np.broadcast_to(tau, signal.shape[1])
+    found = [first_order(signal[:, [k]], float(t), dt, None)[0] for k, t in enumerate(taus)]
+    return np.hstack(found)
+
+
+def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
+    """Time constants (6,) [s] of the lag that held-out time supports; `looks` (6,) are the usable command components.
+
+    Zero on outputs that were not measured.
+    """
+    errors = np.stack([_held_out(stretches, looks, tau) for tau in TAUS])
+    count = errors.shape[1]
+    block = np.arange(count) * BLOCKS // count
+    found = np.zeros(len(AXES))
+    for k in range(len(AXES)):
+        square = errors[:, :, k] ** 2
+        if not np.isfinite(square).all():
+            continue
+        best = int(np.argmin(square.mean(axis=1)))
+        gain = 1.0 - float(np.sqrt(square[best].mean() / max(float(square[0].mean()), 1e-300)))
+        if gain > LEAST_GAIN and significant(float(paired_t(by_block(block, square[0] - square[best]))), large=True):
+            found[k] = TAUS[best]
+    return found
+
+
+def _held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:
+    """Errors (K, 6) of a quadratic in the lagged command, each sample predicted from the other folds."""
+    command = np.concatenate([lagged(s.commanded, tau, s.dt) for s in stretches])[:, looks]
+    residual = np.concatenate([s.measured - lagged(s.expected, tau, s.dt) for s in stretches])
+    spread = command.std(axis=0)
+    x = (command - command.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    pairs = np.triu_indices(x.shape[1])
+    features = np.column_stack([np.ones(len(x)), x, x[:, pairs[0]] * x[:, pairs[1]]])
+    fold = (np.arange(len(x)) * BLOCKS // len(x)) % FOLDS
+    error = np.empty_like(residual)
+    for k in range(FOLDS):
+        a, z = features[fold != k], np.nan_to_num(residual[fold != k])
+        normal = a.T @ a + RIDGE * len(a) * np.eye(a.shape[1])
+        error[fold == k] = residual[fold == k] - features[fold == k] @ np.linalg.solve(normal, a.T @ z)
+    return error

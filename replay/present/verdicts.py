@@ -1,0 +1,80 @@
+"""What `learn` says of each output of a process in the end, and how far a loop with it is from instability."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
+from wrenchgap.plant.stability import Margin
+from wrenchgap.replay.present.numbers import share
+from wrenchgap.replay.present.tables import Line, Part
+
+UNLIMITED = 1e3
+"""Margins above this are of no interest."""
+
+_WHY = {
+    Reason.HELPS: "held-out time supports it",
+    Reason.NOTHING: "nothing is missing above the noise of the sensors",
+    Reason.LAG: "what is missing is a lag; name it (`wrenchgap explain`) and lead it with --lead",
+    Reason.WORSE: "on unseen flights the GP increases the error",
+    Reason.INPUTS: "something is missing that the command does not determine: name effects, or see --inputs",
+    Reason.EXCITATION: "the flight does not show what the residual depends on: a flight with excitation on this axis",
+    Reason.LONGER: "too few samples to hold time out: a longer flight",
+}
+_HEAD = {Decision.COMPENSATE: "compensate", Decision.DO_NOT: "do not compensate", Decision.NEEDS: "needs more"}
+
+
+def verdict(one: Verdict) -> str:
+    """One output, in one sentence."""
+    words = f"{one.output}: {_HEAD[one.decision]}: {_WHY[one.reason]}"
+    if one.decision is Decision.COMPENSATE:
+        _, low, high = one.reduction
+        words += f" (gain {one.gain:.2f}, rms {share(one.reduction[0])} smaller, {share(low)} to {share(high)})"
+    return words + "."
+
+
+def verdicts(gp: GaussianProcess) -> list[Part]:
+    """The last lines of `learn`: a verdict for each output."""
+    found = gp.provenance.verdicts
+    styles = {Decision.COMPENSATE: "bold green", Decision.DO_NOT: "bold red", Decision.NEEDS: "bold yellow"}
+    return [Line(f"verdict on {verdict(one)}", styles[one.decision]) for one in found]
+
+
+def verdicts_json(gp: GaussianProcess) -> list[dict[str, Any]]:
+    """The key `verdicts` of the `learn` schema."""
+    return [
+        {
+            "output": one.output,
+            "decision": one.decision.value,
+            "reason": one.reason.value,
+            "gain": one.gain,
+            "reduction": list(one.reduction),
+            "summary": verdict(one),
+        }
+        for one in gp.provenance.verdicts
+    ]
+
+
+def margin_in_words(found: Margin) -> str:
+    """The stability check before flight, in one sentence."""
+    size = f"above {UNLIMITED:g}" if found.least > UNLIMITED else f"{found.least:.2f}"
+    words = (
+        f"stability margin: {size} (99 % of the commands; actuators with a lag of {1e3 * found.lag:.0f} ms and a delay "
+        f"of {1e3 * found.delay:.0f} ms): "
+    )
+    if found.least >= 1.0:
+        return words + "the attitude loop is stable whether the slope that was learnt is there or not."
+    return words + "below 1 the attitude loop is not guaranteed to be stable if the slope that was learnt is not there."
+
+
+def lags_in_words(gp: GaussianProcess) -> list[str]:
+    """What the process does not take for a function: a lag, and components that the flights do not show."""
+    late = [f"{axis} {1e3 * lag:.0f} ms" for axis, lag in zip(gp.outputs, gp.provenance.lags, strict=False) if lag]
+    blind = ", ".join(gp.settings.blind)
+    return [
+        f"lag behind the commands, not learnt as a function: {', '.join(late)}." if late else "",
+        f"the flights do not show how the wrench depends on the commanded {blind}: there the GP leaves it to physics."
+        if blind
+        else "",
+    ]
