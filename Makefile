@@ -11,7 +11,7 @@ export MKL_NUM_THREADS = 1
 export NUMBA_NUM_THREADS = 1
 export MPLBACKEND = Agg
 
-.PHONY: help setup demo test readme check format bench golden fuzz faults paper docs lock wheel screenshots clean
+.PHONY: help setup demo test readme slow check format bench golden fuzz faults paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -28,8 +28,12 @@ test: setup ## the everyday test suite
 	@$(VENV) -c "from wrenchgap.compensate.fast import warm; warm()" # compiled once, and not by every worker of pytest
 	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
 
-readme: setup ## the README's commands, run as written (CI does so before the tests)
+readme: setup ## the README's commands, run as written
 	$(VENV) -m pytest -m slow tests/test_readme.py
+
+slow: setup ## tests of minutes: README, notebook, documentation, every kind of hidden effect (CI runs them too)
+	@$(VENV) -c "from wrenchgap.compensate.fast import warm; warm()"
+	$(VENV) -m pytest -m slow --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 check: setup ## format, lint, types, layers
 	$(VENV) -m ruff format --check .

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import nbformat
+import pytest
 from nbclient import NotebookClient
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -15,6 +16,7 @@ def test_missing_effect_is_named_and_the_error_falls():
     assert program["main"]() < 0.1
 
 
+@pytest.mark.slow
 def test_notebook_runs_as_written(tmp_path, monkeypatch):
     """On logs that it makes itself; the error of the fitted model on the test flight falls as it says."""
     monkeypatch.setenv("PYTHONPATH", str(EXAMPLES.parent / "src"))

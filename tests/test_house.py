@@ -12,6 +12,7 @@ from pathlib import Path
 
 import grimp
 import numpy as np
+import pytest
 from scipy.sparse.csgraph import connected_components
 
 from scripts import check_docs, effects_index
@@ -142,6 +143,7 @@ def test_links_of_the_documentation_lead_somewhere():
     assert check_docs.broken_links() == []
 
 
+@pytest.mark.slow
 def test_examples_of_the_documentation_run():
     assert check_docs.failing_examples() == []
 

@@ -1,4 +1,4 @@
-"""The README's commands, run as written, in order, in an empty folder: four minutes, so CI runs it (`make readme`)."""
+"""The README's commands, run as written, in order, in an empty folder: four minutes, so CI runs it (`make slow`)."""
 
 import os
 import re

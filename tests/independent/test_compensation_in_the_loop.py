@@ -12,6 +12,7 @@ PAPER_SIMULATION = np.array([0.80, 0.80])
 """Least fall of mean |e_R| on x and y (issue 2)."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "seed"), [("com_offset", 1), ("wake", 2)])
 def test_learnt_compensation_takes_most_of_the_attitude_error(effect, seed):
     """Train, open the log, learn 200 points, fly a figure-8 that was not seen, with another seed."""

@@ -221,6 +221,7 @@ def test_sensors_have_the_noise_that_their_datasheet_says(hovering, grade):
     assert noisy.content_hash != hovering.content_hash
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on_where_it_was_and_the_page_follows(tmp_path, capsys):
     json_file, page_file = tmp_path / "field.json", tmp_path / "field.md"
     asked = ["--seed", "7000", "--only", "hexa.turbulence.good.none", "--seconds", "6", "--jobs", "1"]

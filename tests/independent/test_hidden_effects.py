@@ -25,6 +25,7 @@ def of(kind):
     return [name for name, case in CASES.items() if case.kind == kind]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", of("one") + of("two"))
 def test_every_hidden_effect_is_named(name):
     assert row(name)["right"] in GOOD
@@ -36,6 +37,7 @@ def test_nothing_is_named_where_nothing_is_missing(name):
     assert row(name)["effects"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", of("outside"))
 def test_what_is_not_in_the_catalogue_is_called_unknown_and_swings(name):
     assert row(name)["verdict"] == "unknown"

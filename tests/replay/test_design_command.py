@@ -18,6 +18,7 @@ def few(monkeypatch):
     monkeypatch.setattr(search, "SWEEPS", 1)
 
 
+@pytest.mark.slow
 def test_a_group_is_told_apart_by_the_flight_that_is_designed_for_it(run, tmp_path):
     """From a hover that cannot tell, to a flight, its log, and the one name."""
     tether = "tether=force_x:0.8,force_z:-0.4,point_x:0.1"
@@ -58,6 +59,7 @@ def test_a_group_is_told_apart_by_the_flight_that_is_designed_for_it(run, tmp_pa
     assert "cannot tell" not in named.output
 
 
+@pytest.mark.slow
 def test_an_axis_that_will_not_be_measured_separates_nothing(run, tmp_path):
     """An offset of the centre of mass makes no force, so that a tether's is telling, where it is measured."""
     asked = ("design", "com_offset", "tether", "-m", "tilt_hexarotor", "--duration", "8", "--anyway", "-o", "d.toml")
