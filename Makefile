@@ -26,7 +26,7 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 test: setup ## the everyday test suite
 	@bash scripts/install_browser.sh
 	@$(VENV) -c "from wrenchgap.compensate.fast import warm; warm()" # compiled once, and not by every worker of pytest
-	$(VENV) -m pytest -m "not slow" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
+	$(VENV) -m pytest -m "not slow and not long" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
 
 readme: setup ## the README's commands, run as written
 	$(VENV) -m pytest -m slow tests/test_readme.py

@@ -34,7 +34,7 @@ def test_attitude_error_is_the_sine_of_the_angle():
     np.testing.assert_allclose(attitude_error(truth), [0.0, np.sin(turned), 0.0], atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("trajectory", ["figure8", "pitch"])
 @pytest.mark.parametrize("effect", ["com_offset", "wake", "weak_rotor", "tilt_offset"])
 @pytest.mark.parametrize("seed", [4, 5])
