@@ -81,7 +81,8 @@ def judged(found: Explanation, told: Told, kind: str) -> Row:
     """
     sets = list(islice(class_sets(found), MOST_SETS))
     accepted = told.anyway | told.near | frozenset(n for sets in told.answers for s in sets for n in s)
-    truths = [frozenset().union(*choice) for choice in product(*told.answers)] if all(told.answers) else []
+    choices = product(*told.answers) if all(told.answers) else ()
+    truths = [t for choice in choices for t in in_fewer_words(frozenset().union(*choice))]
     firm, groups = firm_names(found), spoken(found)
     listed = getattr(found, "firm", None) is not None
     wrong = [n for n in firm if not (families((n,)) if listed else groups[n]) & accepted]
@@ -96,6 +97,14 @@ def judged(found: Explanation, told: Told, kind: str) -> Row:
         "told": None if told.amplitudes is None or not told.answers else min(told.amplitudes) >= TELL,
         "stated": [[name, p, bool(groups[name] & accepted)] for name, p in confidences(found)],
     }
+
+
+def in_fewer_words(truth: Names) -> list[Names]:
+    """The truth, and with a payload for it and the masses beside it: a mass or a centre of mass beside a payload makes
+    another payload of it, whose four parameters are exactly those.
+    """  # noqa: D205
+    masses = {"mass", "com_offset"}
+    return [truth, truth - masses] if "payload" in truth and truth & masses else [truth]
 
 
 def says(named: Names, truths: Iterable[Names], anyway: Names) -> bool:

@@ -33,9 +33,12 @@ FAR_BEHIND = 200.0
 """The same for the plainest sets, and those with another effect in moving air: a bend may hide them."""
 PLAINEST = 3
 """Of the plainest sets, so many."""
-ROUNDS = 3
+ROUNDS, SETTLING = 3, 3
+"""Rounds of linearising anew, and more of them in which only what would do as well as the heaviest set joins."""
 BENT = 5.0
 """Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
+ALIKE = 5.0
+"""Log odds behind the heaviest set up to which one with another effect in the place of one is linearised anew."""
 FIRM = 0.9
 """Share of the weight from which on a name is firm."""
 OTHERWISE = 0.05
@@ -112,22 +115,23 @@ def posterior(
     linear = searched(spectrum_of(on, columns))
     anew: dict[Keys, Contender | None] = {}
     todo = first_contenders(linear, ordered(linear))
-    seen: set[Keys] = set()
+    scorers: dict[Keys, Scorer] = {}
     nearby: list[tuple[Scored, Scorer]] = []
-    for number in range(ROUNDS):
-        tell((1 + number) / (2 + ROUNDS), "fitting the likeliest sets")
+    for number in range(ROUNDS + SETTLING):
+        tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")
         anew |= zip(todo, linearised(on, linear, todo, jobs), strict=True)
-        todo, centre = [], likeliest(anew)
-        if centre is not None and centre.keys not in seen and bent(linear, centre):
-            seen.add(centre.keys)
-            scorer = around(on, linear, centre)
+        todo, centre = [], likeliest(anew) if number < ROUNDS else None
+        if centre is not None and centre.keys not in scorers and bent(linear, centre):
+            scorer = scorers[centre.keys] = around(on, linear, centre)
             found = [s for s in ordered(scorer) if near(s.keys, centre.keys)]
             todo = first_contenders(scorer, found)
             nearby = [(s, scorer) for s in found]
         kept = candidates([*nearby, *((s, linear) for s in ordered(linear))], anew)
         share = weights(kept)
         best = sorted(range(len(kept)), key=lambda k: -share[k])
-        todo += [kept[k].keys for k in best[:3] if kept[k].keys]
+        todo += [kept[k].keys for k in best[:3] if kept[k].keys and number < ROUNDS]
+        heaviest = kept[best[0]]
+        todo += stand_ins(scorers.get(heaviest.keys, linear), heaviest)
         todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
@@ -149,10 +153,10 @@ def bent(linear: Scorer, contender: Contender) -> bool:
 
 def near(keys: Keys, centre: Keys) -> bool:
     """Whether columns that were linearised in a set hold in another: it lacks one member at most, no lag or delay, and
-    has two of them.
+    has two of them, or a lag or delay.
     """  # noqa: D205
-    missing = set(centre) - set(keys)
-    return len(missing) <= 1 and len(centre) - len(missing) >= 2 and not _of_time(missing)
+    missing, shared = set(centre) - set(keys), set(centre) & set(keys)
+    return len(missing) <= 1 and (len(shared) >= 2 or bool(_of_time(shared))) and not _of_time(missing)
 
 
 def around(on: Ground, linear: Scorer, centre: Contender) -> Scorer:
@@ -207,6 +211,19 @@ def as_one(keys: Keys, columns: dict[str, Column]) -> list[Keys]:
             rest = tuple(k for k in keys if not gone & set(columns[k].names))
             out.append(tuple(sorted((*rest, key))))
     return out
+
+
+def stand_ins(scorer: Scorer, heaviest: Contender) -> list[Keys]:
+    """The sets with another candidate in the place of one that is named, if they are about as likely, the likeliest
+    first: what the heaviest set is weighed against must have been linearised as it was.
+    """  # noqa: D205
+    columns, keys = scorer.spectrum.columns, heaviest.keys
+    named = {n for leaf, _ in heaviest.leaves for n in leaf.names}
+    fixed = [k for k in keys if not named & set(columns[k].names)]
+    others = [k for k in columns if k not in _of_time(columns)]
+    swapped = [s for s in exchanged(keys, others, columns) if set(fixed) <= set(s)]
+    close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - ALIKE]
+    return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[:CONTENDERS]]
 
 
 def exchanged(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:

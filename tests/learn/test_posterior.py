@@ -18,9 +18,9 @@ from wrenchgap.learn.posterior.columns import Column, beside, compatible, comple
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
-from wrenchgap.learn.posterior.posterior import FIRM, SUREST, Posterior, as_one, exchanged
+from wrenchgap.learn.posterior.posterior import FIRM, SUREST, Posterior, as_one, exchanged, near, stand_ins
 from wrenchgap.learn.posterior.score import Scorer, bounded, occam
-from wrenchgap.learn.posterior.sets import Part, at_limit, weights
+from wrenchgap.learn.posterior.sets import Part, at_limit, contender, weights
 from wrenchgap.learn.posterior.spectrum import LEAK, Spectrum
 from wrenchgap.learn.posterior.table import ground
 from wrenchgap.plant.model import make_effect
@@ -70,6 +70,23 @@ def test_cosine_coefficients_keep_energy(made):
     np.testing.assert_allclose(np.sum(space.coefficients[:, :, 0] ** 2, axis=0), np.sum(made.noise**2, axis=0))
     total = np.einsum("kl,klpq->lpq", space.count, space.products)
     assert total[3, 1, 1] == pytest.approx(np.sum(made.smooth[:, 0] ** 2))
+
+
+def test_what_does_the_same_beside_a_lag_is_weighed_beside_that_lag(made):
+    """A mass and a thrust scale that push alike: beside the same lag each is as likely as the other, so that the set
+    with one is not weighed without the set with the other. What pushes otherwise does not stand in, and what is not
+    named is not replaced.
+    """
+    push, lag, other = (on_axis(2, values) for values in (np.ones(len(made.noise)), *made.smooth.T[:2]))
+    shapes = {"mass": push, "thrust_scale": push, "motor_lag": lag, "tether": other, "inertia": on_axis(4, other[:, 2])}
+    space = made.spectrum(shapes, 30.0 * made.data.noise[2] * (push + lag) + made.noise)
+    scorer = Scorer(space, space.sensor)
+    heaviest = contender(scorer, ("mass", "motor_lag"))
+    assert set(heaviest.names) == {"mass", "motor_lag"}
+    assert stand_ins(scorer, heaviest) == [("motor_lag", "thrust_scale")]
+    assert near(("motor_lag", "thrust_scale"), heaviest.keys)
+    assert not near(("thrust_scale",), heaviest.keys)
+    assert not near(("mass", "tether"), heaviest.keys)
 
 
 def test_the_size_of_what_is_there_is_found_within_its_noise(made):
