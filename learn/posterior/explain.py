@@ -49,7 +49,8 @@ from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clo
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
 from wrenchgap.learn.posterior.sets import LOUD
-from wrenchgap.learn.posterior.table import Candidate, Ground, ground, table
+from wrenchgap.learn.posterior.table import Candidate, Ground, Table, ground, table
+from wrenchgap.learn.posterior.undisturbed import may_be_undisturbed, unanswering, undisturbed
 from wrenchgap.plant.effects import catalogue, family
 from wrenchgap.plant.model import Model
 
@@ -199,12 +200,12 @@ def search_dataset(
     tell = progress or (lambda fraction, words: None)
     some = spread_out(data.records, SEARCH_SECONDS)
     on = ground(data if some is data.records else dataset(some, model, data.answering), model)
-    tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.5 * f, words))
-    found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.3 * f, words))
+    on, tried, found = _searched(on, chosen, jobs, tell)
+    data = data if on.data.answering else replace(data, answering=())
     found = with_clock(found, clock, model.vehicle)
     tell(0.8, "fitting what was named")
     best, named, found = needed(on, found, jobs)
-    every, whole = (on, best) if on.data is data else _whole(data, model, [m.name for m in named], best)
+    every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
     swinging = oscillation(on.data, best.left) if _over_noise(on.data, best.left) > QUIET else None
     loud = _open(on, best.left)
     pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
@@ -229,6 +230,22 @@ def search_dataset(
         _concentrated(on.data, best.left),
         _over_noise(on.data, best.left),
     )
+
+
+def _searched(on: Ground, chosen: Candidates, jobs: int, tell: Progress) -> tuple[Ground, Table, Posterior]:
+    """Candidates by themselves and sets of them. Where commands answer the motion, on the wrench as it is too: that
+    counts where a set leaves no disturbance which they could have answered.
+    """  # noqa: D205
+    tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.4 * f, words))
+    found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.4 + 0.2 * f, words))
+    if on.data.answering:
+        free = unanswering(on)
+        if may_be_undisturbed(on, free, tried.columns):
+            again = table(free, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.6 + 0.1 * f, words))
+            other = posterior(free, again.columns, jobs=jobs, progress=lambda f, words: tell(0.7 + 0.1 * f, words))
+            if undisturbed(on, free, other):
+                return free, again, other
+    return on, tried, found
 
 
 def _whole(data: Dataset, model: Model, names: Sequence[str], best: Fitted) -> tuple[Ground, Fitted]:

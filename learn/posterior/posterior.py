@@ -39,6 +39,8 @@ BENT = 5.0
 """Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
 ALIKE = 5.0
 """Log odds behind the heaviest set up to which one with another effect in the place of one is linearised anew."""
+WHOLES = 3
+"""Heaviest sets that are kept with all that they do not need."""
 FIRM = 0.9
 """Share of the weight from which on a name is firm."""
 OTHERWISE = 0.05
@@ -49,11 +51,14 @@ SUREST = 0.98
 
 @dataclass(frozen=True)
 class Posterior:
-    """Named sets, heaviest first, the classes that they form, and what would settle which of all sets is true."""
+    """Named sets, heaviest first, the classes that they form, and what would settle which of all sets is true;
+    `wholes` are the heaviest sets with all that they do not need.
+    """  # noqa: D205
 
     sets: tuple[NamedSet, ...]
     classes: tuple[Class, ...]
     settle: tuple[Check, ...]
+    wholes: tuple[Contender, ...] = ()
 
     @property
     def best(self) -> NamedSet:
@@ -88,7 +93,7 @@ class Posterior:
         sets = shorter(self.sets)
         groups = [replace(c, sets=shorter(c.sets)) for c in self.classes]
         kept = tuple(replace(c, settle=checks(c.sets, c.settle)) for c in groups)
-        return Posterior(sets, kept, checks(sets, self.settle))
+        return Posterior(sets, kept, checks(sets, self.settle), self.wholes)
 
     @property
     def firm(self) -> tuple[str, ...]:
@@ -137,7 +142,8 @@ def posterior(
             break
     sets = merged(kept, share)
     vehicle = on.model.vehicle
-    return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle))
+    wholes = tuple(kept[k] for k in best[:WHOLES])
+    return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle), wholes)
 
 
 def likeliest(anew: dict[Keys, Contender | None]) -> Contender | None:

@@ -1,0 +1,59 @@
+"""Whether anything disturbed the flights, on the axes where commands answer the motion.
+
+Where they answer a disturbance, what linear responses to the commands explain is no evidence, and what no command
+explains moved with the disturbance (`learn.posterior.spectrum`). But motors that speed up and slow down otherwise, or a
+curved thrust, are no linear response either: what they make would be called a disturbance, and no effect could
+explain it. So where all candidates at once come close, sets are searched on the whole wrench too. One that leaves no
+more there than the sensors' noise, or a few per cent of what was there, in every band, leaves no room for a
+disturbance: the commands answered none, and the wrench is evidence as it is (with nothing but the sensors' noise left,
+the direct regression in a closed loop is unbiased: Forssell and Ljung, Automatica 35, 1999, sec. 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.posterior import Posterior
+from wrenchgap.learn.posterior.score import saturated
+from wrenchgap.learn.posterior.spectrum import ABOVE_NOISE, Spectrum
+from wrenchgap.learn.posterior.table import Ground, ground
+from wrenchgap.learn.posterior.together import spectrum_of
+
+LITTLE = 0.05
+"""Share of the rms that the model leaves in a band which a set that explains it may leave: laws are not exact."""
+CLOSE = 0.25
+"""Share of the rms on an axis that all candidates at once may leave, straight lines that they are."""
+
+
+def unanswering(on: Ground) -> Ground:
+    """The same flights, the wrench as it is."""
+    return ground(replace(on.data, answering=()), on.model)
+
+
+def may_be_undisturbed(on: Ground, free: Ground, columns: Sequence[Column]) -> bool:
+    """Whether all of the candidates at once leave little on the axes where commands of `on` answer."""
+    space = spectrum_of(free, columns)
+
+    def in_all(squares: Array) -> Array:
+        return np.asarray(np.sum(space.count * squares, axis=0))
+
+    enough = np.maximum(ABOVE_NOISE**2 * in_all(space.sensor), CLOSE**2 * in_all(space.products[:, :, 0, 0]))
+    return bool(np.all((in_all(saturated(space)[0]) < enough)[_answering(space, on)]))
+
+
+def undisturbed(on: Ground, free: Ground, found: Posterior) -> bool:
+    """Whether one of the likeliest sets on the wrench as it is leaves no disturbance."""
+    space = spectrum_of(free, ())
+    enough = np.maximum(ABOVE_NOISE**2 * space.sensor, LITTLE**2 * space.products[:, :, 0, 0])
+    little = [(c.scored.left < enough)[:, _answering(space, on)] for c in found.wholes]
+    return any(bool(np.all(cells)) for cells in little)
+
+
+def _answering(space: Spectrum, on: Ground) -> NDArray[np.bool_]:
+    return np.isin(space.axes, on.data.answering)
