@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.classes import LATE_CLOCK, Class, NamedSet, classes, merged, one_each, settled
+from wrenchgap.learn.posterior.classes import LATE_CLOCK, Class, NamedSet, classes, merged, one_each, same, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
@@ -140,9 +142,11 @@ def posterior(
         todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
+    wholes = tuple(kept[k] for k in best[:WHOLES])
+    for k in best[:WHOLES]:
+        kept[k] = replace(kept[k], leaves=alike_without_the_idle(linear, kept[k]))
     sets = merged(kept, share)
     vehicle = on.model.vehicle
-    wholes = tuple(kept[k] for k in best[:WHOLES])
     return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle), wholes)
 
 
@@ -230,6 +234,26 @@ def stand_ins(scorer: Scorer, heaviest: Contender) -> list[Keys]:
     swapped = [s for s in exchanged(keys, others, columns) if set(fixed) <= set(s)]
     close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - ALIKE]
     return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[:CONTENDERS]]
+
+
+def alike_without_the_idle(scorer: Scorer, whole: Contender) -> tuple[tuple[Contender, float], ...]:
+    """What remains of a set, where something idle was taken out shared with what does the same by itself: an idle
+    member's fit (a delay of turbulence) is no reason for one name rather than another.
+    """  # noqa: D205
+    columns = scorer.spectrum.columns
+    others = [k for k in columns if k not in _of_time(columns)]
+    out: list[tuple[Contender, float]] = []
+    for leaf, part in whole.leaves:
+        alike = [leaf]
+        if len(leaf.keys) < len(whole.keys):
+            least = scorer(leaf.keys).log_probability - ALIKE
+            near = [k for k in exchanged(leaf.keys, others, columns) if scorer(k).log_probability > least]
+            found = [c for c in (contender(scorer, k) for k in near) if all(p.named for p in c.parts)]
+            alike += [c for c in found if same(leaf, c, scorer)]
+        log = np.array([scorer(c.keys).log_probability for c in alike])
+        share = np.exp(log - log.max())
+        out += zip(alike, (part * share / share.sum()).tolist(), strict=True)
+    return tuple(out)
 
 
 def exchanged(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> list[Keys]:
