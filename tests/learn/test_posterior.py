@@ -18,7 +18,16 @@ from wrenchgap.learn.posterior.columns import Column, beside, compatible, comple
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
-from wrenchgap.learn.posterior.posterior import FIRM, SUREST, Posterior, as_one, exchanged, near, stand_ins
+from wrenchgap.learn.posterior.posterior import (
+    FIRM,
+    SUREST,
+    Posterior,
+    alike_without_the_idle,
+    as_one,
+    exchanged,
+    near,
+    stand_ins,
+)
 from wrenchgap.learn.posterior.score import Scorer, bounded, occam
 from wrenchgap.learn.posterior.sets import Part, at_limit, contender, weights
 from wrenchgap.learn.posterior.spectrum import LEAK, Spectrum
@@ -87,6 +96,24 @@ def test_what_does_the_same_beside_a_lag_is_weighed_beside_that_lag(made):
     assert near(("motor_lag", "thrust_scale"), heaviest.keys)
     assert not near(("thrust_scale",), heaviest.keys)
     assert not near(("mass", "tether"), heaviest.keys)
+
+
+def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
+    """A mass and a thrust scale that push alike, with a trace of a delay that is worth no name: without the delay one is
+    as good as the other. A set of which nothing is idle stays as it is.
+    """  # noqa: D205
+    push, trace = on_axis(2, np.ones(len(made.noise))), on_axis(3, made.smooth[:, 0])
+    shapes = {"mass": push, "thrust_scale": push, "command_delay": trace, "tether": on_axis(2, made.smooth[:, 1])}
+    left = 30.0 * made.data.noise[2] * push + 0.3 * made.data.noise[3] * trace + made.noise
+    scorer = Scorer(made.spectrum(shapes, left), made.spectrum(shapes, left).sensor)
+    leaves = alike_without_the_idle(scorer, contender(scorer, ("command_delay", "mass")))
+    assert {leaf.keys: share for leaf, share in leaves} == {
+        ("mass",): pytest.approx(0.5),
+        ("thrust_scale",): pytest.approx(0.5),
+    }
+    ((leaf, share),) = alike_without_the_idle(scorer, contender(scorer, ("mass",)))
+    assert leaf.keys == ("mass",)
+    assert share == 1.0
 
 
 def test_the_size_of_what_is_there_is_found_within_its_noise(made):
