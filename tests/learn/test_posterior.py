@@ -99,9 +99,9 @@ def test_what_does_the_same_beside_a_lag_is_weighed_beside_that_lag(made):
 
 
 def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
-    """A mass and a thrust scale that push alike, with a trace of a delay that is worth no name: without the delay one is
+    """A mass and a thrust scale that push alike, with a trace of a delay that is worth no name: without it one is
     as good as the other. A set of which nothing is idle stays as it is.
-    """  # noqa: D205
+    """
     push, trace = on_axis(2, np.ones(len(made.noise))), on_axis(3, made.smooth[:, 0])
     shapes = {"mass": push, "thrust_scale": push, "command_delay": trace, "tether": on_axis(2, made.smooth[:, 1])}
     left = 30.0 * made.data.noise[2] * push + 0.3 * made.data.noise[3] * trace + made.noise
