@@ -71,6 +71,11 @@ class Combined:
         """Of the observer."""
         return self.gain / (2.0 * math.pi)
 
+    @property
+    def estimate(self) -> Array:
+        """Torque (3,) [Nm] by which the vehicle does not make what was asked for, at the last step."""
+        return self._estimate.copy()
+
     def reset(self) -> None:
         """Forget the past."""
         self._integral: Array | None = None
@@ -81,11 +86,17 @@ class Combined:
             self.feedforward.reset()
 
     def step(self, wrench_des: ArrayLike, state: State | None = None) -> Result:
-        """Command for the desired wrench (6,) in this state (N = 1). Raises UsageError without a state."""
+        """Command for the desired wrench (6,) in this state (N = 1).
+
+        Raises UsageError without a state, and on numbers that are not finite; the next step goes on with the estimate.
+        """
         if state is None:
             raise UsageError("an observer needs the state: step(wrench_des, state)")
-        wrench = np.array(wrench_des, dtype=float)
-        self._observe(state.omega_B[0])
+        wrench, omega = np.array(wrench_des, dtype=float), state.omega_B[0]
+        if not (np.isfinite(wrench).all() and np.isfinite(omega).all()):
+            self._integral = None  # what the vehicle does in this period is not known: the estimate is held
+            raise UsageError(f"combined: desired wrench {wrench.tolist()} or rates {omega.tolist()} are not finite")
+        self._observe(omega)
         asked = wrench.copy()
         asked[3:] -= self._estimate
         self._asked.append(asked[3:].copy())
@@ -99,7 +110,7 @@ class Combined:
         """The estimate from the rate (3,), within its bounds."""
         momentum = self.inertia @ omega
         if self._integral is None:
-            self._integral = momentum.copy()
+            self._integral = momentum - self._estimate / self.gain
         else:
             self._integral += self.dt * (self._followed() - np.cross(omega, momentum) + self._estimate)
         estimate = self.gain * (momentum - self._integral)

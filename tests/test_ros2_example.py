@@ -73,8 +73,8 @@ class Node:
         return SimpleNamespace(warning=lambda text, **_: self.warned.append(text))
 
 
-@pytest.fixture
-def node(tmp_path, monkeypatch):
+@pytest.fixture(params=[False, True], ids=["compensator", "with observer"])
+def node(tmp_path, monkeypatch, request):
     """The Python node, on stand-ins."""
     stand_ins = {
         "rclpy": {},
@@ -90,11 +90,11 @@ def node(tmp_path, monkeypatch):
         vars(module).update(content)
         monkeypatch.setitem(sys.modules, name, module)
     gp = silent_process()
+    gp = replace(gp, provenance=replace(gp.provenance, observer_hz=2.0))
     save(replace(gp, settings=replace(gp.settings, mean="physics")), tmp_path / "torque.gp")
     wg.save_model(MODEL, tmp_path / "fitted.toml")
-    monkeypatch.setattr(
-        Node, "parameters", {"gp": str(tmp_path / "torque.gp"), "model": str(tmp_path / "fitted.toml"), "dt": 0.005}
-    )
+    files = {"gp": str(tmp_path / "torque.gp"), "model": str(tmp_path / "fitted.toml")}
+    monkeypatch.setattr(Node, "parameters", files | {"dt": 0.005, "observer": request.param})
     return runpy.run_path(str(NODE / "compensator_node.py"))["CompensatorNode"]()
 
 
@@ -130,6 +130,20 @@ def test_the_python_node_adds_the_lever_of_the_force(node):
     node.subscribed["desired"](wrench(10.02, 1.0, -2.0, 30.0, 0.0, 0.0, 0.0))
     expected = np.cross(OFFSET, [1.0, -2.0, 30.0]) + np.array([0, 0, 0.1])
     assert torque(node.published[-1][1]) == pytest.approx(expected, abs=1e-6)
+    assert node.warned == []
+
+
+def test_the_python_node_starts_afresh_on_the_ground(node):
+    """With an observer: it finds a torque nobody knows of, and forgets it below the force that says airborne."""
+    node.airborne = 5.0
+    seen = []
+    for k in range(20):
+        node.subscribed["odometry"](odometry(10.0 + 0.005 * k))
+        node.subscribed["desired"](wrench(10.0 + 0.005 * k, 0.0, 0.0, 4.0 if k == 10 else 30.0, 0.0, 0.0, 0.01))
+        seen.append(torque(node.published[-1][1]))
+    assert seen[10] == pytest.approx([0.0, 0.0, 0.01])
+    assert seen[11:] == [pytest.approx(value) for value in seen[:9]]
+    assert (np.abs(seen[9] - seen[0]).max() > 1e-4) == hasattr(node.compensator, "estimate")
     assert node.warned == []
 
 

@@ -28,6 +28,7 @@ public:
   CompensatorNode() : rclcpp::Node("compensator")
   {
     stale_ = declare_parameter<double>("stale", 0.1);
+    airborne_ = declare_parameter<double>("airborne", 0.0);
     wg_reset(&memory_);
     const auto newest = rclcpp::QoS(rclcpp::KeepLast(1)).best_effort();
     commanded_ = create_publisher<WrenchStamped>("commanded", newest);
@@ -79,6 +80,12 @@ private:
       started_ = true;
     }
     const auto wrench = numbers(message.wrench);
+    // An observer (export --observer) would take the torque of the ground for a disturbance.
+    if (std::hypot(wrench[0], wrench[1], wrench[2]) < airborne_) {
+      wg_reset(&memory_);
+      commanded_->publish(message);
+      return;
+    }
     std::copy(wrench.begin(), wrench.end(), input_.wrench_desired);
     input_.time = static_cast<wg_real>(now - start_);
     wg_output result;
@@ -106,7 +113,7 @@ private:
   wg_memory memory_;
   wg_input input_{};
   bool heard_ = false, started_ = false;
-  double seen_ = 0.0, start_ = 0.0, stale_ = 0.1;
+  double seen_ = 0.0, start_ = 0.0, stale_ = 0.1, airborne_ = 0.0;
   rclcpp::Publisher<WrenchStamped>::SharedPtr commanded_;
   rclcpp::Subscription<WrenchStamped>::SharedPtr desired_, feedback_;
   rclcpp::Subscription<Odometry>::SharedPtr odometry_;

@@ -32,12 +32,19 @@ class CompensatorNode(Node):
 
     def __init__(self):
         super().__init__("compensator")
-        gp, model, dt, stale = (
-            self.declare_parameter(name, usual).value
-            for name, usual in (("gp", "torque.gp"), ("model", "fitted.toml"), ("dt", 0.005), ("stale", 0.1))
+        usual = {
+            "gp": "torque.gp",
+            "model": "fitted.toml",
+            "dt": 0.005,
+            "stale": 0.1,
+            "airborne": 0.0,
+            "observer": False,
+        }
+        gp, model, dt, self.stale, self.airborne, observer = (
+            self.declare_parameter(name, value).value for name, value in usual.items()
         )
-        self.stale = stale
-        self.compensator = wg.compensator(wg.load_gp(gp), wg.load_model(model), Settings(dt=dt))
+        make = wg.combined if observer else wg.compensator
+        self.compensator = make(wg.load_gp(gp), wg.load_model(model), Settings(dt=dt))
         self.feedback = np.zeros(6)
         self.odometry = self.start = None
         self.commanded = self.create_publisher(WrenchStamped, "commanded", qos_profile_sensor_data)
@@ -75,11 +82,15 @@ class CompensatorNode(Node):
     def step(self, message):
         """One period: the desired wrench, corrected; or as it is, where that cannot be done."""
         state = self.state(seconds(message.header.stamp))
-        out = message
+        out, desired = message, numbers(message.wrench)
         try:
             if state is None:
                 raise UsageError("no odometry, or an old one")
-            wrench = self.compensator.step(numbers(message.wrench) + self.feedback, state).wrench_cmd
+            if np.linalg.norm(desired[:3]) < self.airborne:  # an observer would learn the torque of the ground
+                self.compensator.reset()
+                self.commanded.publish(out)
+                return
+            wrench = self.compensator.step(desired + self.feedback, state).wrench_cmd
             f, t = out.wrench.force, out.wrench.torque
             f.x, f.y, f.z, t.x, t.y, t.z = (float(value) for value in wrench)
         except UsageError as why:

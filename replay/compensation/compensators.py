@@ -50,8 +50,12 @@ def combined(
     alone = nothing and process.settings.mean != "physics"
     known = None if alone else compensator(process, model, asked, lead=lead)
     hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
-    delay = sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
-    return Combined(model.vehicle, asked.dt, hz, known, delay=delay)
+    return Combined(model.vehicle, asked.dt, hz, known, delay=named_delay(model))
+
+
+def named_delay(model: Model) -> float:
+    """Delay [s] between command and torque that has a name in the model."""
+    return sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
 
 
 def physics(process: GaussianProcess, model: Model, lead: float | None = None) -> PhysicsMismatch | None:

@@ -12,19 +12,21 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
-from wrenchgap.compensate.fast import ENOUGH, Plan
-from wrenchgap.compensate.physics_program import STATE, untraceable
+from wrenchgap.compensate.fast import Plan
+from wrenchgap.compensate.physics_program import untraceable
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.plant.mismatch_inputs import COLUMNS
+from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.compensators import TORQUE, ProcessCaveat, caveats, compensator
-from wrenchgap.replay.export.c_lines import Code, Printer, literal
-from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, cost, evaluations
-from wrenchgap.replay.export.vectors import recorded
+from wrenchgap.replay.export.c_lines import Printer
+from wrenchgap.replay.export.context import context, tables_of, words_of
+from wrenchgap.replay.export.counting import Cost, Pieces, cost
+from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
+from wrenchgap.replay.export.vectors import Vectors, recorded
 
 Precision = Literal["double", "float"]
 BYTES = {"double": 8, "float": 4}
@@ -43,9 +45,6 @@ FILES = {
     "CMakeLists.txt": "CMakeLists.txt.jinja",
     "README.md": "README.md.jinja",
 }
-_FIELDS = (("position_E", 0, 3), ("quat_EB", 3, 4), ("velocity_E", 7, 3), ("omega_B", 10, 3), ("time", 13, 1))
-STATE_FIELDS = (*_FIELDS, ("voltage", 14, 1))
-"""Fields of a `wg_input` that hold the state, with their places in `STATE`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,6 +56,7 @@ class Export(Result):
     solved     share of the recorded steps that the search solves
     caveats    what `learn` warned of
     precision  "double" or "float", of the build unless it says otherwise
+    observer_hz, observer_max   bandwidth of the observer and largest estimate (3,) [Nm]; None and () without one
     """
 
     model: Model
@@ -72,6 +72,8 @@ class Export(Result):
     has_process: bool
     solved: float
     caveats: tuple[ProcessCaveat, ...]
+    observer_hz: float | None = None
+    observer_max: tuple[float, ...] = ()
 
 
 def export(
@@ -85,11 +87,13 @@ def export(
     names: tuple[str, str] = ("-", "-"),
     command: str = "wrenchgap export",
     date: str = "",
+    observer: ObserverSettings = NO_OBSERVER,
 ) -> Export:
     """The compensation of `process`, and of the effects of `model` where its mean is physics, as C99.
 
     Without a process, of the effects alone. `settings.dt` is the control period; `settings.max_evaluations` bounds each
-    search. Effects in `leave_out` are not exported. `names` are those of the files of model and process.
+    search. Effects in `leave_out` are not exported. `names` are those of the files of model and process. With an
+    observer (`replay.export.observer`) the same object corrects what the rest leaves.
 
     Raises UsageError for effects that cannot be exported, by name, and for a precision that is none.
     """
@@ -99,26 +103,23 @@ def export(
     asked = replace(settings or Settings(max_evaluations=EVALUATIONS), solver="onboard")
     if asked.regulariser > 0.0:
         raise UsageError("export: regulariser is not zero, and the exported search has none; leave it out")
-    loop = _loop(process, kept, asked, lead)
-    plan = loop.plan
-    assert plan is not None
+    loop, plan = _parts(process, kept, asked, lead, alone=observer.bandwidth is not None)
+    watched = observed(observer, loop, process, kept, asked.dt)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
-    given, wanted, usual, solved = recorded(loop, commands, kept.vehicle.body.mass)
-    pieces = _pieces(plan)
-    tables = _tables(plan)
+    vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
+    pieces, tables = _pieces(plan), tables_of(plan)
     numbers = sum(int(np.size(values)) for _, values, _ in tables)
-    price = cost(plan, pieces, usual, BYTES[precision], numbers)
+    price = cost(plan, pieces, vectors.evaluations, BYTES[precision], numbers)
+    price = price if watched is None else with_observer(price, watched, BYTES[precision])
+    effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
     said: dict[str, Any] = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
-    said |= _names(process, kept, names) | _context(plan, pieces, loop, tables)
-    said |= {"given": _rows(given), "wanted": _rows(wanted), "steps": len(given), "columns": given.shape[1]}
-    single = OF_WRENCH * np.abs(wanted[:, :6]).max() + OF_CORRECTION * np.abs(wanted[:, :6] - given[:, :6]).max()
-    said |= {"tolerance_double": TOLERANCE, "tolerance_float": f"{single:.2g}", "com": _com(kept)}
-    has_physics = plan.physics is not None
+    said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched) | _recorded(vectors)
+    said |= {"com": _com(kept), "cost": words_of(price)}
     return Export(
         model=kept,
-        outputs=loop.model.outputs,
-        files={name: _environment().get_template(t).render(**said, cost=_words(price)) for name, t in FILES.items()},
-        effects=tuple(e.name for e in loop_effects(loop)) if has_physics else (),
+        outputs=tuple(AXES[k] for k in plan.gate.rows),
+        files={name: _environment().get_template(t).render(**said) for name, t in FILES.items()},
+        effects=effects,
         left_out=left_out,
         precision=cast(Precision, precision),
         dt=asked.dt,
@@ -126,9 +127,41 @@ def export(
         inputs=() if plan.expansion is None else plan.expansion.input_groups,
         cost=price,
         has_process=plan.expansion is not None,
-        solved=solved,
+        solved=vectors.solved,
         caveats=() if process is None else caveats(process, model),
+        observer_hz=None if watched is None else watched.bandwidth_hz,
+        observer_max=() if watched is None else tuple(watched.torque_max.tolist()),
     )
+
+
+def _recorded(vectors: Vectors) -> dict[str, Any]:
+    """What the self-test repeats, and how nearly."""
+    given, wanted = vectors.given, vectors.wanted
+    single = OF_WRENCH * np.abs(wanted[:, :6]).max() + OF_CORRECTION * np.abs(wanted[:, :6] - given[:, :6]).max()
+    return {
+        "given": _rows(given),
+        "wanted": _rows(wanted),
+        "steps": len(given),
+        "columns": given.shape[1],
+        "tolerance_double": TOLERANCE,
+        "tolerance_float": f"{single:.2g}",
+    }
+
+
+def _parts(
+    process: GaussianProcess | None, model: Model, settings: Settings, lead: float | None, *, alone: bool
+) -> tuple[Compensator | None, Plan]:
+    """The feed-forward and what of it becomes code; none where all is refused, if an observer may be `alone`."""
+    refused = process is not None and set(process.refused) == set(process.outputs) and not settings.despite_verdict
+    if alone and process is not None and refused and process.settings.mean != "physics":
+        count = len(process.outputs)
+        idle = LinearMismatch(process.outputs, np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
+        made = Compensator(idle, settings).plan
+        assert made is not None
+        return None, Plan(None, None, made.gate._replace(has_process=False))
+    loop = _loop(process, model, settings, lead)
+    assert loop.plan is not None
+    return loop, loop.plan
 
 
 def loop_effects(loop: Compensator) -> tuple[Any, ...]:
@@ -193,134 +226,12 @@ def _names(process: GaussianProcess | None, model: Model, names: tuple[str, str]
     }
 
 
-def _context(plan: Plan, pieces: Pieces, loop: Compensator, tables: list[tuple[str, Array, str]]) -> dict[str, Any]:
-    """What the templates ask for."""
-    gate, expansion, physics = plan.gate, plan.expansion, plan.physics
-    groups = () if expansion is None else expansion.input_groups
-    places = np.cumsum([len(AXES), *(len(COLUMNS[g]) for g in groups)]).tolist()
-    seen = _seen(plan)
-    never = not np.isfinite(gate.threshold)
-    alone, whole = evaluations(plan)
-    printer = None if physics is None else Printer(physics.mismatch)
-    points = 0 if expansion is None else expansion.points.shape[1]
-    named = ", ".join(e.name for e in loop_effects(loop))
-    contents = [f"A Gaussian process of {points} points."] if expansion is not None else []
-    contents += [f"Effects: {named}."] if physics is not None else []
-    return {
-        "outputs": loop.model.outputs,
-        "arms": 0 if physics is None else physics.arms,
-        "memory": 0 if physics is None else physics.memory,
-        "process": expansion is not None,
-        "physics": physics is not None,
-        "both": expansion is not None and physics is not None,
-        "groups": list(zip(groups, places, strict=False)),
-        "lag": {name: repr(getattr(gate, name)) for name in ("a", "b0", "b1")},
-        "unused": lambda field: "" if field in seen else "; not looked at",
-        "looked_at": [(field, count) for field, _, count in STATE_FIELDS if field in seen],
-        "evaluations_max": alone + whole + 1,
-        "fixed": _said(pieces.fixed),
-        "moving": _said(pieces.moving),
-        "sent": _said(pieces.sent),
-        "fixed_count": 0 if printer is None else len(printer.kept),
-        "inputs": len(AXES) if expansion is None else len(expansion.input_mean),
-        "points": points,
-        "triangular": expansion is not None and expansion.triangular,
-        "most": gate.most,
-        "accept": repr(gate.accept),
-        "enough": repr(gate.enough),
-        "enough_float": repr(max(gate.accept * 1e-7, gate.accept * ENOUGH)),
-        "never": never,
-        "threshold": repr(gate.threshold),
-        "kappa": repr(gate.kappa),
-        "decay": repr(gate.decay),
-        "rows": ", ".join(str(int(k)) for k in gate.rows),
-        "bound": ", ".join(literal(float(b)) for b in gate.bound),
-        "tables": [(name, _shape(name, values), note, _values(name, values)) for name, values, note in tables],
-        "contents": " ".join(contents),
-    }
-
-
-def _seen(plan: Plan) -> set[str]:
-    """Fields of the input that something looks at."""
-    groups = () if plan.expansion is None else plan.expansion.input_groups
-    by_group = {"velocity": ("velocity_E", "quat_EB"), "rates": ("omega_B",), "position": ("position_E",), "past": ()}
-    seen = {field for group in groups for field in by_group[group]}
-    if plan.physics is not None:
-        for program in (plan.physics.mismatch, plan.physics.sent):
-            arguments = {int(a) for line in program.code.tolist() for a in line[1:]} | set(program.results.tolist())
-            used = {k - len(AXES) for k, line in enumerate(program.inputs.tolist()) if line in arguments}
-            seen |= {field for field, first, count in STATE_FIELDS if used & set(range(first, first + count))}
-    return seen
-
-
-def _said(code: Code | None) -> dict[str, str] | None:
-    if code is None:
-        return None
-    counts = ", ".join(f"{code.counts[kind]} {kind}" for kind in KINDS if code.counts[kind])
-    return {"text": code.text, "counts_text": counts or "nothing"}
-
-
-def _tables(plan: Plan) -> list[tuple[str, Array, str]]:
-    """Name, numbers and note of every table."""
-    e, gate = plan.expansion, plan.gate
-    if e is None:
-        return []
-    whitener = e.whitener.transpose(0, 2, 1)
-    if e.triangular:
-        upper = np.triu_indices(whitener.shape[1])
-        whitener = np.stack([w[upper] for w in whitener])
-    else:
-        whitener = whitener.reshape(len(whitener), -1)
-    return [
-        ("wg_input_mean", e.input_mean, "x = (xi - mean) / scale"),
-        ("wg_input_scale", e.input_scale, "in the units of the inputs"),
-        ("wg_output_scale", e.output_scale, "[N] or [Nm]"),
-        ("wg_mean", e.mean_coefficients, "b_0, then b of the mean function b_0 + b . x"),
-        ("wg_lengthscales", e.lengthscales, "of x"),
-        ("wg_points", e.points.transpose(0, 2, 1), "training or inducing points, by output and input, in lengthscales"),
-        ("wg_alpha", e.alpha, "weights of the points"),
-        ("wg_whitener", whitener, "C^-1 column by column" + (", the lower triangle" if e.triangular else "")),
-        ("wg_signal", e.signal_variance, "variances of signal and noise, standardised"),
-        ("wg_noise", e.noise_variance, "and of the noise"),
-        ("wg_sigma_scale", e.sigma_scale, "calibration of sigma"),
-        ("wg_watched", np.asarray(gate.watched, dtype=float), "outputs that have a vote in the gate"),
-        ("wg_offset", gate.offset, "sigma of an output: (std - offset) / scale"),
-        ("wg_scale", gate.scale, "the scale"),
-    ]
-
-
-def _shape(name: str, values: Array) -> str:
-    first = "[L]" if name not in ("wg_input_mean", "wg_input_scale") else f"[{len(values)}]"
-    return first + "".join(f"[{size}]" for size in np.shape(values)[1:])
-
-
-def _values(name: str, values: Array) -> str:
-    """Numbers of a table, a few in a row."""
-    if np.ndim(values) > 1:
-        return ",\n".join("{\n" + _values(name, part) + "\n}" for part in values)
-    texts = [str(int(v)) if name == "wg_watched" else literal(float(v)) for v in values]
-    return ",\n".join("    " + ", ".join(texts[k : k + 5]) for k in range(0, len(texts), 5))
-
-
 def _rows(values: Array) -> str:
     return ",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values)
 
 
 def _com(model: Model) -> str:
     return "(" + ", ".join(f"{float(v):g}" for v in model.vehicle.body.com_B) + ")"
-
-
-def _words(price: Cost) -> str:
-    """The cost as a table of Markdown."""
-    heads = ["| operations of a step | " + " | ".join(KINDS) + " | evaluations |", "|" + " --- |" * (len(KINDS) + 2)]
-    usual = [f"{price.usual[k]}" for k in KINDS]
-    worst = [f"{price.at_worst[k]}" for k in KINDS]
-    heads.append(f"| usual, in the recorded steps | {' | '.join(usual)} | {price.evaluations_usual:.1f} |")
-    heads.append(f"| at worst | {' | '.join(worst)} | {price.evaluations_worst} |")
-    return "\n".join(heads) + (
-        f"\n\nMemory: {price.tables} bytes of constants, {price.memory} of state, at most {price.stack} of stack (all "
-        "numbers of a function at once; a compiler reuses most of it)."
-    )
 
 
 def _environment() -> Environment:
@@ -338,4 +249,3 @@ def write(made: Export, folder: Path, *, force: bool = False) -> Path:
 
 
 __all__ = ["Export", "export", "write"]
-assert len(STATE) == 15

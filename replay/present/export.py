@@ -29,9 +29,11 @@ def parts(made: Export) -> list[Part]:
     inputs = ", ".join(("command", *made.inputs))
     process = [f"process of {made.points} points on {inputs}"] if made.has_process else []
     effects = [f"effects {', '.join(made.effects)}"] if made.effects else []
+    observer = [] if made.observer_hz is None else [f"observer of {made.observer_hz:.2g} Hz"]
+    contents = [*process, *effects, "gate" if made.has_process else "no gate", "search", *observer]
     out: list[Part] = [
         Line(f"{made.model.vehicle.name}: corrects {', '.join(made.outputs)} every {made.dt:g} s in {made.precision}"),
-        Line(f"in it: {'; '.join([*process, *effects, 'gate' if made.has_process else 'no gate', 'search'])}"),
+        Line(f"in it: {'; '.join(contents)}"),
     ]
     rows = [
         ("usual", *(str(cost.usual[k]) for k in KINDS), f"{cost.evaluations_usual:.1f}"),
@@ -58,6 +60,7 @@ def parts(made: Export) -> list[Part]:
 def to_json(made: Export) -> dict[str, Any]:
     """See docs/json.md."""
     body = entries(made, "outputs", "effects", "left_out", "precision", "dt", "points", "further_inputs=inputs")
+    body |= {"observer": _observer(made)}
     return {
         "vehicle": made.model.vehicle.name,
         **body,
@@ -68,6 +71,12 @@ def to_json(made: Export) -> dict[str, Any]:
         "evaluations": {"usual": made.cost.evaluations_usual, "at_worst": made.cost.evaluations_worst},
         "bytes": {"constants": made.cost.tables, "state": made.cost.memory, "stack": made.cost.stack},
     }
+
+
+def _observer(made: Export) -> dict[str, Any] | None:
+    if made.observer_hz is None:
+        return None
+    return {"hz": made.observer_hz, "torque_max_nm": list(made.observer_max)}
 
 
 def to_frame(made: Export) -> pd.DataFrame:

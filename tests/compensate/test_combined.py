@@ -114,6 +114,18 @@ def test_reset_forgets():
     assert np.array_equal(flown(helper, seconds=0.1)[1], first)
 
 
+def test_numbers_that_are_not_finite_hold_the_estimate():
+    """Refused, and the next step goes on with what was found, whatever the vehicle did in between."""
+    helper = Combined(MODEL.vehicle, DT, 2.0)
+    flown(helper, seconds=0.5)
+    found = helper.estimate
+    for wrench, omega in ((HOVER * np.nan, [0.0, 0.0, 0.0]), (HOVER, [np.nan, 0.0, 0.0])):
+        with pytest.raises(UsageError, match="not finite"):
+            helper.step(HOVER if np.isfinite(wrench).all() else wrench, known(omega))
+    helper.step(HOVER, known([0.3, 0.0, 0.0]))
+    assert helper.estimate == pytest.approx(found, abs=1e-12)
+
+
 def test_forces_are_left_alone():
     result = Combined(MODEL.vehicle, DT, 2.0).step(HOVER, known([0.1, 0.0, 0.0]))
     assert (result.correction[:3] == 0).all()

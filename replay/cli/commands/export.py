@@ -6,10 +6,11 @@ import shlex
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.replay import DecayTime, DespiteVerdict, NoFilter, Slope, Threshold
 from wrenchgap.replay.cli.requests import Run
@@ -38,6 +39,24 @@ Without = Annotated[
         "--without", metavar="EFFECT", help="Leave this effect of MODEL out.", autocompletion=o.complete_effects
     ),
 ]
+Observer = Annotated[
+    str | None,
+    typer.Option(
+        "--observer",
+        metavar="HZ|log",
+        help="With an observer of what the rest leaves: of this bandwidth, or log for the one in GP's file.",
+        show_default=False,
+    ),
+]
+ObserverMax = Annotated[
+    float | None,
+    typer.Option(
+        "--observer-max",
+        metavar="NM",
+        help="Largest torque that the observer corrects; default: three times the largest mismatch learnt.",
+        show_default=False,
+    ),
+]
 
 
 def export(
@@ -54,13 +73,15 @@ def export(
     kappa: Slope = None,
     decay_time: DecayTime = 0.15,
     despite_verdict: DespiteVerdict = False,
+    observer: Observer = None,
+    observer_max: ObserverMax = None,
     *,
     run: Run,
 ) -> None:
     """Write the compensation as C99 without dependencies: a library, its self-test, a Makefile, a README.
 
-    The process, the effects that it was learnt on, the gate and the search, without allocation and with bounded
-    iterations. What a step costs at worst is printed. An effect that cannot be exported is refused by name.
+    The process, the effects that it was learnt on, the gate, the search and an observer, without allocation and with
+    bounded iterations. What a step costs at worst is printed. An effect that cannot be exported is refused by name.
 
     Example: `wrenchgap export torque.gp -m fitted.toml -o compensator/`
     """
@@ -90,8 +111,20 @@ def export(
             names=(Path(model).name, "-" if gp is None else gp.name),
             command=shlex.join(["wrenchgap", *sys.argv[1:]]),
             force=run.force,
+            observer=_bandwidth(observer),
+            observer_max=observer_max,
         )
     run.write("export", {**made.to_json(), "folder": str(output)})
     run.result(made)
     run.wrote(folder=output)
     run.line(f"next: make -C {shlex.quote(str(output))} test")
+
+
+def _bandwidth(text: str | None) -> float | Literal["log"] | None:
+    """A number of Hz, or that of the training log."""
+    if text is None or text == "log":
+        return None if text is None else "log"
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--observer {text}: expected a bandwidth in Hz, or log") from None

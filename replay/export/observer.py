@@ -1,0 +1,111 @@
+"""The observer beside an exported compensation: which one is asked for, its constants, what it costs."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from wrenchgap.compensate import Combined, Compensator
+from wrenchgap.compensate.compensator import REACH
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.plant.mismatch import output_indices
+from wrenchgap.plant.model import Model
+from wrenchgap.replay.compensation.compensators import TORQUE, named_delay
+from wrenchgap.replay.export.c_lines import literal
+from wrenchgap.replay.export.counting import Cost
+
+Asked = float | Literal["log"] | None
+"""Bandwidth [Hz], or that of the training log; None: no observer."""
+
+
+@dataclass(frozen=True)
+class ObserverSettings:
+    """The observer that is asked for: its bandwidth, and the largest torque [Nm] that it may correct on every axis, by
+    default three times the largest mismatch in the training data.
+    """  # noqa: D205
+
+    bandwidth: Asked = None
+    torque_max: float | None = None
+
+
+NO_OBSERVER = ObserverSettings()
+
+
+def observed(
+    asked: ObserverSettings, ahead: Compensator | None, process: GaussianProcess | None, model: Model, dt: float
+) -> Combined | None:
+    """`ahead` and observer as they are to be exported; None where no observer is asked for.
+
+    Raises UsageError where bandwidth or bounds are not known, in one line that says what to give.
+    """
+    most = asked.torque_max
+    if asked.bandwidth is None:
+        if most is not None:
+            raise UsageError("export: --observer-max is given without --observer; say --observer log or --observer HZ")
+        return None
+    hz = _bandwidth(asked.bandwidth, process, dt)
+    if most is not None and not (math.isfinite(most) and most > 0.0):
+        raise UsageError(f"export: --observer-max is {most}, expected a positive number of newton metres")
+    bounds = np.full(3, np.inf if most is None else most)
+    if most is None and process is not None:
+        every = np.full(len(AXES), np.inf)
+        every[output_indices(process.outputs)] = REACH * process.mismatch_max
+        bounds = every[3:]
+    free = [axis for axis, bound in zip(TORQUE, bounds, strict=True) if not math.isfinite(bound)]
+    if free:
+        raise UsageError(
+            f"export: nothing bounds the observer's estimate of {', '.join(free)}, of which no mismatch was learnt; "
+            "give the largest torque that it may correct with --observer-max NM"
+        )
+    return Combined(model.vehicle, dt, hz, ahead, delay=named_delay(model), torque_max=bounds)
+
+
+def _bandwidth(asked: float | str, process: GaussianProcess | None, dt: float) -> float:
+    if asked != "log":
+        if isinstance(asked, str) or not (math.isfinite(asked) and asked > 0.0):
+            raise UsageError(f"export: --observer is {asked!r}, expected a positive bandwidth in Hz, or log")
+        return float(asked)
+    known = None if process is None else process.provenance.observer_hz
+    if known is None:
+        what = "there is no GP" if process is None else "the GP has none (learn it again, not --as-fitted)"
+        raise UsageError(f"export: --observer log asks for the bandwidth from the log, and {what}; give it in Hz")
+    return min(known, 1.0 / (2.0 * math.pi * dt))
+
+
+def observer_context(made: Combined) -> dict[str, Any]:
+    """What the templates ask for: constants as C, and how far back the torque is that the vehicle makes now."""
+    assert not made.lag.any(), "the exported observer works against lags"
+    back = made.delay / made.dt
+    return {
+        "hz": f"{made.bandwidth_hz:.4g}",
+        "delay": f"{made.delay:g}",
+        "gain": repr(made.gain),
+        "inertia": [[literal(float(v)) for v in row] for row in made.inertia],
+        "most": ", ".join(literal(float(v)) for v in made.torque_max),
+        "asked": remembered(made),
+        "whole": int(back),
+        "part": repr(back - int(back)),
+    }
+
+
+def remembered(made: Combined) -> int:
+    """How many of the torques that were asked for are kept."""
+    return math.ceil(made.delay / made.dt) + 2
+
+
+def with_observer(price: Cost, made: Combined, number: int) -> Cost:
+    """The cost of a step with the observer: operations, its constants and its memory; `number` are a number's bytes."""
+    more = Counter(multiply=9 + 6 + 12, add=6 + 3 + 21 + 9, divide=3, other=9 + 3 * remembered(made))
+    return replace(
+        price,
+        usual={kind: count + more[kind] for kind, count in price.usual.items()},
+        at_worst={kind: count + more[kind] for kind, count in price.at_worst.items()},
+        tables=price.tables + number * (9 + 3),
+        memory=price.memory + number * (7 + 3 * remembered(made)),
+    )
