@@ -18,7 +18,7 @@ from benchmarks.paper.figures import error_figure
 from benchmarks.paper.flying import as_log, fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import Plant, vehicle
-from benchmarks.paper.running import Output, Report, change, falls, in_parallel, main, mrad, percent, table
+from benchmarks.paper.running import Keep, Output, Report, change, falls, in_parallel, main, mrad, percent, table
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.plant.model_file import load
@@ -28,8 +28,8 @@ from wrenchgap.plant.trajectory import named
 POINTS = 200
 TRAINING, LENGTH, SETTLE = 80.0, 40.0, 3.0
 PAPER = (0.945, 0.879, 0.837)
-ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH, m.JUDGED, m.TOGETHER)
-ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.JUDGED, m.TOGETHER)
+ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING_BOTH, m.JUDGED, m.TOGETHER, m.ALL_TOGETHER)
+ENGINE_ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.JUDGED, m.TOGETHER, m.ALL_TOGETHER)
 QUICK = (m.PD, m.LINEAR, m.GP)
 HIDDEN = (
     ("com_offset", "tilt_offset", "weak_rotor"),
@@ -110,16 +110,20 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     }
 
 
-def missing(kept: dict[str, Any], report: Report) -> dict[str, Any]:
-    """Results with the rows that they lack, on both plants."""
+def missing(kept: dict[str, Any], report: Report, keep: Keep) -> None:
+    """The rows that the results lack on both plants, one after the other, each kept at once."""
     rows = [r for r in ROWS if r.name not in kept["own"]]
-    flights = in_parallel(partial(own, known=knowledge(), length=LENGTH), rows, report, "our plant") if rows else []
-    more = {r.name: np.abs(e[t > SETTLE]).mean(axis=0) for r, (t, e) in zip(rows, flights, strict=True)}
-    only = [r for r in ENGINE_ROWS if r.name not in kept["engine"][0]["rows"]]
-    vehicles = range(len(HIDDEN) if only else 0)
-    others = in_parallel(partial(on_engine, quick=False, only=only), vehicles, report, "engine") if only else []
-    engines = [v | {"rows": v["rows"] | o} for v, o in zip(kept["engine"], others, strict=True)]
-    return kept | {"own": kept["own"] | more, "engine": engines or kept["engine"]}
+    known = knowledge() if rows else None
+    for k, row in enumerate(rows):
+        report(k / len(rows), f"our plant: {row.name}")
+        time, error = own(row, known, LENGTH)
+        kept["own"][row.name] = np.abs(error[time > SETTLE]).mean(axis=0)
+        keep(kept)
+    for index, vehicle_rows in enumerate(v["rows"] for v in kept["engine"]):
+        only = [r for r in ENGINE_ROWS if r.name not in vehicle_rows]
+        report(index / len(HIDDEN), f"engine: vehicle {index}")
+        vehicle_rows |= on_engine(index, quick=False, only=only) if only else {}
+        keep(kept)
 
 
 def tables(body: dict[str, Any]) -> str:
@@ -132,7 +136,7 @@ def tables(body: dict[str, Any]) -> str:
     vehicles = body["engine"]
     head = ["independent engine", *(" + ".join(v["hidden"]) for v in vehicles), "mean change [%]"]
     rows = []
-    for name in vehicles[0]["rows"]:
+    for name in (n for n in vehicles[0]["rows"] if all(n in v["rows"] for v in vehicles)):
         mean = float(np.mean([falls(v["rows"][name], v["rows"][m.PD.name]) for v in vehicles]))
         errors = [mrad(v["rows"][name]) for v in vehicles]
         rows.append([name, *errors, "-" if name == m.PD.name else f"{-100 * mean:+.1f}"])

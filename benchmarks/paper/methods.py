@@ -170,6 +170,11 @@ TOGETHER = Method(
     lambda known: combined(known.gp(guarded=True), known.model, known.settings),
 )
 """Feed-forward and feedback (`compensate.Combined`)."""
+ALL_TOGETHER = Method(
+    "combined: physics + GP and an observer of the log's bandwidth",
+    lambda known: combined(known.gp(physics=True, guarded=True), known.physics, known.settings),
+)
+"""The same on top of what `explain` names."""
 
 EVERYWHERE = (PD, INTEGRAL, CONSTANT, LINEAR, OBSERVER, PHYSICS, GP, BOTH)
 """The rows of every table."""

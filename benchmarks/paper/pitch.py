@@ -17,13 +17,13 @@ from benchmarks.paper.flying import fly
 from benchmarks.paper.methods import Knowledge, Method
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import TRAINING, knowledge
-from benchmarks.paper.running import Output, Report, change, in_parallel, main, mrad, table
+from benchmarks.paper.running import Keep, Output, Report, change, in_parallel, main, mrad, table
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.trajectory import named
 
 LENGTH = 100.0
 PAPER = {"without": ((0.07, 0.087, 0.051), (0.114, 0.100, 0.066)), "with": ((0.04, 0.03, 0.058), (0.050, 0.040, 0.054))}
-ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING, m.LEADING_BOTH, m.JUDGED, m.TOGETHER)
+ROWS = (*m.EVERYWHERE, m.ON_A_LINE, m.SPARSE, m.PAST, m.LEADING, m.LEADING_BOTH, m.JUDGED, m.TOGETHER, m.ALL_TOGETHER)
 QUICK = (m.PD, m.INTEGRAL, m.LINEAR, m.GP)
 SHOWN = (m.INTEGRAL, m.CONSTANT, m.LINEAR, m.OBSERVER, m.PHYSICS, m.GP, m.PAST, m.BOTH, m.LEADING_BOTH)
 
@@ -55,12 +55,17 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     }
 
 
-def missing(kept: dict[str, Any], report: Report) -> dict[str, Any]:
-    """Results with the rows that they lack."""
+def missing(kept: dict[str, Any], report: Report, keep: Keep) -> None:
+    """The rows that the results lack, one after the other, each kept at once."""
     rows = [r for r in ROWS if r.name not in kept["rows"]]
+    if not rows:
+        return
+    report(0.0, "training")
     known = knowledge(0, seconds=TRAINING)
-    found = in_parallel(partial(one, known=known, length=LENGTH), rows, report, "flying") if rows else []
-    return kept | {"rows": kept["rows"] | {r.name: summary(e) for r, e in zip(rows, found, strict=True)}}
+    for k, row in enumerate(rows):
+        report(k / len(rows), row.name)
+        kept["rows"][row.name] = summary(one(row, known, LENGTH))
+        keep(kept)
 
 
 def summary(error: Array) -> dict[str, Array]:

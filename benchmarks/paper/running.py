@@ -10,6 +10,7 @@ import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -29,6 +30,8 @@ EXPERIMENTS = ("prediction", "pitch", "figure8", "uncertainty", "compute", "cond
 A, B = TypeVar("A"), TypeVar("B")
 Report = Callable[[float, str], None]
 """Called with the share done (0 to 1) and what is being done."""
+Keep = Callable[[dict[str, Any]], None]
+"""Called with the numbers whenever a row is added to them."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def main(names: Sequence[str]) -> None:
     """Command line of one or all experiments."""
     parser = argparse.ArgumentParser(description="The paper's experiments on a simulated VoliroX.")
     parser.add_argument("--quick", action="store_true", help="a small version: short flights, few seeds")
-    parser.add_argument("--missing", action="store_true", help="only rows that the kept results lack (pitch, figure8)")
+    parser.add_argument("--missing", action="store_true", help="only rows that kept results lack (not all experiments)")
     parser.add_argument("--out", type=Path, help="folder for results and figures (default: the repository's own)")
     a = parser.parse_args()
     if a.quick and a.out is None:
@@ -104,9 +107,11 @@ def main(names: Sequence[str]) -> None:
         with _progress(name) as report:
             kept = out.read(name) if a.missing else None
             made = experiment(name)
-            body = made.run(a.quick, out, report) if kept is None else made.missing(kept, report)
-        out.write(name, body)
-        console.print(experiment(name).tables(plain(body)), markup=False, highlight=False, soft_wrap=True)
+            if kept is None:
+                out.write(name, made.run(a.quick, out, report))
+            else:
+                made.missing(kept, report, partial(out.write, name))
+        console.print(experiment(name).tables(out.read(name) or {}), markup=False, highlight=False, soft_wrap=True)
     if a.out is None:
         from benchmarks.paper.page import renew
 

@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 from scipy.signal import detrend
 
+from benchmarks.paper import corrected
 from benchmarks.paper.figures import step_figure
 from benchmarks.paper.flying import Flown, fly
 from benchmarks.paper.methods import Knowledge
 from benchmarks.paper.plants import vehicle
 from benchmarks.paper.prediction import knowledge
-from benchmarks.paper.running import Output, Report, in_parallel, main, table
+from benchmarks.paper.running import Keep, Output, Report, in_parallel, main, table
 from wrenchgap.compensate import Compensator
 from wrenchgap.plant.trajectory import Step
 
@@ -131,8 +132,18 @@ def run(quick: bool, out: Output, report: Report) -> dict[str, Any]:
     return {"flights": len(plain), "vehicles": vehicles, "rows": rows}
 
 
+def missing(kept: dict[str, Any], report: Report, keep: Keep) -> None:
+    """The vehicles that have not flown with a corrected smooth training, each kept at once."""
+    flown = kept.setdefault("corrected", {})
+    for number in range(VEHICLES):
+        if str(number) not in flown:
+            report(number / VEHICLES, f"vehicle {number}")
+            flown[str(number)] = corrected.one(number, TRAINING, LENGTH, MOMENT, LATE)
+            keep(kept)
+
+
 def tables(body: dict[str, Any]) -> str:
-    """Losses of control and late errors."""
+    """Losses of control and late errors; then those with a corrected smooth training."""
     count = body["flights"]
     head = [
         f"{count} roll steps",
@@ -151,7 +162,8 @@ def tables(body: dict[str, Any]) -> str:
         bound = f"{row['correction_most']:.1f}" if row["correction_most"] else "-"
         late = "-" if row["late"] is None else f"{row['late']:.3f}"
         rows.append([name, str(row["lost"]), str(row["worse"]), str(row["swinging"]), late, most, bound, sigma])
-    return table(head, rows)
+    after = corrected.tables(body["corrected"]) if body.get("corrected") else ""
+    return table(head, rows) + (f"\n\n{after}" if after else "")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import numpy as np
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.identify.lag import lags
+from wrenchgap.learn.identify.lag import lags, shared_lag
 from wrenchgap.learn.identify.observing import observer_hz
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
@@ -63,7 +63,7 @@ def guarded_process(
         gp = gp if held is None else believed(gp, held, gp.gain, data.inputs)
         return Guarded(gp, data, of_model(gp, data.inputs, loop_of(base)))
     settings = replace(settings, blind=_blind(records, base, outputs))
-    late = _lags(records, base, settings)
+    late = _lags(records, base, outputs, settings)
     found, supported = _attempt(records, base, outputs, settings, provenance, late, progress)
     if found.margin.least < LEAST_MARGIN:
         every = tuple(axis for axis in AXES if axis in (*settings.blind, *outputs))
@@ -138,12 +138,16 @@ def _blind(records: Sequence[Record], base: Model, outputs: tuple[str, ...]) -> 
     return tuple(axis for axis, yes in zip(outputs, hidden, strict=True) if yes)
 
 
-def _lags(records: Sequence[Record], base: Model, settings: FitSettings) -> Array:
+def _lags(records: Sequence[Record], base: Model, outputs: tuple[str, ...], settings: FitSettings) -> Array:
     """Time constants (6,) [s]; none where the process looks at the past of the command, which knows them."""
     if "past" in settings.inputs:
         return np.zeros(len(AXES))
-    looks = np.array([axis not in settings.blind for axis in AXES])
-    return np.where(looks, lags(stretches(records, base), looks), 0.0)
+    looks, parts = np.array([axis not in settings.blind for axis in AXES]), stretches(records, base)
+    late = np.where(looks, lags(parts, looks), 0.0)
+    blind = output_indices(outputs)[~looks[output_indices(outputs)]]
+    if len(blind):  # the actuators are shared, and the commands are lagged by the largest
+        late[blind] = late.max() if late.any() else shared_lag(parts, looks, blind)
+    return late
 
 
 def _verdict(

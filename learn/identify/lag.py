@@ -6,7 +6,10 @@ flight confirm and another flight does not. So the commands are lagged first,
 
     tau y' = u - y,         z_tau = W_meas - y(physics of W_cmd),       a function of y(W_cmd)
 
-which is exact for a function behind a lag. tau is, output by output, what predicts held-out blocks best with a
+which is exact for a function behind a lag. Actuators are shared: an output to whose own command the process is blind
+(`learn.process.shown`) has the lag of the axes that show theirs, and where none does, one that is looked for on all
+such outputs together. On these W_meas alone shows it, since -y(W_cmd) is as good a function of y behind any lag: too
+little for one output by itself. tau is, output by output, what predicts held-out blocks best with a
 quadratic in y(W_cmd); zero where that is no better than without, beyond chance (`learn.data.blocks`). The process then
 learns the function alone. The lag itself is not compensated: name it for that (`wrenchgap explain`, `--lead`).
 """
@@ -66,6 +69,20 @@ def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
         if gain > LEAST_GAIN and significant(float(paired_t(by_block(block, square[0] - square[best]))), large=True):
             found[k] = TAUS[best]
     return found
+
+
+def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:
+    """The one time constant [s] that held-out time supports on `outputs` (places in a wrench), all weighing the same.
+
+    Without a test of significance: a process that is blind to all outputs has no slope with which a wrong lag could
+    do harm, and what it gains by it is decided on held-out time later.
+    """
+    squares = np.stack([_held_out(stretches, looks, tau)[:, outputs] ** 2 for tau in TAUS]).mean(axis=1)
+    relative = (squares / np.maximum(squares[0], 1e-300)).mean(axis=1)
+    if not np.isfinite(relative).all():
+        return 0.0
+    best = int(np.argmin(relative))
+    return TAUS[best] if 1.0 - float(np.sqrt(relative[best])) > LEAST_GAIN else 0.0
 
 
 def _held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:

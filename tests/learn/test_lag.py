@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from wrenchgap.learn.identify.lag import Stretch, lagged, lags
+from wrenchgap.learn.identify import guarding
+from wrenchgap.learn.identify.lag import Stretch, lagged, lags, shared_lag
+from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.effects.lag import first_order
 
 DT, TAU = 0.025, 0.06
@@ -67,3 +69,43 @@ def test_axis_that_was_not_measured_has_none():
     command, measured = sinusoids(TAU)
     measured[:, 2] = np.nan
     assert lags([Stretch(DT, command, command, measured)], LOOKS)[2] == 0.0
+
+
+def smooth_flight(tau, noise=0.002):
+    """Torques that cancel a function of the force, as in slow closed loop, behind the vehicle's lag.
+
+    The force is answered late; of the torque little is measured: what turns the vehicle, and what the lag leaves.
+    """
+    command, _ = sinusoids(0.0, noise=0.0)
+    turning = 0.1 * command[:, 3:]
+    mismatch = 0.3 * command[:, :3] + 0.1 * command[:, :3] ** 2
+    command[:, 3:] = turning - mismatch
+    made = command + np.hstack((np.zeros_like(mismatch), mismatch))
+    measured = first_order(made, tau, DT, None)[0] + noise * np.random.default_rng(4).normal(size=made.shape)
+    return [Stretch(DT, command, command, measured)]
+
+
+BLIND = np.array([True, True, True, False, False, False])
+
+
+def test_lag_is_shared_by_outputs_that_the_process_is_blind_to():
+    """Of those one is found together, from the little that is measured; and none where there is none."""
+    assert shared_lag(smooth_flight(TAU), BLIND, np.array([3, 4, 5])) == pytest.approx(TAU, abs=0.021)
+    assert shared_lag(smooth_flight(0.0), BLIND, np.array([3, 4, 5])) == 0.0
+
+
+@pytest.mark.parametrize("tau", [0.0, TAU])
+def test_blind_outputs_have_the_lag_of_the_axes_that_show_it(tau, monkeypatch):
+    """Commands lagged, expectations not: a mismatch of the lag's making, which is what this must not be."""
+    parts, torques = smooth_flight(tau), ("torque_x", "torque_y", "torque_z")
+    monkeypatch.setattr(guarding, "stretches", lambda records, base: parts)
+    found = guarding._lags([], None, torques, FitSettings(blind=torques))
+    assert found[3:] == pytest.approx(np.full(3, found.max()))
+    assert found[:3] == pytest.approx(np.full(3, tau), abs=0.011)
+    left = parts[0].measured - lagged(parts[0].expected, found, DT)
+    behind = lagged(parts[0].commanded, found.max(), DT)[:, :3]
+    features = np.column_stack([np.ones(len(behind)), behind, behind**2])
+    error = left[:, 3:] - features @ np.linalg.lstsq(features, left[:, 3:], rcond=None)[0]
+    assert error[100:].std() < 0.02
+    partly = guarding._lags([], None, torques, FitSettings(blind=("torque_y",)))
+    assert partly[4] == partly.max()
