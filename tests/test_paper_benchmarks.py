@@ -1,12 +1,15 @@
 """The paper's experiments: the plant, the judges and the page. The experiments themselves take minutes."""
 
+from contextlib import nullcontext
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from benchmarks.paper import figure8, pitch, uncertainty
 from benchmarks.paper import methods as m
 from benchmarks.paper.compute import ByGPy
+from benchmarks.paper.corrected import COMBINED, VARIANTS, tables
 from benchmarks.paper.page import renewed
 from benchmarks.paper.pitch import summary
 from benchmarks.paper.plants import LegWake, vehicle
@@ -18,6 +21,7 @@ from wrenchgap.learn.process.train import fit
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.effects.effect import Context
+from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.state import Commands, State
 
 
@@ -112,3 +116,46 @@ def test_nominal_errors_are_of_the_papers_size():
     body = Output().read("prediction")
     ratio = np.array(body["errors"]["nominal"]["smooth mean"]) / PAPER["nominal"][0]
     assert np.all((ratio > 0.8) & (ratio < 1.25))
+
+
+@pytest.mark.parametrize("experiment", [pitch, figure8, uncertainty])
+def test_rows_that_are_missing_are_kept_one_by_one(experiment, monkeypatch):
+    """Where the run is interrupted, what was made before is in the results already."""
+    kept = Output().read(experiment.__name__.split(".")[-1])
+    for name in ("knowledge", "own", "one", "on_engine", "summary"):
+        monkeypatch.setattr(experiment, name, Mock(return_value=(np.arange(5.0), np.ones((5, 3)))), raising=False)
+    monkeypatch.setattr(figure8, "on_engine", Mock(return_value={m.ALL_TOGETHER.name: np.ones(3)}))
+    monkeypatch.setattr(uncertainty.corrected, "one", Mock(side_effect=[{"a": {}}, {"b": {}}, KeyboardInterrupt]))
+    sizes = []
+    with pytest.raises(KeyboardInterrupt) if experiment is uncertainty else nullcontext():
+        experiment.missing(kept, Mock(), lambda body: sizes.append(len(str(body))))
+    assert sizes == sorted(sizes)
+    assert len(sizes) == (2 if experiment is uncertainty else len(sizes))
+    if experiment is not uncertainty:
+        assert m.ALL_TOGETHER.name in kept["rows" if experiment is pitch else "own"]
+
+
+def test_corrected_steps_are_judged_beside_the_uncompensated():
+    found = {
+        "0": {
+            name: {"lost": 0.0, "late": late, "swing": 0.001}
+            for name, late in zip(VARIANTS, (0.3, 0.1, 0.01), strict=True)
+        },
+        "1": {
+            name: {"lost": 0.0, "late": late, "swing": 0.03}
+            for name, late in zip(VARIANTS, (0.2, 0.22, 0.01), strict=True)
+        },
+    }
+    found["1"][COMBINED] = {"lost": 1.0, "late": float("inf"), "swing": float("inf")}
+    lines = tables(found).splitlines()[2:]
+    assert lines[1].split("|")[2:6] == [" 0 ", " 1 ", " 1.10 ", " 0.160 "]
+    assert lines[2].split("|")[2:6] == [" 1 ", " 0 ", " 0.03 ", " 0.010 "]
+
+
+def test_effects_process_and_observer_are_one_object(known):
+    """On top of what is named, with the bandwidth of the same log."""
+    model = known.model.with_effects([make_effect(known.model.vehicle, "com_offset", (0.0, 0.007, -0.006))])
+    vars(known)["explanation"] = Mock(model=model)
+    made = m.ALL_TOGETHER.build(known)
+    assert made.feedforward.physics is not None
+    assert made.bandwidth_hz == pytest.approx(known.gp(physics=True, guarded=True).provenance.observer_hz)
