@@ -73,7 +73,7 @@ def recorded(helper: Compensator | Combined, commands: Array | None, vehicle: Ve
         expected = found.wrench_cmd.copy()
         expected[:, output_indices(helper.model.outputs)] += found.after
         wanted = np.hstack((found.wrench_cmd, expected, found.beta[:, None]))
-        evaluations, accepted = found.iterations, found.accepted
+        evaluations, accepted = found.iterations.astype(float), found.accepted
     given = np.hstack((desired, np.zeros((STEPS, len(AXES))), rows_of(states, np.arange(STEPS))))
     count = STEPS if accepted.all() else max(1, int(np.argmin(accepted)))
     return Vectors(given[:count], wanted[:count], float(np.mean(evaluations)), float(np.mean(accepted)))
@@ -103,4 +103,4 @@ def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, A
         hidden = HIDDEN * helper.torque_max * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
         torque = asked[max(len(asked) - 1 - late, 0)] + hidden - np.cross(omega, J @ omega)
         omega = omega + helper.dt * np.linalg.solve(J, torque)
-    return np.array(rates), np.array(wanted), np.array(evaluations), np.array(accepted)
+    return np.array(rates), np.array(wanted), np.array(evaluations, dtype=float), np.array(accepted)
