@@ -55,6 +55,27 @@ def loop_peak(gains: ControllerGains, lag: float = 0.0, delay: float = 0.0) -> f
     return max(peaks)
 
 
+def sensitivity_peak(loop: Loop, observer_hz: float = 0.0) -> float:
+    """Largest |S(j w)| of the three attitude loops with a momentum observer (`compensate.Combined`) inside.
+
+    The observer, k = 2 pi observer_hz, adds its estimate to the controller's torque: J s omega = H(M_c - d_hat) + d and
+    d_hat = k/s (J s omega - M_c), with H of lag and delay, make the loop
+
+        L(s) = H/s [(1 + k/s) (2 zeta w s + w^2)/s + k],        S = 1 / (1 + L)
+
+    and without lag and delay S is that of the controller times s / (s + k). A peak below 2 is usual (Astrom and Murray,
+    Feedback Systems, 2008, 11.3), infinite peaks belong to loops at the edge of stability; beyond it the number means
+    nothing.
+    """
+    s, k = 1j * FREQUENCIES, 2.0 * np.pi * observer_hz
+    H = np.exp(-s * loop.delay) / (1.0 + loop.lag * s)
+    peaks = []
+    for zeta, omega in zip(loop.gains.zeta_attitude, loop.gains.omega_attitude, strict=True):
+        L = H / s * ((1.0 + k / s) * (2.0 * zeta * omega * s + omega**2) / s + k)
+        peaks.append(float(np.abs(1.0 / (1.0 + L)).max()))
+    return max(peaks)
+
+
 @dataclass(frozen=True)
 class Loop:
     """The attitude loop: its gains, the inertia (3, 3) [kg m^2], lag and delay [s] of the actuators."""

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harm import parts, rows, vehicles
+from benchmarks.paper.plants import believed
 from benchmarks.paper.running import mrad, table
+from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.plant.stability import sensitivity_peak
 
 PAGE = Path(__file__).parents[2] / "docs" / "do-no-harm.md"
 SWING = 5e-3
 """Above that without compensation [rad]."""
 RATIO = 1.05
 """Of the late error, to that without compensation."""
+LAGS, BANDWIDTHS = (0.06, 0.08, 0.1), (0.0, 0.5, 1.0, 2.0, 2.7, 3.1)
+"""Of the table of margins [s], [Hz]."""
 
 
 def of_vehicles(found: dict[str, dict[str, Any]]) -> str:
@@ -60,11 +66,23 @@ def of_parts(found: dict[str, dict[str, Any]]) -> str:
     return table(["mean abs(e_R) x / y / z [mrad]", *names.values(), "observer [Hz]"], lines)
 
 
+def of_margins() -> str:
+    """Peaks of the sensitivity of the benchmark's attitude loop, by the observer's bandwidth."""
+    rows = []
+    for lag in LAGS:
+        loop = replace(loop_of(believed()), lag=lag)
+        rows.append([f"{1e3 * lag:.0f} ms", *(f"{sensitivity_peak(loop, hz):.1f}" for hz in BANDWIDTHS)])
+    return table(["lag", *(f"{hz:g} Hz" if hz else "no observer" for hz in BANDWIDTHS)], rows)
+
+
+KEPT = {"vehicles": of_vehicles, "parts": of_parts}
+
+
 def renew(page: Path = PAGE) -> None:
     """Write the page with the tables of the rows that are kept."""
     text = page.read_text(encoding="utf-8")
-    for name, made in (("vehicles", of_vehicles), ("parts", of_parts)):
-        tables = made(rows.kept(rows.RESULTS / f"{name}.jsonl"))
+    made = {name: of(rows.kept(rows.RESULTS / f"{name}.jsonl")) for name, of in KEPT.items()}
+    for name, tables in (made | {"margins": of_margins()}).items():
         pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
         text = pattern.sub(lambda m, tables=tables: f"{m.group(1)}{tables}\n{m.group(2)}", text)
     page.write_text(text, encoding="utf-8")

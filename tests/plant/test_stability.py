@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
-from wrenchgap.plant.stability import Loop, loop_peak, margin, of_model
+from wrenchgap.plant.stability import FREQUENCIES, Loop, loop_peak, margin, of_model, sensitivity_peak
 
 AXIS = ("torque_x",)
 TORQUES = ("torque_x", "torque_y", "torque_z")
@@ -91,3 +91,19 @@ def test_model_is_looked_at_along_its_inputs():
     found = of_model(line, np.zeros((7, 6)), Loop(gains(0.7, 3.5), J))
     assert len(found.along) == 7
     assert found.least == pytest.approx(1.0 / loop_peak(gains(0.7, 3.5)))
+
+
+def test_observer_multiplies_the_sensitivity_by_its_high_pass():
+    """Without lag and delay S = s^2 / (s^2 + 2 zeta w s + w^2) s / (s + k): the peak is that of the product."""
+    zeta, w, hz = 0.4, 3.5, 1.0
+    s, k = 1j * FREQUENCIES, 2.0 * np.pi * hz
+    for high_pass, asked in ((1.0, 0.0), (s / (s + k), hz)):
+        expected = np.abs(s**2 / (s**2 + 2 * zeta * w * s + w**2) * high_pass).max()
+        assert sensitivity_peak(Loop(gains(zeta, w), J), asked) == pytest.approx(expected, rel=1e-9)
+
+
+def test_lag_makes_an_observer_ring():
+    """Behind a lag the peak grows with the bandwidth; an observer of 1 Hz that is quiet at 10 ms is not at 80 ms."""
+    peaks = [sensitivity_peak(Loop(gains(1.3, 3.5), J, 0.08, 0.0075), hz) for hz in (0.0, 0.5, 1.0, 2.0)]
+    assert peaks == sorted(peaks)
+    assert sensitivity_peak(Loop(gains(1.3, 3.5), J, 0.01), 1.0) < 1.3 < 2.0 < peaks[2]
