@@ -1,6 +1,6 @@
 """Some flights of the benchmark of hidden effects: every kind, judged as the benchmark judges."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 
 import numpy as np
@@ -17,8 +17,9 @@ CASES = {case.name: case for case in cases.fast()}
 
 
 @cache
-def row(name):
-    return run(CASES[name], model_file.load("tilt_hexarotor"))
+def row(name, seconds=None):
+    case = CASES[name]
+    return run(case if seconds is None else replace(case, seconds=seconds), model_file.load("tilt_hexarotor"))
 
 
 def of(kind):
@@ -31,10 +32,11 @@ def test_every_hidden_effect_is_named(name):
     assert row(name)["right"] in GOOD
 
 
+@pytest.mark.parametrize("seconds", [12.0, pytest.param(None, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", of("none"))
-def test_nothing_is_named_where_nothing_is_missing(name):
-    assert row(name)["verdict"] == "nothing"
-    assert row(name)["effects"] == []
+def test_nothing_is_named_where_nothing_is_missing(name, seconds):
+    assert row(name, seconds)["verdict"] == "nothing"
+    assert row(name, seconds)["effects"] == []
 
 
 @pytest.mark.slow
@@ -44,8 +46,13 @@ def test_what_is_not_in_the_catalogue_is_called_unknown_and_swings(name):
     assert row(name)["swing"] is not None
 
 
-def test_error_falls_on_a_flight_of_another_kind_and_values_are_right():
-    scores = score([row(name) for name in of("one")])
+@pytest.mark.parametrize(
+    ("names", "seconds"),
+    [(of("one")[:1], 12.0), pytest.param(of("one"), None, marks=pytest.mark.slow)],
+    ids=["a centre of mass", "all of one effect"],
+)
+def test_error_falls_on_a_flight_of_another_kind_and_values_are_right(names, seconds):
+    scores = score([row(name, seconds) for name in names])
     assert min(scores["unseen"][part]["median"] for part in ("force", "torque")) > 0.9
     assert scores["parameters"]["both"] >= 0.75
 

@@ -22,6 +22,9 @@ FIVE_FRAMES = """() => new Promise(done => { const start = performance.now(); le
     const frame = () => --left ? requestAnimationFrame(frame) : done((performance.now() - start) / 1000);
     requestAnimationFrame(frame); })"""
 """Seconds that five frames take: many while the shaders are compiled, which a CPU does slowly."""
+FEW_FRAMES = """window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 60);
+    window.cancelAnimationFrame = clearTimeout;"""
+"""A display of 16 frames a second: without a GPU each costs tens of ms of processor, and the page draws all it can."""
 LOADING = 90.0
 """Seconds that a page may take to appear: WebGL without a GPU, on cores that others use too."""
 PATIENCE = 20.0
@@ -59,6 +62,7 @@ class Visitor:
     def __init__(self, browser, url, width=1120, height=620, *, smooth=True):
         self.tab = browser.new_page(viewport={"width": width, "height": height})
         self.errors: list[str] = []
+        self.tab.add_init_script(FEW_FRAMES)
         self.tab.on("console", lambda m: m.type == "error" and LATE not in m.text and self.errors.append(m.text))
         self.tab.on("pageerror", lambda e: self.errors.append(str(e)))
         self.tab.goto(url)
