@@ -25,14 +25,14 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 
 test: setup ## the everyday test suite
 	@bash scripts/install_browser.sh
-	@$(VENV) -c "from wrenchgap.compensate.fast import warm; warm()" # compiled once, and not by every worker of pytest
+	@$(VENV) scripts/warm_kernels.py # compiled once, and not by every worker of pytest
 	$(VENV) -m pytest -m "not slow and not long" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
 
 readme: setup ## the README's commands, run as written
 	$(VENV) -m pytest -m slow tests/test_readme.py
 
 slow: setup ## tests of minutes: README, notebook, documentation, every kind of hidden effect (CI runs them too)
-	@$(VENV) -c "from wrenchgap.compensate.fast import warm; warm()"
+	@$(VENV) scripts/warm_kernels.py
 	$(VENV) -m pytest -m slow --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 check: setup ## format, lint, types, layers

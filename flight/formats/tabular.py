@@ -9,6 +9,7 @@ The whole table is one topic, `/table`: its columns under their names, series of
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -160,7 +161,9 @@ def _stamps(column: Any, unit: str, header: str) -> tuple[Stamps, Any, str]:
 
     numbers = None if pd.api.types.is_datetime64_any_dtype(column) else pd.to_numeric(column, errors="coerce")
     if numbers is None or numbers.notna().sum() < 0.5 * len(column):
-        dates = pd.to_datetime(column, errors="coerce", utc=True).astype("datetime64[ns, UTC]")
+        with warnings.catch_warnings():  # dates in several forms: pandas says that it reads them one by one
+            warnings.simplefilter("ignore", UserWarning)
+            dates = pd.to_datetime(column, errors="coerce", utc=True).astype("datetime64[ns, UTC]")
         known = dates.notna().to_numpy()
         stamps = np.where(known, dates.astype("int64").to_numpy(), 0)
         return stamps, known, f"Times are the dates of column {header}."

@@ -3,11 +3,13 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.replay import autopilot_logs
 from wrenchgap.replay.cli import console
 from wrenchgap.replay.cli.main import app
 
@@ -50,6 +52,12 @@ def refused(run, monkeypatch):
         return line
 
     return wrapped
+
+
+@pytest.fixture(scope="session")
+def autopilot_flights(once):
+    """Two flights of the vehicle of `autopilot_logs`, whose centre of mass is elsewhere than its files say."""
+    return [once(f"autopilot flight {seed}", partial(autopilot_logs.flight, seed)) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="session")

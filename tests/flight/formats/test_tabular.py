@@ -1,5 +1,7 @@
 """Tables with a header become flights, in the units that the header states; nothing is guessed in silence."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -69,6 +71,17 @@ def test_dates_semicolons_commas_comments_and_a_byte_order_mark(logs, time, tmp_
     text = frame.to_csv(index=False, sep=";", decimal=",")
     path.write_text("﻿# flown on Monday, by hand\n" + text, encoding="utf-8")
     agrees(flight.load(path), logs, time)
+
+
+def test_dates_of_several_forms_are_read_and_nothing_stands_on_the_screen(logs, time, tmp_path):
+    dates = pd.to_datetime(time, unit="s", origin="2024-05-01").astype(str).to_numpy(dtype=object)
+    dates[0], dates[1] = "no date", "1 May 2024 00:00:00.01"
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"timestamp": dates} | columns(logs, time)).to_csv(path, index=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = flight.load(path)
+    assert len(found.imu.time) > 0
 
 
 def test_topics_of_different_rates_share_a_table_with_empty_cells(logs, time, tmp_path):

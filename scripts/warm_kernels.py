@@ -1,0 +1,33 @@
+"""Compile the kernels that numba has not kept yet, once and on two cores, before pytest's workers would do so each.
+
+    python scripts/warm_kernels.py
+
+A new clone takes a minute of processor time for it, a second time hardly more than the imports
+(docs/decisions/0026-compiled-kernels.md). `make test` and `make slow` begin with it.
+"""
+
+import subprocess
+import sys
+
+COMPENSATING = "from wrenchgap.compensate.fast import warm; warm()"
+ANALYSING = """
+import tempfile
+from pathlib import Path
+import wrenchgap as wg
+
+model = wg.load_model("tilt_hexarotor")
+flown = wg.simulate(model, "multi_axis", duration=3.0, excitation=1.0, hide=["com_offset=x:0.004"])
+with tempfile.TemporaryDirectory() as folder:
+    path = wg.save_log(flown, Path(folder) / "flight.mcap")
+    wg.explain(wg.open_flights(path, model), model, names=("com_offset", "rotor_thrust"), jobs=1)
+"""
+
+
+def main() -> int:
+    """The worst exit code of both processes."""
+    running = [subprocess.Popen([sys.executable, "-c", code]) for code in (COMPENSATING, ANALYSING)]
+    return max(process.wait() for process in running)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

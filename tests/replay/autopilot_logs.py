@@ -1,0 +1,117 @@
+"""A vehicle with PX4's and ArduPilot's parameters, and its flights as these autopilots log them."""
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import wrenchgap as wg
+from wrenchgap.plant import model_file
+
+ROOT = Path(__file__).resolve().parents[2]
+FULL, FACTOR = 9.0, 0.6
+"""Thrust of one rotor at full throttle [N] and the shape of its curve, as the vehicle has them."""
+PLACES = ((0.17, 0.2, 0.02), (-0.17, -0.2, 0.02), (0.17, -0.2, -0.02), (-0.17, 0.2, -0.02))
+"""Forward, right, KM of the rotors, in PX4's order."""
+MASS, INERTIA = 1.52, (0.02, 0.016, 0.032)
+STAMP = "uint64_t timestamp"
+HIDDEN = {"x": 0.006, "y": 0.004}
+"""Where the centre of mass is, ahead and to the left [m], of which no file knows."""
+
+
+def autopilots():
+    """The tests' writer of ULog files."""
+    path = ROOT / "tests" / "flight" / "formats" / "conftest.py"
+    spec = importlib.util.spec_from_file_location("autopilots_conftest", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def true_vehicle():
+    """The vehicle that flies, as a model file: PX4's numbers with left for right and up for down."""
+    arms = "".join(
+        f"[[vehicle.arms]]\nposition = [{x}, {-y}, 0.0]\nrotors = [{{ spin = {turn}, kappa = 0.02 }}]\n"
+        for (x, y, _), turn in zip(PLACES, (1, 1, -1, -1), strict=True)
+    )
+    return model_file.loads(
+        f'schema = 1\n[vehicle]\nname = "true"\nmass = {MASS}\ninertia = {list(INERTIA)}\n[vehicle.arm]\n'
+        f"tilts = false\n[vehicle.rotor]\nc_f = 9.0e-6\nradius = 0.12\nspeed_max = 1000.0\n{arms}"
+    )
+
+
+def flight(seed):
+    """A flight of it with the hidden centre of mass."""
+    hidden = "com_offset=" + ",".join(f"{axis}:{value}" for axis, value in HIDDEN.items())
+    return wg.simulate(true_vehicle(), "multi_axis", seed=seed, duration=12.0, excitation=0.5, hide=[hidden])
+
+
+def parameters():
+    found = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 4, "THR_MDL_FAC": 0.0, "MPC_THR_HOVER": 0.5}
+    for number, (x, y, km) in enumerate(PLACES):
+        row = {"PX": x, "PY": y, "PZ": 0.0, "AX": 0.0, "AY": 0.0, "AZ": -1.0, "KM": km, "CT": 6.5}
+        found |= {f"CA_ROTOR{number}_{key}": float(value) for key, value in row.items()}
+    return found
+
+
+def flipped(vectors):
+    """Forward, left, up to forward, right, down, and back."""
+    return vectors * [1.0, -1.0, -1.0]
+
+
+def every(flown, rate):
+    """The same flight with rotor commands at `rate` [Hz], as a logger keeps them."""
+    sent = flown.actuators
+    few = slice(None, None, round(1.0 / (rate * np.median(np.diff(sent.time)))))
+    return replace(
+        flown, actuators=replace(sent, time=sent.time[few], rotor_speed=sent.rotor_speed[few], tilt=sent.tilt[few])
+    )
+
+
+def throttle(speed):
+    """The share of full throttle (N, 4) that makes these rotor speeds."""
+    share = 9.0e-6 * speed**2 / FULL
+    return (FACTOR - 1 + np.sqrt((1 - FACTOR) ** 2 + 4 * FACTOR * share)) / (2 * FACTOR)
+
+
+def write_ulog(flown, path):
+    """The flight as PX4 logs it: FRD and NED, microseconds, throttles."""
+    log = autopilots().Ulog(parameters())
+    imu, sent, odometry = flown.imu, flown.actuators, flown.odometry
+    u = throttle(sent.rotor_speed)
+
+    def micro(time):
+        return np.round(1e6 * (5.0 + time)).astype(int)
+
+    middle = np.full(len(imu.time), round(1e6 * float(np.median(np.diff(imu.time)))))
+    columns = {"timestamp": micro(imu.time) + middle // 2, "gyro_rad": flipped(imu.omega_B)}
+    columns |= {"accelerometer_m_s2": flipped(imu.specific_force_B), "gyro_integral_dt": middle}
+    columns |= {"accelerometer_timestamp_relative": np.zeros(len(imu.time), int)}
+    fields = f"{STAMP};float[3] gyro_rad;uint32_t gyro_integral_dt;int32_t accelerometer_timestamp_relative"
+    log.topic("sensor_combined", f"{fields};float[3] accelerometer_m_s2", columns)
+    log.topic("actuator_motors", f"{STAMP};float[4] control", {"timestamp": micro(sent.time), "control": u})
+    w, x, y, z = odometry.quat_EB.T
+    q = np.stack((w + z, x + y, x - y, w - z), axis=1) / np.sqrt(2.0)  # its own inverse
+    log.topic("vehicle_attitude", f"{STAMP};float[4] q", {"timestamp": micro(odometry.time), "q": q})
+    ned, velocity = (v[:, [1, 0, 2]] * [1.0, 1.0, -1.0] for v in (odometry.position_E, odometry.velocity_E))
+    rows = dict(zip(("x", "y", "z", "vx", "vy", "vz"), np.hstack((ned, velocity)).T, strict=True))
+    rows |= {"timestamp": micro(odometry.time)} | dict.fromkeys(("xy_valid", "z_valid"), np.ones(len(ned), bool))
+    fields = f"{STAMP};float x;float y;float z;float vx;float vy;float vz;bool xy_valid;bool z_valid"
+    log.topic("vehicle_local_position", fields, rows)
+    return log.save(path)
+
+
+def write_dataflash(flown, path):
+    """The flight as ArduPilot logs it: FRD, pulses in the order of the frame, and a hover throttle that is wrong."""
+    known = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0}
+    known |= {"MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0, "MOT_THST_EXPO": FACTOR, "MOT_THST_HOVER": 0.2}
+    known |= {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
+    log, imu, sent = autopilots().Dataflash(known), flown.imu, flown.actuators
+    columns = (*flipped(imu.omega_B).T, *flipped(imu.specific_force_B).T)
+    stamps = np.round(1e6 * (30.0 + imu.time))
+    names = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+    log.add("IMU", "QBffffff", names, stamps, np.zeros(len(stamps)), *columns, instance="I")
+    pulses = np.round(1000.0 + 1000.0 * throttle(sent.rotor_speed))
+    log.add("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4", np.round(1e6 * (30.0 + sent.time)), *pulses.T)
+    return log.save(path)

@@ -1,0 +1,102 @@
+"""The commands of docs/px4.md and of docs/formats.md on ArduPilot, run as written on logs that are made here.
+
+The logs have motor commands at 10 Hz, as both autopilots log them by default, and a centre of mass that no file knows.
+"""
+
+import re
+import shlex
+import urllib.request
+
+import pytest
+
+import wrenchgap as wg
+from tests.replay.autopilot_logs import HIDDEN, ROOT, every, write_dataflash, write_ulog
+from wrenchgap.learn.diagnose import where
+from wrenchgap.viewer import page
+from wrenchgap.viewer.page import Page
+
+STEPS = ["inspect", "model", "inspect", "compare", "calibrate", "explain", "report", "view"]
+
+
+def commands(page, log):
+    """The page's commands on `log`, as lists of words, in the order of the page."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return [shlex.split(line, comments=True) for line in re.findall(r"^    wrenchgap (.*)$", text, re.M) if log in line]
+
+
+@pytest.fixture(scope="module")
+def flights(autopilot_flights):
+    """What the pages' commands are run on, and a later flight of the same vehicle."""
+    return [every(flown, 10.0) for flown in autopilot_flights]
+
+
+@pytest.fixture
+def looked(monkeypatch):
+    """What `view` serves to the first who asks, by flights; the command ends as by Ctrl-C."""
+    seen = {}
+
+    class Looked(Page):
+        @property
+        def url(self):
+            address = super().url
+            with urllib.request.urlopen(address, timeout=60) as answer:
+                seen[tuple(self.session.flights)] = answer.read(2000)
+            self.stop()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(page, "Page", Looked)
+    return seen
+
+
+@pytest.fixture
+def no_processes(monkeypatch):
+    """The budget's processes of a report are tested with `where`, and take long."""
+    monkeypatch.setattr(where, "held_out_process", lambda *args, **kwargs: None)
+
+
+def ran(run, words, folder):
+    """What a command of a page prints; it succeeds, and writes what it was told to write."""
+    done = run(*words, *(("--port", 0) if words[0] == "view" else ()))
+    assert done.exit_code == (130 if words[0] == "view" else 0), f"{shlex.join(words)}: {done.output}"
+    for option in ("-o", "--figure"):
+        if option in words:
+            assert (folder / words[words.index(option) + 1]).stat().st_size > 0
+    return done.output
+
+
+def judged(folder, later):
+    """The calibrated model has the hidden offset, and predicts a later flight better than the drafted one."""
+    drafted, calibrated = (wg.load_model(folder / name) for name in ("vehicle.toml", "calibrated.toml"))
+    found = {v.name: v for effect in calibrated.snapshot if effect.effect == "com_offset" for v in effect.values}
+    for axis, true in HIDDEN.items():
+        assert found[axis].value == pytest.approx(true, abs=1.5e-3)
+        assert abs(found[axis].value - true) < 3.0 * found[axis].std
+    before, after = (
+        wg.compare(wg.open_flights(later, model, cutoff_hz=3.0), model).evaluations[-1].pooled.rms[3:5]
+        for model in (drafted, calibrated)
+    )
+    assert (after < 0.5 * before).all()
+
+
+def test_commands_of_the_page_on_px4(run, flights, looked, no_processes, tmp_path):
+    """From a log with CA_ROTOR* to model, checks, comparison, calibration, explanation, report and page."""
+    write_ulog(flights[0], tmp_path / "flight.ulg")
+    asked = commands("px4.md", "flight.ulg")
+    assert [words[0] for words in asked if words[0] != "convert"] == STEPS
+    said = {shlex.join(words): ran(run, words, tmp_path) for words in asked}
+    (converted,) = wg.open_flights(tmp_path / "flight.mcap", wg.load_model(tmp_path / "vehicle.toml"), cutoff_hz=3.0)
+    assert converted.records
+    assert any(text.startswith("model new") and "fitted" in out for text, out in said.items())
+    assert "com_offset" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert b"<html" in looked["flight",].lower()
+    judged(tmp_path, write_ulog(flights[1], tmp_path / "later.ulg"))
+
+
+def test_commands_of_the_page_on_ardupilot(run, flights, tmp_path):
+    """The same in short: frame, order of motors and curve are of the log's parameters."""
+    write_dataflash(flights[0], tmp_path / "flight.bin")
+    asked = commands("formats.md", "flight.bin")
+    assert [words[0] for words in asked] == ["inspect", "model", "compare", "calibrate", "explain"]
+    for words in asked:
+        ran(run, words, tmp_path)
+    judged(tmp_path, write_dataflash(flights[1], tmp_path / "later.bin"))
