@@ -41,7 +41,12 @@ def summary(found: Sequence[Row]) -> dict[str, Any]:
         forms[form] = {"files": len(own), **{kind.value: counts[kind.value] for kind in Outcome}}
         forms[form]["slowest_s"] = max(row.seconds for row in own)
     faults = [vars(row) for row in found if row.outcome == Outcome.FAULT]
-    return {"files": len(found), "forms": forms, "faults": faults}
+    return {
+        "files": len(found),
+        "processor_s": round(sum(row.seconds for row in found)),
+        "forms": forms,
+        "faults": faults,
+    }
 
 
 def section(result: Mapping[str, Any]) -> str:
@@ -49,10 +54,9 @@ def section(result: Mapping[str, Any]) -> str:
     text = TEXT.format(heading=HEADING, total=f"{result['files']:,}", seconds=SECONDS, megabytes=MEGABYTES)
     whole = sum(map(files_of, FORMS))
     if result["files"] < whole:
-        text += (
-            f"The whole run has {whole:,} files; this one was stopped before, on a machine that was shared; with the\n"
-        )
-        text += "same `--rows` it goes on.\n\n"
+        minutes = result["processor_s"] / result["files"] * whole / 60.0
+        text += f"The whole run has {whole:,} files, {minutes:.0f} minutes of one core at this pace; this one was\n"
+        text += "stopped before, at idle priority on a busy machine; with the same `--rows` it goes on.\n\n"
     kinds = [kind.value for kind in Outcome]
     lines = [f"| form | files | {' | '.join(kinds[:-1])} | faults |", "|---" * (len(kinds) + 2) + "|"]
     logs = {form: counts for form, counts in result["forms"].items() if form in LOGS}

@@ -66,6 +66,18 @@ def against(flown, wrong):
     return judge
 
 
+@pytest.fixture(scope="module")
+def baseline(flown, wrong):
+    """The healthy flights, learnt once for several suspects."""
+    return Baseline(open_flights([flown(seed=s)[0] for s in HEALTHY], wrong), wrong, names=TRIED, jobs=1)
+
+
+@pytest.fixture(scope="module")
+def well(flown, wrong, baseline):
+    """A healthy flight in the suspect's place."""
+    return baseline.against(open_flights([flown(seed=7)[0]], wrong))
+
+
 def change(found, effect, name):
     return next(p for p in found.parameters if (p.effect, p.name) == (effect, name))
 
@@ -99,8 +111,8 @@ def test_values_by_flight_show_who_differs(weak):
     assert np.mean(values["healthy"]) - values["suspect"][0] == pytest.approx(truth["loss"], rel=0.3)
 
 
-def test_nothing_changed_is_said(flown, against):
-    found = against([flown(seed=7)[0]])
+def test_nothing_changed_is_said(well):
+    found = well
     assert found.verdict is Verdict.NOTHING
     assert found.names == found.firm == found.odd == ()
     assert found.nothing > 0.9
@@ -129,11 +141,9 @@ def test_healthy_flights_that_differ_as_vehicles_do_are_no_change(differing, aga
     assert found.odd == ()
 
 
-def test_a_baseline_says_of_the_second_suspect_what_a_new_comparison_does(flown, wrong, weak):
+@pytest.mark.usefixtures("well")
+def test_a_baseline_says_of_the_second_suspect_what_a_new_comparison_does(flown, wrong, baseline, weak):
     """Nothing of the first suspect stays in it; the answer is that of the function."""
-    names = [flown(seed=s)[0] for s in HEALTHY]
-    baseline = Baseline(open_flights(names, wrong), wrong, names=TRIED, jobs=1)
-    baseline.against(open_flights([flown(seed=7)[0]], wrong))
     again = baseline.against(open_flights([flown("weak_rotor", {"rotor": 4, "loss": 0.12})[0]], wrong))
     assert again.firm == weak[0].firm
     np.testing.assert_allclose(
@@ -161,9 +171,11 @@ def test_other_trajectories_are_compared_and_what_does_not_overlap_is_said(flown
     assert set(found.firm) <= {"rotor_thrust"}
 
 
-def test_a_change_is_found_on_another_trajectory(flown, against):
+def test_a_change_is_found_on_another_trajectory(flown, wrong, baseline):
     """Healthy flights excite all axes, the suspect one flies steps."""
-    found = against([flown("weak_rotor", {"rotor": 4, "loss": 0.1}, trajectory="steps")[0]])
+    found = baseline.against(
+        open_flights([flown("weak_rotor", {"rotor": 4, "loss": 0.1}, trajectory="steps")[0]], wrong)
+    )
     assert found.firm == ("rotor_thrust",)
     assert found.places[0].parameter in ("rotor_4", "rotor_5")
 

@@ -10,8 +10,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.replay import autopilot_logs
+from wrenchgap.learn.diagnose import budget, where
 from wrenchgap.replay.cli import console
 from wrenchgap.replay.cli.main import app
+from wrenchgap.replay.report import contents
 
 Run = Callable[..., Result]
 
@@ -58,6 +60,16 @@ def refused(run, monkeypatch):
 def autopilot_flights(once):
     """Two flights of the vehicle of `autopilot_logs`, whose centre of mass is elsewhere than its files say."""
     return [once(f"autopilot flight {seed}", partial(autopilot_logs.flight, seed)) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def small_processes():
+    """Processes of the error budget with 30 points: for tests that are not about how much they explain."""
+    small = partial(budget.held_out_process, points=30)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(where, "held_out_process", small)
+        patch.setattr(contents, "held_out_process", small)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,6 @@ import pytest
 
 import wrenchgap as wg
 from tests.replay.autopilot_logs import HIDDEN, ROOT, every, write_dataflash, write_ulog
-from wrenchgap.learn.diagnose import where
 from wrenchgap.viewer import page
 from wrenchgap.viewer.page import Page
 
@@ -48,12 +47,6 @@ def looked(monkeypatch):
     return seen
 
 
-@pytest.fixture
-def no_processes(monkeypatch):
-    """The budget's processes of a report are tested with `where`, and take long."""
-    monkeypatch.setattr(where, "held_out_process", lambda *args, **kwargs: None)
-
-
 def ran(run, words, folder):
     """What a command of a page prints; it succeeds, and writes what it was told to write."""
     done = run(*words, *(("--port", 0) if words[0] == "view" else ()))
@@ -78,7 +71,7 @@ def judged(folder, later):
     assert (after < 0.5 * before).all()
 
 
-def test_commands_of_the_page_on_px4(run, flights, looked, no_processes, tmp_path):
+def test_commands_of_the_page_on_px4(run, flights, looked, small_processes, tmp_path):
     """From a log with CA_ROTOR* to model, checks, comparison, calibration, explanation, report and page."""
     write_ulog(flights[0], tmp_path / "flight.ulg")
     asked = commands("px4.md", "flight.ulg")

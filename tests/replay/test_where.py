@@ -12,7 +12,7 @@ MODEL = "tilt_hexarotor"
 
 
 @pytest.fixture(scope="module")
-def found(logs):
+def found(logs, small_processes):
     """The flight with a hidden offset of the centre of mass."""
     model = wg.load_model(MODEL)
     return wg.where(wg.open_flights(logs.train, model), model)
@@ -27,7 +27,7 @@ def test_a_centre_of_mass_offset_is_a_torque_that_goes_with_tilt(found):
     assert not any(a.white for a in found.whiteness.autocorrelation if a.axis.startswith("torque"))
 
 
-def test_what_is_left_of_the_right_model_is_noise(logs, run, tmp_path):
+def test_what_is_left_of_the_right_model_is_noise(logs, run, small_processes, tmp_path):
     """With the effect in the model, its part is the physics' part, and nothing is left to map."""
     assert run("add", "-m", MODEL, "--value", "com_offset=-0.004,0.007,-0.005", "-o", "good.toml").exit_code == 0
     model = wg.load_model(tmp_path / "good.toml")
