@@ -159,7 +159,7 @@ def _keys(move: Move) -> dict[str, Any]:
 
 def _move(item: dict[str, Any], number: int) -> Move:
     where, kind = f"moves[{number}]", item.get("kind")
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise UsageError(f"{where}.kind: got {kind!r}, available: {', '.join(KINDS)}")
     keys = {key: value for key, value in item.items() if key != "kind"}
     values = values_of(KINDS[kind], keys, where=f"{where} ({kind})", page=PAGE, error=UsageError, degrees=ANGLES)

@@ -28,10 +28,11 @@ REMEDY = "no Chromium or no Playwright; run: sudo apt-get install chromium && ma
 
 LONG_FIRST = (
     "in_browser",
-    "test_hidden_effects",
     "test_readme",
+    "test_changed",
     "test_learn_and_compensate",
     "test_explain",
+    "test_autopilot_pages",
     "test_where",
 )
 """Files that take longest: begun last, one worker would be left alone with one of them."""

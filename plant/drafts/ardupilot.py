@@ -42,7 +42,8 @@ def read_parameters(path: Path) -> dict[str, float]:
         try:
             found[words[0].upper()] = float(words[1])
         except (IndexError, ValueError):
-            raise ModelError(f"{path}, line {number}: got {line.strip()!r}, expected NAME,VALUE") from None
+            said = repr(line.strip()[:80])
+            raise ModelError(f"{path}, line {number}: got {said}, expected NAME,VALUE") from None
     return found
 
 

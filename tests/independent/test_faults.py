@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.faults import page
 from benchmarks.faults.cases import Case
-from benchmarks.faults.opening import Outcome
+from benchmarks.faults.opening import Opened, Outcome, judged
 from benchmarks.faults.valid import FORMS
 from benchmarks.faults.workers import Row, rows
 
@@ -35,6 +35,23 @@ def test_a_case_is_always_the_same_file(form, tmp_path):
         files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
         made.append((damage, [p.name for p in files], [p.read_bytes() for p in files if p.suffix != ".db3"]))
     assert made[0] == made[1]
+
+
+@pytest.mark.parametrize(
+    ("form", "number", "kind"),
+    [
+        ("parameters", 79, "parameters"),  # a page of zeros was quoted whole
+        ("trajectory", 103, "trajectory"),  # a list where the kind of a move belongs
+        ("mcap-json", 370, "for model"),  # a topic of thousands of letters
+    ],
+)
+def test_what_was_once_a_fault_is_refused_in_one_line(form, number, kind, tmp_path):
+    (tmp_path / "valid").mkdir()
+    (tmp_path / "case").mkdir()
+    path, _ = Case(form, number).make(FORMS[form](tmp_path / "valid"), tmp_path / "case")
+    outcome, said = judged(kind, path, Opened("", 0, frozenset()))
+    assert outcome is Outcome.REFUSED, said
+    assert path.name in said
 
 
 def test_the_published_page_is_that_of_the_published_run():

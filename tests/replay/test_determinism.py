@@ -17,16 +17,17 @@ import wrenchgap as wg
 
 train, test, ideal, jobs = *sys.argv[1:4], int(sys.argv[4])
 model = wg.load_model("tilt_hexarotor")
-flights = wg.open_flights([train], model, between=(1.0, 9.0))
-unseen = wg.open_flights([test], model, between=(1.0, 7.0))
+flights = wg.open_flights([train], model, between=(1.0, 7.0))
+unseen = wg.open_flights([test], model, between=(1.0, 5.0))
 found = {"inspect": wg.inspect(test, model), "compare": wg.compare(unseen, model)}
 found["explain"] = wg.explain(flights, model, names=("com_offset", "mass", "body_drag"), jobs=jobs)
 settings = wg.learn.process.gp.FitSettings(points=25)
 found["learn"] = wg.learn_gp(flights, model, settings=settings, guard=False)
 wg.save_gp(found["learn"], sys.argv[5])
 found["replay"] = wg.replay_compensation(unseen[0], model, found["learn"])
-found["counterfactual"] = wg.counterfactual(unseen[0], model, gp=found["learn"], duration=2.0)
-found["changed"] = wg.changed(flights, wg.open_flights([ideal], model), model, names=("com_offset", "mass"), jobs=jobs)
+found["counterfactual"] = wg.counterfactual(unseen[0], model, gp=found["learn"], duration=1.0)
+well = wg.open_flights([ideal], model, between=(1.0, 7.0))
+found["changed"] = wg.changed(flights, well, model, names=("com_offset", "mass"), jobs=jobs)
 documents = {name: result.to_json() for name, result in found.items()}
 arrays = found["replay"].steps.correction.tobytes().hex()
 print(json.dumps({**documents, "correction": arrays}, sort_keys=False, default=str))
