@@ -196,5 +196,3 @@ def _six(values: Array, axes: Array) -> Array:
     out = np.full(len(AXES), np.nan)
     out[axes] = values
     return out
-
-

@@ -72,7 +72,9 @@ class FleetSpectrum:
     `trims`. `flights` and `seconds` are their names and lengths, in the order of merging.
     """
 
-    def __init__(self, parts: Sequence[Evidence] | Iterable[Evidence], keys: Sequence[str], axes: Sequence[int]) -> None:
+    def __init__(
+        self, parts: Sequence[Evidence] | Iterable[Evidence], keys: Sequence[str], axes: Sequence[int]
+    ) -> None:
         self.keys, self.axes = tuple(keys), np.array(axes, dtype=np.intp)
         self.flights: list[str] = []
         self.seconds: list[float] = []
@@ -132,7 +134,9 @@ class FleetSpectrum:
         nothing, one = np.zeros(1), np.ones(1)
         columns = list(self.columns.values())
         self.low = np.concatenate([nothing, *(x for c in columns for x in (c.low, nothing)), *(c.low for c in known)])
-        self.high = np.concatenate([nothing, *(x for c in columns for x in (c.high, nothing)), *(c.high for c in known)])
+        self.high = np.concatenate(
+            [nothing, *(x for c in columns for x in (c.high, nothing)), *(c.high for c in known)]
+        )
         self.scale = np.concatenate([one, *(x for c in columns for x in (c.scale, one)), *(c.scale for c in known)])
         no = np.zeros(1, dtype=bool)
         sparse = [no, *(x for c in columns for x in (c.sparse, no)), *(c.sparse for c in known)]
