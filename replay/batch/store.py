@@ -73,9 +73,7 @@ class Store:
             if system.exists(f"{root}/run.json"):
                 other = self._differs(identity)
                 if other is not None:
-                    raise UsageError(
-                        f"--output {self.url}: holds another run ({other}); choose another folder, or run that one again"
-                    )
+                    raise UsageError(f"--output {self.url}: holds another run ({other}); choose another folder")
                 return True
             if system.exists(root) and system.ls(root, detail=False):
                 raise UsageError(f"--output {self.url}: is not empty and holds no run; choose another folder")
@@ -151,7 +149,7 @@ class Store:
         os.replace(partial, path)  # noqa: PTH105
 
     def rows(self, number: int = 1, columns: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """All rows of a pass without their heavy columns, with `vehicle` and `date`, in the order of the logs' names."""
+        """Rows of a pass without their heavy columns, with `vehicle` and `date`, in the order of the logs' names."""
         wanted = list(columns or (c for c in SCHEMA.names if c not in HEAVY))
         out = [{**self._read(one.path, wanted)[0], **_folders(one.path)} for one in self.done(number).values()]
         return sorted(out, key=lambda row: (row["vehicle"], row.get("log") or "", row.get("key") or ""))

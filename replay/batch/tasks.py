@@ -46,13 +46,16 @@ class Task:
 def work(task: Task, plan: Plan, output: str) -> dict[str, Any]:
     """Do the command on one log and write its row; returns the row without its results."""
     wall, cpu = time.monotonic(), time.process_time()
-    row = _empty(task, plan)
+    row, read = _empty(task, plan), ""
     try:
         with threadpool_limits(1), at_hand(task.source) as path:
+            read = str(path)
             row |= _COMMANDS[plan.command](path, plan, plan.model_text(task.source.vehicle), task.source.vehicle)
         row["status"] = "ok"
     except Exception as error:
         row |= {"status": "failed", "reason": reason(error)}
+        if read:  # a copy that is gone says nothing to anybody
+            row["reason"] = row["reason"].replace(read, task.source.url)
     row |= {"wall_s": time.monotonic() - wall, "cpu_s": time.process_time() - cpu, "peak_mb": peak_mb()}
     row["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
     Store(output).add(row, task.source.vehicle, plan.number)
