@@ -36,7 +36,7 @@ def main() -> None:
         smaller = [f"cluster {n}" for n in SMALLER if n < count]
         jobs = {
             f"cluster {count}": lambda: runs.on_cluster(logs, whole, count, kill=True),
-            f"serial {count}": lambda: runs.serial(logs, alone, count),
+            f"serial {count}": lambda: runs.serial(logs, alone, count, 0.4 * a.minutes),
             f"difference {count}": lambda: runs.differences(whole, alone),
         }
         for key in smaller:

@@ -22,7 +22,7 @@ EXPLAINED_SECONDS = 12.4
 CORE_HOUR = 0.05
 """Assumed price of a core hour [USD]: on-demand virtual machines of the large clouds, 2026."""
 GET, PUT, GIGABYTE_MONTH = 0.4e-6, 5e-6, 0.023
-"""Assumed prices of an object store [USD]: of a GET, a PUT, a GB for a month; within a region, reading moves for nothing."""
+"""Assumed prices of an object store [USD]: a GET, a PUT, a GB for a month; within a region reading is free."""
 BANDWIDTH = 100.0
 """Assumed bytes that a worker core reads from the store [MB/s]."""
 

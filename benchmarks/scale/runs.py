@@ -69,21 +69,22 @@ def on_cluster(folder: Path, output: Path, count: int, *, kill: bool) -> dict[st
     return {**about, "seconds": seconds, **of_rows(store), "rankings": [brief(r) for r in ranked]}
 
 
-def serial(folder: Path, output: Path, count: int) -> dict[str, Any]:
-    """The same logs one after the other in this process, without Dask."""
+def serial(folder: Path, output: Path, count: int, minutes: float) -> dict[str, Any]:
+    """The same logs one after the other in this process, without Dask; the vehicles in turn, until the time is over."""
     store, begin, p = Store(str(output)), monotonic(), plan()
     store.claim(p.identity)
     done = store.done()
     keys = []
-    for source in first(folder, count):
+    for source in sorted(first(folder, count), key=lambda s: (s.name, s.vehicle)):
+        if keys and monotonic() - begin > 60.0 * minutes:
+            break
         content = identity(source)
         task = Task(source, content, p.key(content, source.vehicle))
         keys.append(task.key)
         if task.key not in done:
             work(task, p, store.url)
-    ranked = rankings(store, keys, 1)
     seconds = {"work": monotonic() - begin}
-    return {"logs": len(keys), "seconds": seconds, **of_rows(store), "rankings": [brief(r) for r in ranked]}
+    return {"logs": len(keys), "done_now": len(set(keys) - set(done)), "seconds": seconds, **of_rows(store)}
 
 
 def _mb(pid: int) -> float:
@@ -122,21 +123,21 @@ def brief(one: FleetRanking) -> dict[str, Any]:
 def differences(first_run: Path, second_run: Path) -> dict[str, Any]:
     """The largest relative differences between two runs: of evidence log by log, and of everything in the rankings."""
     stores = [Store(str(p)) for p in (first_run, second_run)]
-    keys = [sorted(d.key for d in s.done().values() if not d.failed) for s in stores]
+    good = [{d.key for d in s.done().values() if not d.failed} for s in stores]
+    keys = sorted(good[0] & good[1])
     worst = 0.0
-    for a, b in zip(*(s.evidence(keys[0]) for s in stores), strict=True):
+    for a, b in zip(*(s.evidence(keys) for s in stores), strict=True):
         for name, value in vars(unpacked(a)).items():
             if isinstance(value, np.ndarray):
                 other = getattr(unpacked(b), name)
                 size = max(float(np.max(np.abs(value), initial=0.0)), 1e-300)
                 worst = max(worst, float(np.max(np.abs(value - other), initial=0.0)) / size)
-    ranked = [rankings(s, keys[0], 1) for s in stores]
+    ranked = [rankings(s, keys, 1) for s in stores]
     odds = [_numbers(r, lambda s: s.log_odds) for r in ranked]
     gains = [_numbers(r, lambda s: s.gain) for r in ranked]
     order = [[s.keys for one in r if one.ranking for s in one.ranking.sets] for r in ranked]
     return {
-        "same_logs": keys[0] == keys[1],
-        "logs": len(keys[0]),
+        "logs": len(keys),
         "evidence": worst,
         "order": order[0] == order[1],
         "sets": len(order[0]),

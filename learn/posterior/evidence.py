@@ -224,7 +224,8 @@ def packed(found: Evidence) -> bytes:
     lines = {name: [_plain(c) for c in getattr(found, name)] for name in ("columns", "known")}
     head = json.dumps({"format": FORMAT, **about, **lines})
     with io.BytesIO() as stream:
-        np.savez_compressed(stream, head=np.array(head), **arrays)
+        members: dict[str, Any] = {"head": np.array(head), **arrays}
+        np.savez_compressed(stream, **members)
         return stream.getvalue()
 
 
@@ -233,14 +234,14 @@ def unpacked(content: bytes) -> Evidence:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             arrays = {k: stored[k] for k in stored.files if k != "head"}
-            head = json.loads(str(stored["head"]))
+            head: dict[str, Any] = json.loads(str(stored["head"]))
         if head.pop("format") != FORMAT:
             raise ValueError("another version")
-        lines = {name: tuple(_line(c) for c in head.pop(name)) for name in ("columns", "known")}
-        tuples = {name: tuple(head.pop(name)) for name in ("answering", "unexcited")}
-        return Evidence(**arrays, **head, **lines, **tuples)
+        head |= {name: tuple(_line(c) for c in head[name]) for name in ("columns", "known")}
+        head |= {name: tuple(head[name]) for name in ("answering", "unexcited")}
+        return Evidence(**arrays, **head)
     except (ValueError, KeyError, TypeError, OSError) as error:
-        raise FitError(f"stored evidence: cannot be read ({error}); run the batch again with --force") from None
+        raise FitError(f"stored evidence: cannot be read ({error}); run the batch again into another folder") from None
 
 
 def _plain(line: Column) -> dict[str, Any]:

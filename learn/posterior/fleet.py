@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.posterior import compiled
@@ -192,7 +193,7 @@ def deviations(scorer: FleetScorer, scored: Scored) -> dict[str, Array]:
     return {k: std[ends[i] : ends[i + 1]] for i, k in enumerate(scored.keys)}
 
 
-def _six(values: Array, axes: Array) -> Array:
+def _six(values: Array, axes: NDArray[np.intp]) -> Array:
     out = np.full(len(AXES), np.nan)
     out[axes] = values
     return out

@@ -146,7 +146,7 @@ class FleetSpectrum:
         """Variance (bands, axes) of a coefficient from sensors alone, as `learn.posterior.spectrum.sensor_spectrum`."""
         mean = shapes.sum(axis=0) / count.sum()
         of_band = (shapes[self.bands] / count[self.bands, None] / mean)[:, [0, 0, 0, 1, 1, 1]]
-        return np.maximum((of_band * noise)[:, self.axes], 1e-30)
+        return np.asarray(np.maximum((of_band * noise)[:, self.axes], 1e-30))
 
 
 def chosen_rows(one: Evidence, keys: Sequence[str]) -> NDArray[np.intp]:
