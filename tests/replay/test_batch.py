@@ -15,6 +15,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch import driver, sources
 from wrenchgap.replay.batch.plan import Plan, model_text
 from wrenchgap.replay.batch.store import Store
+from wrenchgap.replay.batch.tasks import Task, work
 
 distributed = pytest.importorskip("distributed")
 HIDDEN = {"alpha": ("crazyflie", "com_offset=x:0.0015"), "bravo": ("tilt_hexarotor", "com_offset=x:0.004")}
@@ -199,20 +200,41 @@ def test_help_does_not_import_dask():
 
 @pytest.mark.slow
 def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
-    """Two processes; one is killed when the first log is done. Every log is a row, with the numbers of one process."""
+    """Two processes; one is killed when the first log is done. Every log is a row, with the numbers of no Dask."""
     plan = Plan("compare", {"": model_text("crazyflie"), "bravo": model_text("tilt_hexarotor")})
-    found = sources.found([str(logs)])
-    rows = []
-    for name, kill in (("killed", True), ("whole", False)):
-        store = Store(str(tmp_path / name))
+    lossy, alone = Store(str(tmp_path / "lossy")), Store(str(tmp_path / "alone"))
+    for store in (lossy, alone):
         store.claim(plan.identity)
-        with driver.client(workers=2) as client:
+    found = [s for s in sources.found([str(logs)]) if s.name != "twice.mcap"]
+    killed = []
+    with driver.client(workers=2) as client:
 
-            def tell(done, total, failed, log, kill=kill, client=client):
-                if kill and done == 1:
-                    os.kill(next(iter(client.cluster.workers.values())).pid, signal.SIGKILL)
+        def tell(done, total, failed, log):
+            if done == 1:
+                killed.append(next(iter(client.cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
 
-            driver.run(client, found, plan, store, tell)
-        rows.append([(r["key"], r["status"], r["rms"]) for r in store.rows()])
-    assert len(rows[0]) == 6
-    assert rows[0] == rows[1]
+        outcome = driver.run(client, found, plan, lossy, tell)
+    assert killed
+    assert len(outcome.rows) == len(found) == 6
+    for source in found:
+        content = sources.identity(source)
+        work(Task(source, content, plan.key(content, source.vehicle)), plan, alone.url)
+    told = [[(r["key"], r["status"], r["rms"]) for r in store.rows()] for store in (lossy, alone)]
+    assert told[0] == told[1]
+
+
+def test_changed_asks_every_log_against_the_healthy_ones(batch, tmp_path, logs):
+    suspect, healthy = logs / "alpha" / "flight2.mcap", [logs / "alpha" / f"flight{k}.mcap" for k in (0, 1)]
+    options = ("--healthy", *healthy, "-m", "crazyflie", "--effects-only", "com_offset,mass", "-o", tmp_path / "out")
+    body = batch("changed", *options, names=[suspect])
+    assert (body["logs"], body["failed"]) == (1, 0)
+    assert body["rows"][0]["verdict"] == "nothing"
+
+
+def test_each_log_is_explained_by_itself_where_that_is_asked_for(batch, tmp_path, logs):
+    options = ("-m", "crazyflie", "--effects-only", "com_offset,mass", "--each", "--passes", 1, "-o", tmp_path / "out")
+    body = batch("explain", *options, names=[logs / "alpha" / "flight0.mcap"])
+    assert body["rows"][0]["verdict"] == "effect"
+    [row] = Store(str(tmp_path / "out")).rows(columns=["key", "log", "result"])
+    assert json.loads(row["result"])["members"][0]["effect"] == "com_offset"
