@@ -42,7 +42,9 @@ def of_runs(found: dict[str, dict[str, Any]]) -> str:
     ]
     head += ["read per log [kB]", "kept per log [kB]"]
     lines = []
-    for key in sorted((k for k in found if "difference" not in k), key=lambda k: (k.split()[0], int(k.split()[1]))):
+    for key in sorted(
+        (k for k in found if k.split()[0] in ("cluster", "serial")), key=lambda k: (k.split()[0], int(k.split()[1]))
+    ):
         r = found[key]
         cpu, wall = r["cpu"], r["seconds"]["work"]
         costs = [f"{cpu[name]:.2f}" for name in ("median", "mean", "most")]
@@ -52,6 +54,15 @@ def of_runs(found: dict[str, dict[str, Any]]) -> str:
             [key, str(r["logs"]), str(r["failed"]), killed, *costs, f"{wall:.0f}", f"{wall / r['logs']:.2f}", *size]
         )
     return table(head, lines)
+
+
+def of_course(found: dict[str, dict[str, Any]]) -> str:
+    """Costs per log against the number of logs done before it."""
+    key = _largest(found, "course")
+    if key is None:
+        return ""
+    lines = [[v, *(f"{cpu:.2f}" for cpu in quarters)] for v, quarters in found[key]["vehicles"].items()]
+    return table(["cpu per log, median [s]", "first quarter of its logs", "second", "third", "last"], lines)
 
 
 def of_memory(found: dict[str, dict[str, Any]]) -> str:
@@ -141,7 +152,13 @@ def renew(page: Path = PAGE) -> None:
     """Write the page with the tables of the runs that are kept."""
     found = kept(RESULTS)
     text = page.read_text(encoding="utf-8")
-    tables = {"runs": of_runs, "memory": of_memory, "difference": of_difference, "rankings": of_rankings}
+    tables = {
+        "runs": of_runs,
+        "memory": of_memory,
+        "difference": of_difference,
+        "rankings": of_rankings,
+        "course": of_course,
+    }
     for name, make in {**tables, "estimate": of_estimate}.items():
         pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
         made = make(found)

@@ -110,6 +110,16 @@ def of_rows(store: Store) -> dict[str, Any]:
     }
 
 
+def course(output: Path) -> dict[str, Any]:
+    """Median processor seconds of the logs of each vehicle, by the quarter in which they were done: first to last."""
+    rows = sorted((r for r in Store(str(output)).rows() if r["status"] == "ok"), key=lambda r: r["finished"])
+    out = {}
+    for vehicle in sorted({r["vehicle"] for r in rows}):
+        own = [r["cpu_s"] for r in rows if r["vehicle"] == vehicle]
+        out[vehicle] = [float(np.median(part)) for part in np.array_split(own, 4)]
+    return {"vehicles": out, "logs": len(rows)}
+
+
 def brief(one: FleetRanking) -> dict[str, Any]:
     """The best set of a vehicle."""
     r = one.ranking
