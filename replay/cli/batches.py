@@ -51,6 +51,10 @@ Output = Annotated[
     ),
 ]
 
+OneVehicle = Annotated[
+    str | None, typer.Option("--vehicle", metavar="NAME", help="Of rows of `batch compare`: whose flights.")
+]
+
 
 @dataclass
 class Where:

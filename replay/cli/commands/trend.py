@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.batches import OneVehicle
 from wrenchgap.replay.cli.requests import Reading, Run
 
 
@@ -30,9 +31,7 @@ def trend(
     page: Annotated[
         Path | None, typer.Option("--page", metavar="FILE", help="All of it as a web page (.html).")
     ] = None,
-    vehicle: Annotated[
-        str | None, typer.Option("--vehicle", metavar="NAME", help="Of rows of `batch compare`: whose flights.")
-    ] = None,
+    vehicle: OneVehicle = None,
     *,
     reading: Reading,
     run: Run,
