@@ -36,6 +36,7 @@ def main() -> None:
         smaller = [f"cluster {n}" for n in SMALLER if n < count]
         jobs = {
             f"cluster {count}": lambda: runs.on_cluster(logs, whole, count, kill=True),
+            f"ranking {count}": lambda: runs.ranked(whole),
             f"course {count}": lambda: runs.course(whole),
             f"serial {count}": lambda: runs.serial(logs, alone, count, 0.4 * a.minutes),
             f"difference {count}": lambda: runs.differences(whole, alone),

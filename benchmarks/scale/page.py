@@ -100,7 +100,7 @@ def of_difference(found: dict[str, dict[str, Any]]) -> str:
 
 def of_rankings(found: dict[str, dict[str, Any]]) -> str:
     """What the fleet's rankings name."""
-    key = _largest(found, "cluster")
+    key = _largest(found, "ranking")
     if key is None:
         return ""
     lines = []

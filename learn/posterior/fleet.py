@@ -6,8 +6,9 @@ The score of a set is that of `learn.posterior.score` on all flights together; t
 its declared values, and nearer the truth when the evidence is made anew at the values found (`Ranking.points`).
 
 Flights, and not blocks of time, are what is held out: theta without flight f solves (A - A_f) theta = b - b_f, so
-predicting every flight from all others takes no second look at any log. Weights of sets are pseudo-BMA over flights
-(Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec. 3.4), on held-out likelihood.
+predicting every flight from all others takes no second look at any log. Weights of sets are those of
+`learn.posterior.sets.weights`, with flights for blocks. What is predicted of held-out flights stands beside them and is
+no weight: many flights show how far laws are from exact, and there the more flexible of two equal sets predicts better.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Read = Callable[[], Iterable[Evidence]]
 RANKED = 20
 """Sets that are cross-validated, the likeliest of the search."""
 HELD_OUT = 3
-"""Flights from which on flights are held out; of fewer, sets are weighed by what they explain of the same flights."""
+"""Flights from which on flights are held out; of fewer, gains are in-sample."""
 ROUNDS = 2
 
 
@@ -43,8 +44,8 @@ class RankedSet:
     """A set of effects on a fleet. `names` are those of its effects worth a name, `theta` and `std` by column.
 
     `log_odds` are against no effect at all, `weight` is its share among the sets ranked, `gain` what it predicts of
-    flights that were held out better than no effect does (sum of log likelihoods), `better` the share of flights that
-    it predicts better; `rms` (6,) [N, Nm] is left of held-out flights, trims aside; NaN where nothing was measured.
+    flights that were held out (`Ranking.held_out`) better than no effect does (sum of log likelihoods), `better` the
+    share of flights that it predicts better; `rms` (6,) [N, Nm] is left of held-out flights, trims aside; NaN where nothing was measured.
     """
 
     keys: Keys
@@ -96,15 +97,14 @@ def ranking(read: Read) -> Ranking:
     best = [s for s in ordered(scorer) if s.keys][:RANKED]
     alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
     held_out = len(space.flights) >= HELD_OUT
-    likelihood, squares = by_flight(scorer, [none, *best], read(), held_out=held_out)
-    prior = np.array([scorer.prior_of(s.keys) if held_out else s.prior for s in (none, *best)])
-    share = bootstrapped(likelihood, prior)
+    likelihood, predicted, squares = by_flight(scorer, [none, *best], read(), held_out=held_out)
+    share = bootstrapped(likelihood, np.array([s.prior for s in (none, *best)]))
     rms = np.sqrt(squares / space.count.sum(axis=0))
     sets = []
     for k, s in enumerate((none, *best)):
         parts = parts_of(scorer, s)
         named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
-        gain = likelihood[k] - likelihood[0]
+        gain = predicted[k] - predicted[0]
         spread = deviations(scorer, s)
         odds = s.log_probability - none.log_probability
         left = _six(rms[k], space.axes)
@@ -154,14 +154,14 @@ def searched(space: FleetSpectrum) -> FleetScorer:
 
 def by_flight(
     scorer: FleetScorer, sets: Sequence[Scored], parts: Iterable[Evidence], *, held_out: bool
-) -> tuple[Array, Array]:
-    """Log likelihoods (S, F) of each flight under each set, and the sums of squares (S, L) that the sets leave.
+) -> tuple[Array, Array, Array]:
+    """Log likelihoods (S, F) of each flight under each set; the same predicted; sums of squares (S, L) that are left.
 
     `held_out` predicts a flight with the parameters that all others give; the trim of a flight is its own.
     """
     space = scorer.spectrum
     problems = [scorer.problem(s) for s in sets]
-    likelihood = np.empty((len(sets), len(space.flights)))
+    likelihood, predicted = np.empty((2, len(sets), len(space.flights)))
     squares = np.zeros((len(sets), len(space.axes)))
     for f, one in enumerate(parts):
         rows = chosen_rows(one, space.keys)
@@ -172,15 +172,22 @@ def by_flight(
             w = problem.weights.copy()
             own = products[:, :, problem.rows[:, None], problem.rows]
             size = len(problem.scale)
+            off = problem.off * count
+            known = scorer.share * count * problem.log
+
+            def value(left: Array, g: Array = problem.g, off: Array = off, known: Array = known) -> float:
+                return -0.5 * float(np.sum(g * (left + off) + known))
+
+            left = scorer.left_of(own, f, problem, w)
+            likelihood[k, f] = value(left)
             if held_out:
                 theirs = problem.whole - scorer.weighed_of(own, f, problem)
                 A, b = theirs[:size, :size], theirs[:size, size:] @ w[size:]
                 w[:size] = -compiled.bounded(A, b, problem.low, problem.high, problem.scale)
-            left = scorer.left_of(own, f, problem, w)
-            off = problem.off * count
-            likelihood[k, f] = -0.5 * float(np.sum(problem.g * (left + off) + scorer.share * count * problem.log))
+                left = scorer.left_of(own, f, problem, w)
+            predicted[k, f] = value(left)
             squares[k] += left.sum(axis=0)
-    return likelihood, squares
+    return likelihood, predicted, squares
 
 
 def deviations(scorer: FleetScorer, scored: Scored) -> dict[str, Array]:

@@ -25,13 +25,13 @@ MOST_SETS = 5
 COUNTS = 0.01
 """Weight from which on a set is."""
 HELD_OUT = (
-    "weight: share of the sets ranked, from flights that were held out   gain: how much better than no effect a set "
-    "predicts them (sum of log likelihoods)   better: share of the flights   left: rms on them over that with no "
-    "effect, force and torque"
+    "weight: share of the sets ranked   gain: how much better than no effect a set predicts flights that were held out "
+    "(sum of log likelihoods)   better: share of the flights   left: rms on them over that with no effect, force and "
+    "torque"
 )
 IN_SAMPLE = (
-    "weight and gain are in-sample: fewer than three flights cannot be held out   left: rms over that with no effect, "
-    "force and torque"
+    "weight: share of the sets ranked   gain and left are in-sample: fewer than three flights cannot be held out   "
+    "left: rms over that with no effect, force and torque"
 )
 
 

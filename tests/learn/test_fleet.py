@@ -102,7 +102,7 @@ def test_what_is_no_evidence_is_said_in_one_line():
 def test_a_held_out_flight_is_predicted_by_the_fit_of_the_others(parts, merged):
     """theta without a flight: its subtraction against merging all others, at the same noise and prior's sizes."""
     best = next(s for s in ordered(merged) if s.keys)
-    whole = by_flight(merged, [best], parts, held_out=True)[0][0]
+    whole = by_flight(merged, [best], parts, held_out=True)[1][0]
     problem = merged.problem(best)
     keys, axes, _ = shared(parts)
     for f in range(COUNT):
