@@ -45,7 +45,8 @@ class RankedSet:
 
     `log_odds` are against no effect at all, `weight` is its share among the sets ranked, `gain` what it predicts of
     flights that were held out (`Ranking.held_out`) better than no effect does (sum of log likelihoods), `better` the
-    share of flights that it predicts better; `rms` (6,) [N, Nm] is left of held-out flights, trims aside; NaN where nothing was measured.
+    share of flights that it predicts better; `rms` (6,) [N, Nm] is left of held-out flights, trims aside; NaN where
+    nothing was measured.
     """
 
     keys: Keys
