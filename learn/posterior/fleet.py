@@ -26,7 +26,7 @@ from wrenchgap.learn.posterior.evidence import Evidence, Points
 from wrenchgap.learn.posterior.fleet_score import FleetScorer, saturated
 from wrenchgap.learn.posterior.merging import FleetSpectrum, chosen_rows, products_of
 from wrenchgap.learn.posterior.score import Keys, Scored
-from wrenchgap.learn.posterior.sets import Part, bootstrapped, ordered, parts_of, search
+from wrenchgap.learn.posterior.sets import Part, bootstrapped, leaves_of, ordered, parts_of, search
 from wrenchgap.plant.effects import family
 
 Read = Callable[[], Iterable[Evidence]]
@@ -98,21 +98,29 @@ def ranking(read: Read) -> Ranking:
     best = [s for s in ordered(scorer) if s.keys][:RANKED]
     alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
     held_out = len(space.flights) >= HELD_OUT
-    likelihood, predicted, squares = by_flight(scorer, [none, *best], read(), held_out=held_out)
-    share = bootstrapped(likelihood, np.array([s.prior for s in (none, *best)]))
+    weights = _weights(scorer, [none, *best], read)
+    kept = [scorer(keys) for keys in dict.fromkeys([(), *weights])]
+    _, predicted, squares = by_flight(scorer, kept, read(), held_out=held_out)
     rms = np.sqrt(squares / space.count.sum(axis=0))
     sets = []
-    for k, s in enumerate((none, *best)):
+    for k, s in enumerate(kept):
         parts = parts_of(scorer, s)
         named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
         gain = predicted[k] - predicted[0]
-        spread = deviations(scorer, s)
         odds = s.log_probability - none.log_probability
-        left = _six(rms[k], space.axes)
-        names = tuple(n for p in named for n in p.names)
-        over = float(np.mean(gain > 0.0))
         sets.append(
-            RankedSet(s.keys, names, s.theta, spread, parts, odds, float(share[k]), float(gain.sum()), over, left)
+            RankedSet(
+                keys=s.keys,
+                names=tuple(n for p in named for n in p.names),
+                theta=s.theta,
+                std=deviations(scorer, s),
+                parts=parts,
+                log_odds=odds,
+                weight=weights.get(s.keys, 0.0),
+                gain=float(gain.sum()),
+                better=float(np.mean(gain > 0.0)),
+                rms=_six(rms[k], space.axes),
+            )
         )
     return Ranking(
         tuple(space.flights),
@@ -125,6 +133,17 @@ def ranking(read: Read) -> Ranking:
         space.columns,
         left_out,
     )
+
+
+def _weights(scorer: FleetScorer, sets: Sequence[Scored], read: Read) -> dict[Keys, float]:
+    """Weights of what remains of these sets without idle members: of two effects that do the same, one or the other."""
+    likelihood, _, _ = by_flight(scorer, sets, read(), held_out=False)
+    share = bootstrapped(likelihood, np.array([s.prior for s in sets]))
+    out: dict[Keys, float] = {}
+    for s, weight in zip(sets, share, strict=True):
+        for leaf, part in leaves_of(scorer, s.keys).items():
+            out[leaf] = out.get(leaf, 0.0) + float(weight) * part
+    return out
 
 
 def shared(parts: Iterable[Evidence]) -> tuple[list[str], list[int], tuple[str, ...]]:

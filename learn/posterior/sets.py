@@ -89,11 +89,16 @@ class Contender:
 
 def contender(scorer: Scorer, keys: Keys) -> Contender:
     """All that is said of a set, and of what remains of it."""
-    leaves = {leaf: _bare(scorer, leaf) for leaf in _leaves(scorer, scorer(keys).keys, set())}
-    log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
+    leaves = tuple((_bare(scorer, leaf), share) for leaf, share in leaves_of(scorer, keys).items())
+    return replace(_bare(scorer, keys), leaves=leaves)
+
+
+def leaves_of(scorer: Scorer, keys: Keys) -> dict[Keys, float]:
+    """What remains of a set when all that it does not need is taken out, with shares of it (`Contender.leaves`)."""
+    leaves = list(dict.fromkeys(_leaves(scorer, scorer(keys).keys, set())))
+    log = np.array([scorer(leaf).log_probability for leaf in leaves])
     share = np.exp(log - log.max())
-    shares = zip(leaves.values(), (share / share.sum()).tolist(), strict=True)
-    return replace(_bare(scorer, keys), leaves=tuple(shares))
+    return dict(zip(leaves, (share / share.sum()).tolist(), strict=True))
 
 
 def _leaves(scorer: Scorer, keys: Keys, seen: set[Keys]) -> list[Keys]:
