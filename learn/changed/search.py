@@ -179,7 +179,7 @@ def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple
 def apart(hunt: Hunt, first: NamedSet, second: NamedSet) -> float:
     """Standard errors between two sets' predictions, all that is always there being free to make up for them."""
     weights = changes_only(hunt, first.contender.scored) - changes_only(hunt, second.contender.scored)
-    return float(np.sqrt(max(weights @ hunt.whole @ weights, 0.0)))
+    return float(np.sqrt(max(float(weights @ hunt.whole @ weights), 0.0)))
 
 
 def changes_only(hunt: Hunt, scored: Scored) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import Array
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Untried, inapplicable
 from wrenchgap.learn.data.dataset import dataset
@@ -21,7 +21,7 @@ from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.course import Course, Verdict, course
-from wrenchgap.learn.identify.fit import Fit, fit
+from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import MISFIT
 from wrenchgap.plant.air import require_force
 from wrenchgap.plant.effects import Parameter, find
@@ -59,6 +59,29 @@ class ParameterTrend:
     at_limit: tuple[int, ...]
 
 
+@dataclass(frozen=True)
+class FollowedFlight:
+    """One of the flights: the log without its samples, its notes, its sensor noise (6,) [N, Nm] and the filter [Hz]."""
+
+    flight: Flight
+    notes: tuple[object, ...]
+    noise: Array
+    cutoff_hz: float
+
+
+@dataclass(frozen=True)
+class FlightValues:
+    """What one flight says by itself: `effects`, their parameters `theta` (P,) one effect after the other, standard
+    deviations `std` (P,), names "effect.parameter" that ended at a limit, rms (6,) [N, Nm] of what is left.
+    """  # noqa: D205
+
+    effects: tuple[str, ...]
+    theta: Array
+    std: Array
+    at_bound: tuple[str, ...]
+    left: Array
+
+
 @dataclass(frozen=True, repr=False)
 class Trend(Result):
     """Parameters over flights, in the order given; `left_out` are effects that were not fitted, and why.
@@ -68,7 +91,7 @@ class Trend(Result):
 
     model: Model
     effects: tuple[str, ...]
-    flights: tuple[OpenFlight, ...]
+    flights: tuple[FollowedFlight, ...]
     parameters: tuple[ParameterTrend, ...]
     left: Array
     left_out: tuple[LeftOut, ...]
@@ -76,7 +99,7 @@ class Trend(Result):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the flights."""
-        return tuple(f.records[0].flight for f in self.flights)
+        return tuple(f.flight.name for f in self.flights)
 
     @property
     def changed(self) -> tuple[ParameterTrend, ...]:
@@ -113,13 +136,43 @@ def trend(
     fits = []
     for k, one in enumerate(flights):
         report(k / len(flights), f"fitting {one.records[0].flight}")
-        try:
-            fits.append(fit(dataset(one.records, alike, answering), alike, chosen))
-        except FitError as error:
-            raise FitError(f"{one.records[0].flight}: {error}") from None
-    left = np.array([rms(found.residual) for found in fits])
-    left[:, ~np.isfinite(np.sum([r.noise for one in flights for r in one.records], axis=0))] = np.nan
-    return Trend(model, chosen, tuple(flights), _followed(fits), left, left_out)
+        fits.append(_values(one, alike, chosen, answering))
+    return trend_of([followed_flight(one) for one in flights], fits, model, left_out)
+
+
+def trend_of(
+    flights: Sequence[FollowedFlight], fits: Sequence[FlightValues], model: Model, left_out: Sequence[LeftOut] = ()
+) -> Trend:
+    """The trend of flights that were fitted one by one, all with the same effects."""
+    left = np.array([found.left for found in fits])
+    left[:, ~np.isfinite(np.sum([one.noise for one in flights], axis=0))] = np.nan
+    return Trend(model, fits[0].effects, tuple(flights), _followed(fits, model), left, tuple(left_out))
+
+
+def flight_values(flight: OpenFlight, model: Model, names: Sequence[str] = ()) -> FlightValues:
+    """What `trend` asks of each of its flights, of one flight: what answers the motion is seen to by its own commands.
+
+    Raises as `trend`.
+    """
+    chosen, left_out = _effects([flight], model, names)
+    usable = model.without(one.reason.effect for one in left_out if model.effect(one.reason.effect) is not None)
+    alike = replace(usable, between_flights=None)
+    return _values(flight, alike, chosen, answering_axes([timing_of(flight, model)]))
+
+
+def _values(one: OpenFlight, model: Model, names: tuple[str, ...], answering: Sequence[int]) -> FlightValues:
+    try:
+        found = fit(dataset(one.records, model, answering), model, names)
+    except FitError as error:
+        raise FitError(f"{one.records[0].flight}: {error}") from None
+    return FlightValues(names, found.theta, found.std, found.at_bound, rms(found.residual))
+
+
+def followed_flight(one: OpenFlight) -> FollowedFlight:
+    """A flight without its samples."""
+    bare = Flight(one.records[0].flight, one.flight.path, one.flight.content_hash, one.flight.start_ns)
+    noise = np.asarray(np.sum([r.noise for r in one.records], axis=0))
+    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz)
 
 
 def _effects(
@@ -146,13 +199,14 @@ def _lacking(name: str, flights: Sequence[OpenFlight], model: Model) -> LeftOut 
     return next((LeftOut(flight, why) for flight, why in found if why is not None), None)
 
 
-def _followed(fits: Sequence[Fit]) -> tuple[ParameterTrend, ...]:
+def _followed(fits: Sequence[FlightValues], model: Model) -> tuple[ParameterTrend, ...]:
     """Every parameter of the fits, one a flight, and its course."""
     theta, std = np.array([f.theta for f in fits]), np.array([f.std for f in fits])
     errors = np.sqrt(np.maximum(std**2 - (MISFIT * theta) ** 2, 0.0))
-    shown = [_shown(p, errors[:, k]) for k, (_, p) in enumerate(fits[0].parameters)]
+    parameters = [(name, p) for name in fits[0].effects for p in find(name).parameters(model.vehicle)]
+    shown = [_shown(p, errors[:, k]) for k, (_, p) in enumerate(parameters)]
     out = []
-    for k, (effect, p) in enumerate(fits[0].parameters):
+    for k, (effect, p) in enumerate(parameters):
         found = course(theta[:, k], errors[:, k], max(sum(shown), 1))
         if not shown[k]:
             found = Course(Verdict.OPEN, np.full(len(fits), theta[:, k].mean()), found.scatter)

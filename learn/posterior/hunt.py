@@ -42,7 +42,7 @@ class Hunt:
     def __init__(self, scorer: Scorer, variance: Array) -> None:
         space = self.space = scorer.spectrum
         self.scorer = scorer
-        whole = np.tensordot(scorer.count / variance, space.products, axes=([0, 1], [0, 1]))
+        whole = scorer.weighed(variance)
         always = space.always
         inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
         across = whole[always]

@@ -88,6 +88,10 @@ class Scorer:
         space = self.spectrum
         return np.asarray((self.count * (left + space.leak) + NU * space.sensor) / (self.count + NU))
 
+    def weighed(self, variance: Array) -> Array:
+        """Products (Q, Q) of all quantities over the variance (bands, axes) of the noise."""
+        return np.asarray(np.tensordot(self.count / variance, self.spectrum.products, axes=([0, 1], [0, 1])))
+
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
         return -PRICE * sum(complexity(self.spectrum.columns[k].names) for k in keys)

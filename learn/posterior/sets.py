@@ -89,11 +89,16 @@ class Contender:
 
 def contender(scorer: Scorer, keys: Keys) -> Contender:
     """All that is said of a set, and of what remains of it."""
-    leaves = {leaf: _bare(scorer, leaf) for leaf in _leaves(scorer, scorer(keys).keys, set())}
-    log = np.array([leaf.scored.log_probability for leaf in leaves.values()])
+    leaves = tuple((_bare(scorer, leaf), share) for leaf, share in leaves_of(scorer, keys).items())
+    return replace(_bare(scorer, keys), leaves=leaves)
+
+
+def leaves_of(scorer: Scorer, keys: Keys) -> dict[Keys, float]:
+    """What remains of a set when all that it does not need is taken out, with shares of it (`Contender.leaves`)."""
+    leaves = list(dict.fromkeys(_leaves(scorer, scorer(keys).keys, set())))
+    log = np.array([scorer(leaf).log_probability for leaf in leaves])
     share = np.exp(log - log.max())
-    shares = zip(leaves.values(), (share / share.sum()).tolist(), strict=True)
-    return replace(_bare(scorer, keys), leaves=tuple(shares))
+    return dict(zip(leaves, (share / share.sum()).tolist(), strict=True))
 
 
 def _leaves(scorer: Scorer, keys: Keys, seen: set[Keys]) -> list[Keys]:
@@ -123,6 +128,15 @@ def _evidence(left: Array, without: Array) -> float:
 
 def _bare(scorer: Scorer, keys: Keys) -> Contender:
     space, scored = scorer.spectrum, scorer(keys)
+    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
+    predicted = -space.coefficients[:, :, used] @ scored.weights[used]
+    left = by_axis(scorer, scored.left)
+    return Contender(scored, parts_of(scorer, scored), scorer.by_block(scored), predicted, left)
+
+
+def parts_of(scorer: Scorer, scored: Scored) -> tuple[Part, ...]:
+    """What is said of each candidate of a set."""
+    space = scorer.spectrum
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
     parts = []
@@ -140,9 +154,7 @@ def _bare(scorer: Scorer, keys: Keys) -> Contender:
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
         parts.append(Part(c.names, theta, size, stuck, evidence, trust * (IMPLAUSIBLE if stuck else 1.0)))
-    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
-    predicted = -space.coefficients[:, :, used] @ scored.weights[used]
-    return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, left)
+    return tuple(parts)
 
 
 def _size(scorer: Scorer, scored: Scored, key: str) -> Array:
@@ -196,9 +208,14 @@ def ordered(scorer: Scorer) -> list[Scored]:
 
 
 def weights(sets: Sequence[Contender]) -> Array:
-    """Weights (S,): Dirichlet weights of the blocks, the share of every set, and the mean of many such draws."""
-    likelihood: Array = np.array([c.by_block for c in sets])
-    prior = np.array([c.scored.prior for c in sets])
+    """Weights (S,) of sets by their blocks of time."""
+    return bootstrapped(np.array([c.by_block for c in sets]), np.array([c.scored.prior for c in sets]))
+
+
+def bootstrapped(likelihood: Array, prior: Array) -> Array:
+    """Weights (S,): Dirichlet weights of the blocks (or flights), the share of every set, and the mean of many such
+    draws. `likelihood` (S, B) and `prior` (S,) are logarithms.
+    """  # noqa: D205
     blocks = likelihood.shape[1]
     drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
     log = drawn @ likelihood.T + prior

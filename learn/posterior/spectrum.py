@@ -75,25 +75,17 @@ class Spectrum:
         self.sparse = np.concatenate([*sparse, np.zeros(limit.size, bool)])
         whole = np.concatenate(stacked, axis=2)[:, self.axes]
         self.coefficients, self.block, hertz = transformed(data.records, whole)
+        self.hertz = hertz
         _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
         self.starts = np.flatnonzero(np.diff(self.block, prepend=-1))
         self.blocks = len(self.starts)
         per_band = np.bincount(self.band)
         self.count = np.repeat(per_band[:, None], len(self.axes), axis=1).astype(float)
         self.sensor = sensor_spectrum(data, hertz, self.band)[:, self.axes]
-        self.leak = self._leak()
+        self.leak = leaking(mean_squares(self.coefficients[:, :, 0], self.band), self.axes)
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
         self.products = self._products()
-
-    def _leak(self) -> Array:
-        given = [np.bincount(self.band, weights=x**2) for x in self.coefficients[:, :, 0].T]
-        power = np.stack(given, axis=1) / self.count
-        forces = self.axes < len(AXES) // 2
-        out = np.empty(power.shape)
-        for own in (forces, ~forces):
-            out[:, own] = LEAK**2 * power[:, own].sum(axis=1, keepdims=True)
-        return out
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
@@ -184,12 +176,31 @@ def transformed(
     return np.concatenate(out), np.concatenate(block), np.concatenate(hertz)
 
 
-def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Array:
-    """Variance (bands, 6) of a coefficient from sensors alone: white, filtered forward and backward, for torques
-    differentiated once.
+def mean_squares(coefficients: Array, band: NDArray[np.intp]) -> Array:
+    """By band and axis (bands, axes), of coefficients (K, axes) in these bands (K,)."""
+    return np.stack([np.bincount(band, weights=x**2) for x in coefficients.T], axis=1) / np.bincount(band)[:, None]
+
+
+def leaking(power: Array, axes: NDArray[np.intp]) -> Array:
+    """`Spectrum.leak` (bands, axes) of the mean squares (bands, axes) of what the model leaves."""
+    forces = axes < len(AXES) // 2
+    out = np.empty(power.shape)
+    for own in (forces, ~forces):
+        out[:, own] = LEAK**2 * power[:, own].sum(axis=1, keepdims=True)
+    return out
+
+
+def noise_shapes(hertz: Array, cutoff_hz: float) -> Array:
+    """Shapes (K, 2) of the spectra of sensor noise in forces and in torques, at frequencies (K,) [Hz]: white, filtered
+    forward and backward, for torques differentiated once.
     """  # noqa: D205
-    low_pass = (1.0 + (hertz / data.records[0].cutoff_hz) ** 4) ** -2.0
-    shapes = np.stack([low_pass] * 3 + [low_pass * hertz**2] * 3, axis=1)
+    low_pass = (1.0 + (hertz / cutoff_hz) ** 4) ** -2.0
+    return np.stack((low_pass, low_pass * hertz**2), axis=1)
+
+
+def sensor_spectrum(data: Dataset, hertz: Array, band: NDArray[np.intp]) -> Array:
+    """Variance (bands, 6) of a coefficient from sensors alone (`noise_shapes`)."""
+    shapes = np.repeat(noise_shapes(hertz, data.records[0].cutoff_hz), 3, axis=1)
     shapes *= np.nan_to_num(data.noise) ** 2 / shapes.mean(axis=0)
     each = [np.bincount(band, weights=shapes[:, axis]) / np.bincount(band) for axis in range(6)]
     return np.maximum(np.stack(each, axis=1), 1e-30)

@@ -28,7 +28,19 @@ from wrenchgap.replay.cli.requests import grouped
 NAME = "wrenchgap"
 ORDER = (
     *("model", "inspect", "calibrate", "compare", "where", "explain", "changed", "trend", "add", "remove", "history"),
-    *("learn", "report", "replay", "counterfactual", "export", "design", "simulate", "convert", "view", "demo"),
+    *(
+        "learn",
+        "report",
+        "replay",
+        "counterfactual",
+        "export",
+        "design",
+        "simulate",
+        "convert",
+        "batch",
+        "view",
+        "demo",
+    ),
 )
 """Order in the help; commands that are not listed come last."""
 

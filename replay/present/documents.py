@@ -43,6 +43,7 @@ VERSIONS = {
     "model": 1,
     "calibrate": 1,
     "export": 1,
+    "batch": 1,
 }
 """Version of each command's JSON: a number that grows when a key changes its meaning or goes away."""
 

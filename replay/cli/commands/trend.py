@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.batches import OneVehicle
 from wrenchgap.replay.cli.requests import Reading, Run
 
 
@@ -30,14 +31,16 @@ def trend(
     page: Annotated[
         Path | None, typer.Option("--page", metavar="FILE", help="All of it as a web page (.html).")
     ] = None,
+    vehicle: OneVehicle = None,
     *,
     reading: Reading,
     run: Run,
 ) -> None:
     """Fit each flight by itself and say which parameters stepped or drifted over the flights.
 
-    Give the logs in the order in which they were flown. A step is told with its flight, its size with a 95 % interval,
-    and its significance against the scatter between flights; with fewer than four flights nothing is said of steps.
+    Give the logs in the order in which they were flown, or the folder of `wrenchgap batch compare`. A step is told with
+    its flight, its size with a 95 % interval, and its significance against the scatter between flights; with fewer than
+    four flights nothing is said of steps.
 
     Example: `wrenchgap trend monday.mcap tuesday.mcap wednesday.mcap friday.mcap -m my_quadrotor --page season.html`
     """
@@ -52,8 +55,15 @@ def trend(
     names = o.parse_effects(fit)
     base = run.model(model)
     with run.progress("following") as report:
-        flights, _ = run.open(reading, logs, base)
-        found = between_flights.trend(flights, base, names, progress=report)
+        if len(logs) == 1 and (logs[0] / "run.json").is_file():
+            from wrenchgap.replay.batch.followed import trend_of_rows
+            from wrenchgap.replay.batch.store import Store
+
+            found = trend_of_rows(Store(str(logs[0])), base, names, vehicle)
+            run.note_input(logs[0] / "run.json", "batch")
+        else:
+            flights, _ = run.open(reading, logs, base)
+            found = between_flights.trend(flights, base, names, progress=report)
     run.result(found)
     run.draw(found, figure)
     if table is not None:

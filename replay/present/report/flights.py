@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.flight.flight import Flight
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.report.elements import Table
 from wrenchgap.replay.present.report.page import environment
@@ -26,7 +26,15 @@ def save(text: str, path: Path) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def rendered(tool: str, flights: Sequence[OpenFlight], **parts: Any) -> str:
+class LogFlight(Protocol):
+    """Anything made of one log."""
+
+    @property
+    def flight(self) -> Flight:
+        """The log."""
+
+
+def rendered(tool: str, flights: Sequence[LogFlight], **parts: Any) -> str:
     """The page of a command, with today's date and the logs."""
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return (
@@ -36,7 +44,7 @@ def rendered(tool: str, flights: Sequence[OpenFlight], **parts: Any) -> str:
     )
 
 
-def files(flights: Sequence[OpenFlight]) -> Table:
+def files(flights: Sequence[LogFlight]) -> Table:
     """The logs and their hashes."""
     rows = [[str(k + 1), f.flight.path.name, f.flight.content_hash] for k, f in enumerate(flights)]
     return Table(("", "log", "SHA-256"), rows, left=3, code=(2,), caption="Logs.")

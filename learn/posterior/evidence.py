@@ -1,0 +1,261 @@
+"""What one flight says about all candidates, kept small enough to be stored, and exact enough to be merged.
+
+A search over sets (`learn.posterior.sets`) needs of the flights only products of linear columns, by band of frequency
+and axis. Where the columns of two flights are derivatives at the same values, the products of both together are their
+sum: ranking a fleet costs one pass over each log, and leaving a flight out is a subtraction. So columns are linearised
+at declared values (`declared`), the same for every flight, and not where they fit one flight best.
+
+Products P = C'C of coefficients C (n, Q) are kept as a root R with R'R = P: C itself where it has few rows, else the
+triangle of its QR decomposition; that takes min(n, Q) Q numbers for a band and axis, and loses no digits to squaring.
+Trims (`learn.identify.trim`) are unknowns of each flight, and enter through one sum a flight (`Evidence.trimmed`).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import FitError, ModelError
+from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.applicable import inapplicable, unexcited
+from wrenchgap.learn.data.dataset import Dataset, dataset
+from wrenchgap.learn.data.opening import OpenFlight
+from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
+from wrenchgap.learn.identify.air import companions
+from wrenchgap.learn.identify.candidates import candidates
+from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.trim import trim_of
+from wrenchgap.learn.posterior.columns import DULL, Column
+from wrenchgap.learn.posterior.score import saturated
+from wrenchgap.learn.posterior.spectrum import EDGES, Spectrum, noise_shapes, transformed
+from wrenchgap.learn.posterior.table import uncertain
+from wrenchgap.plant.air import that_act
+from wrenchgap.plant.effects import catalogue, find
+from wrenchgap.plant.model import Model
+
+BANDS = len(EDGES) + 1
+"""Bands of frequency, whether a flight has coefficients in all of them or not."""
+FORMAT = 1
+"""Version of what `packed` writes."""
+
+Points = Mapping[str, Sequence[float]]
+"""Values (P,) at which candidates are linearised, by `Column.key`, where these are not the declared ones."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Of one flight; L axes, Q quantities: what the model leaves, parameters and offset of each column, known effects.
+
+    `columns` and `known` (the model's own uncertain effects) have no samples. `roots` (L, N, Q) are the roots of all
+    bands below one another, `rows` (bands,) how many belong to each. `count` (bands,) are coefficients, `power`
+    (bands, L) the sum of squares of what the model leaves, `shapes` (bands, 2) those of the sensor noise of forces and
+    torques, `noise` (6,) [N, Nm]. `trimmed` (A, Q) are the sums of each of A trims times the quantities, `trims` (A,)
+    of the trims squared, `trim_axes` (A,) out of L. `unexcited` names what this flight alone would not try.
+    """
+
+    flight: str
+    seconds: float
+    blocks: int
+    axes: NDArray[np.intp]
+    columns: tuple[Column, ...]
+    known: tuple[Column, ...]
+    roots: Array
+    rows: NDArray[np.intp]
+    count: Array
+    power: Array
+    shapes: Array
+    noise: Array
+    trimmed: Array
+    trims: Array
+    trim_axes: NDArray[np.intp]
+    trim_scale: Array
+    calmed: int
+    answering: tuple[int, ...]
+    unexcited: tuple[str, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Of the columns."""
+        return tuple(c.key for c in self.columns)
+
+
+def evidence(flight: OpenFlight, model: Model, names: Sequence[str] = (), points: Points | None = None) -> Evidence:
+    """What a flight says about `names`, by default the catalogue.
+
+    Commands that answer the motion, and blocks of time that are far louder than others, are seen to flight by flight.
+    Raises ModelError for unknown names, FitError for a flight that is too short or allows none of the effects.
+    """
+    answering = answering_axes([timing_of(flight, model)])
+    data = dataset(flight.records, model, answering)
+    chosen, idle = _names(data, model, names)
+    columns = declared(data, model, chosen, points)
+    if not columns:
+        raise FitError(f"{flight.flight.name}: no effect can be tried on this flight")
+    own = [e for e in model.effects if e.std is not None and np.any(e.std > 0.0)]
+    return evidence_of(data, model, columns, [uncertain(data, model, e) for e in own], idle)
+
+
+def _names(data: Dataset, model: Model, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Effects that have columns here, and which of them this flight alone would not try. A flight that does not excite
+    an effect says little about it, and that little is merged all the same.
+    """  # noqa: D205
+    tried = candidates(data.records, model, names).tried
+    possible = [n for n in (names or catalogue()) if inapplicable(n, model, data.records) is None]
+    idle = [n for n in possible if n not in tried and unexcited(n, model, data.records) is not None]
+    idle = [n for n in idle if find(n).known(model.vehicle) is None]
+    present = [e.name for e in model.effects]
+    acting = that_act([n for n in possible if n in tried or n in idle], present)
+    return tuple(n for n in possible if n in acting), tuple(n for n in acting if n in idle)
+
+
+def declared(data: Dataset, model: Model, names: Sequence[str], points: Points | None = None) -> list[Column]:
+    """Columns linearised at `points`, else at the model's values, else at the start values of their parameters.
+
+    A derivative at no lag at all says nothing of lags: where a parameter starts away from zero, it is linearised at its
+    typical size at least. Effects that the model refuses there are left out.
+    """
+    left = Problem(data, model, ())
+    base = left.at(np.zeros(left.low.size)).residual
+    own = tuple(e.name for e in model.effects)
+    single = [n for n in names if n in that_act([n], own)]
+    out = []
+    for added in [s for n in single for s in ((n,), *((n, other) for other in companions(n, own, names)))]:
+        try:
+            line = _column(data, model, base, added, points or {})
+        except ModelError:  # an inertia that no body has, say
+            continue
+        out.append(line)
+    return out
+
+
+def _column(data: Dataset, model: Model, base: Array, names: tuple[str, ...], points: Points) -> Column:
+    problem = Problem(data, model, names)
+    part = slice(0, problem.size)
+    x = problem.start(None).x.copy()
+    parameters = [p for _, p in problem.parameters]
+    for k, p in enumerate(parameters):
+        if p.start != 0.0 and x[k] < DULL * p.scale:
+            x[k] = min(p.scale, p.high)
+    key = " + ".join(names)
+    if key in points:
+        x[part] = np.clip(points[key], problem.low[part], problem.high[part])
+    values = {e.name: e.theta for e in model.effects}
+    origin = np.concatenate([values.get(n, np.zeros(len(find(n).parameters(model.vehicle)))) for n in names])
+    point = problem.at(x)
+    derivative = problem.jacobian(point)[:, :, part]
+    theta = x[part] - origin
+    low, high = problem.low[part] - origin, problem.high[part] - origin
+    offset = base - point.residual - derivative @ theta
+    accuracy = max(find(n).accuracy for n in names)
+    return Column(
+        names, origin, theta, offset, derivative, low, high, problem.scale[part], problem.sparse[part], accuracy
+    )
+
+
+def evidence_of(
+    data: Dataset, model: Model, columns: Sequence[Column], known: Sequence[Column] = (), idle: Sequence[str] = ()
+) -> Evidence:
+    """The evidence of one flight's data on these columns."""
+    left = Problem(data, model, ())
+    trim = trim_of(model)
+    base = left.at(np.zeros(left.low.size)).residual
+    space = Spectrum(data, base, columns, trim, known)
+    space.calm(space.loud(space.coefficients @ saturated(space)[1]))
+    trims, axes = space.always[: len(trim.axes)], space.axes
+    here = np.flatnonzero(data.measured_axes[trim.axes])
+    where = np.searchsorted(axes, trim.axes[here])
+    kept = np.setdiff1d(np.arange(space.low.size), trims)
+    constant, band = space.hertz == 0.0, np.digitize(space.hertz, EDGES)
+    levels = [space.coefficients[constant, at, trims[k]] for k, at in zip(here, where, strict=True)]
+    sums = [a @ space.coefficients[constant, at][:, kept] for a, at in zip(levels, where, strict=True)]
+    roots = [_roots(space.coefficients[band == k][:, :, kept]) for k in range(BANDS)]
+    given = transformed(data.records, base[:, axes])[0]
+    shapes = noise_shapes(space.hertz, data.records[0].cutoff_hz)
+    return Evidence(
+        flight=data.records[0].flight,
+        seconds=float(sum(len(r) * r.dt_kept for r in data.records)),
+        blocks=space.blocks,
+        axes=axes,
+        columns=tuple(_bare(c) for c in columns),
+        known=tuple(_bare(c) for c in known),
+        roots=np.concatenate(roots, axis=1),
+        rows=np.array([r.shape[1] for r in roots]),
+        count=np.bincount(band, minlength=BANDS).astype(float),
+        power=_by_band(given**2, band),
+        shapes=_by_band(shapes, band),
+        noise=data.noise,
+        trimmed=np.array(sums).reshape(len(here), len(kept)),
+        trims=np.array([float(a @ a) for a in levels]),
+        trim_axes=where,
+        trim_scale=trim.scale[here],
+        calmed=int(np.sum(space.factors < 1.0)),
+        answering=data.answering,
+        unexcited=tuple(idle),
+    )
+
+
+def _by_band(values: Array, band: NDArray[np.intp]) -> Array:
+    """Sums (bands, X) of values (K, X)."""
+    return np.stack([np.bincount(band, weights=v, minlength=BANDS) for v in values.T], axis=1)
+
+
+def _bare(line: Column) -> Column:
+    """A column without its samples."""
+    return replace(line, offset=np.empty((0, 6)), jacobian=np.empty((0, 6, len(line.theta))))
+
+
+def _roots(coefficients: Array) -> Array:
+    """R (L, min(n, Q), Q) with R'R = C'C of coefficients C (n, L, Q), axis by axis."""
+    n, _, q = coefficients.shape
+    by_axis = np.moveaxis(coefficients, 1, 0)
+    return by_axis if n <= q else np.asarray(np.linalg.qr(by_axis, mode="r"))
+
+
+def packed(found: Evidence) -> bytes:
+    """As bytes: numbers in an npz archive, without code."""
+    arrays = {k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+    about = {k: v for k, v in vars(found).items() if k not in arrays and k not in ("columns", "known")}
+    lines = {name: [_plain(c) for c in getattr(found, name)] for name in ("columns", "known")}
+    head = json.dumps({"format": FORMAT, **about, **lines})
+    with io.BytesIO() as stream:
+        members: dict[str, Any] = {"head": np.array(head), **arrays}
+        np.savez_compressed(stream, **members)
+        return stream.getvalue()
+
+
+def unpacked(content: bytes) -> Evidence:
+    """From `packed`; raises FitError for what is none."""
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+            arrays = {k: stored[k] for k in stored.files if k != "head"}
+            head: dict[str, Any] = json.loads(str(stored["head"]))
+        if head.pop("format") != FORMAT:
+            raise ValueError("another version")
+        head |= {name: tuple(_line(c) for c in head[name]) for name in ("columns", "known")}
+        head |= {name: tuple(head[name]) for name in ("answering", "unexcited")}
+        return Evidence(**arrays, **head)
+    except (ValueError, KeyError, TypeError, OSError) as error:
+        raise FitError(f"stored evidence: cannot be read ({error}); run the batch again into another folder") from None
+
+
+def _plain(line: Column) -> dict[str, Any]:
+    values = asdict(replace(line, offset=np.empty(0), jacobian=np.empty(0)))
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+
+
+def _line(values: dict[str, Any]) -> Column:
+    arrays = {k: np.array(values[k], dtype=float) for k in ("origin", "theta", "low", "high", "scale")}
+    return Column(
+        tuple(values["names"]),
+        **arrays,
+        offset=np.empty((0, 6)),
+        jacobian=np.empty((0, 6, len(values["theta"]))),
+        sparse=np.array(values["sparse"], dtype=bool),
+        accuracy=float(values["accuracy"]),
+    )

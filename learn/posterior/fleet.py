@@ -1,0 +1,226 @@
+"""Which effects a fleet's model is missing: the search over sets on merged evidence, and cross-validation by flight.
+
+The score of a set is that of `learn.posterior.score` on all flights together; trims are eliminated
+(`learn.posterior.merging`). Columns stay where they were linearised: sets are not linearised anew together, as
+`explain` does on few flights. What is curved (a lag, a drag in moving air, a payload) is ranked as the straight line at
+its declared values, and nearer the truth when the evidence is made anew at the values found (`Ranking.points`).
+
+Flights, and not blocks of time, are what is held out: theta without flight f solves (A - A_f) theta = b - b_f, so
+predicting every flight from all others takes no second look at any log. Weights of sets are those of
+`learn.posterior.sets.weights`, with flights for blocks. What is predicted of held-out flights stands beside them and is
+no weight: many flights show how far laws are from exact, and there the more flexible of two equal sets predicts better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.posterior import compiled
+from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.evidence import Evidence, Points
+from wrenchgap.learn.posterior.fleet_score import FleetScorer, saturated
+from wrenchgap.learn.posterior.merging import FleetSpectrum, chosen_rows, products_of
+from wrenchgap.learn.posterior.score import Keys, Scored
+from wrenchgap.learn.posterior.sets import Part, bootstrapped, leaves_of, ordered, parts_of, search
+from wrenchgap.plant.effects import family
+
+Read = Callable[[], Iterable[Evidence]]
+"""Gives the evidence of every flight, one after the other and each time in the same order; never all at once."""
+
+RANKED = 20
+"""Sets that are cross-validated, the likeliest of the search."""
+HELD_OUT = 3
+"""Flights from which on flights are held out; of fewer, gains are in-sample."""
+ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class RankedSet:
+    """A set of effects on a fleet. `names` are those of its effects worth a name, `theta` and `std` by column.
+
+    `log_odds` are against no effect at all, `weight` is its share among the sets ranked, `gain` what it predicts of
+    flights that were held out (`Ranking.held_out`) better than no effect does (sum of log likelihoods), `better` the
+    share of flights that it predicts better; `rms` (6,) [N, Nm] is left of held-out flights, trims aside; NaN where
+    nothing was measured.
+    """
+
+    keys: Keys
+    names: tuple[str, ...]
+    theta: dict[str, Array]
+    std: dict[str, Array]
+    parts: tuple[Part, ...]
+    log_odds: float
+    weight: float
+    gain: float
+    better: float
+    rms: Array
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Sets, heaviest first; `alone` are the log odds of each candidate by itself against none, the best first.
+
+    `rms` (6,) [N, Nm] is what no effect leaves; `held_out` says whether flights were; `points` are the values that the
+    fleet gives each candidate by itself. `left_out` are candidates that some flight does not allow.
+    """
+
+    flights: tuple[str, ...]
+    seconds: float
+    sets: tuple[RankedSet, ...]
+    alone: dict[str, float]
+    rms: Array
+    held_out: bool
+    points: Points
+    columns: dict[str, Column]
+    left_out: tuple[str, ...]
+
+    def probability(self, name: str) -> float:
+        """Weight of the sets that name an effect, in any of its forms."""
+        return float(sum(s.weight for s in self.sets if family(name) in {family(n) for n in s.names}))
+
+    @property
+    def effects(self) -> dict[str, float]:
+        """Effects that a set names, with their probability, the likeliest first."""
+        named = dict.fromkeys(n for s in self.sets for n in s.names)
+        return dict(sorted(((n, self.probability(n)) for n in named), key=lambda item: -item[1]))
+
+
+def ranking(read: Read) -> Ranking:
+    """Rank sets of effects on the flights of one vehicle. Raises FitError where there is no flight."""
+    keys, axes, left_out = shared(read())
+    scorer = searched(FleetSpectrum(read(), keys, axes))
+    space, none = scorer.spectrum, scorer(())
+    best = [s for s in ordered(scorer) if s.keys][:RANKED]
+    alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
+    held_out = len(space.flights) >= HELD_OUT
+    weights = _weights(scorer, [none, *best], read)
+    kept = [scorer(keys) for keys in dict.fromkeys([(), *weights])]
+    _, predicted, squares = by_flight(scorer, kept, read(), held_out=held_out)
+    rms = np.sqrt(squares / space.count.sum(axis=0))
+    sets = []
+    for k, s in enumerate(kept):
+        parts = parts_of(scorer, s)
+        named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
+        gain = predicted[k] - predicted[0]
+        odds = s.log_probability - none.log_probability
+        sets.append(
+            RankedSet(
+                keys=s.keys,
+                names=tuple(n for p in named for n in p.names),
+                theta=s.theta,
+                std=deviations(scorer, s),
+                parts=parts,
+                log_odds=odds,
+                weight=weights.get(s.keys, 0.0),
+                gain=float(gain.sum()),
+                better=float(np.mean(gain > 0.0)),
+                rms=_six(rms[k], space.axes),
+            )
+        )
+    return Ranking(
+        tuple(space.flights),
+        float(sum(space.seconds)),
+        tuple(sorted(sets, key=lambda s: -s.weight)),
+        dict(sorted(alone.items(), key=lambda item: -item[1])),
+        _six(rms[0], space.axes),
+        held_out,
+        {k: [float(v) for v in scorer((k,)).theta[k] + space.columns[k].origin] for k in space.columns},
+        space.columns,
+        left_out,
+    )
+
+
+def _weights(scorer: FleetScorer, sets: Sequence[Scored], read: Read) -> dict[Keys, float]:
+    """Weights of what remains of these sets without idle members: of two effects that do the same, one or the other."""
+    likelihood, _, _ = by_flight(scorer, sets, read(), held_out=False)
+    share = bootstrapped(likelihood, np.array([s.prior for s in sets]))
+    out: dict[Keys, float] = {}
+    for s, weight in zip(sets, share, strict=True):
+        for leaf, part in leaves_of(scorer, s.keys).items():
+            out[leaf] = out.get(leaf, 0.0) + float(weight) * part
+    return out
+
+
+def shared(parts: Iterable[Evidence]) -> tuple[list[str], list[int], tuple[str, ...]]:
+    """Candidates that every flight has and one of them at least excites; axes that all measured; candidates without."""
+    keys: dict[str, int] = {}
+    excited: set[str] = set()
+    axes: set[int] | None = None
+    flights = 0
+    for one in parts:
+        flights += 1
+        keys |= {k: keys.get(k, 0) + 1 for k in one.keys}
+        excited |= {c.key for c in one.columns if not set(c.names) & set(one.unexcited)}
+        own = {int(a) for a in one.axes}
+        axes = own if axes is None else axes & own
+    kept = [k for k, count in keys.items() if count == flights and k in excited]
+    return kept, sorted(axes or ()), tuple(k for k in keys if k not in kept)
+
+
+def searched(space: FleetSpectrum) -> FleetScorer:
+    """As `learn.posterior.sets.searched`; blocks far louder than others have lost their weight flight by flight."""
+    reference = saturated(space)
+    for _ in range(ROUNDS):
+        scorer = FleetScorer(space, reference)
+        search(scorer)
+        reference = ordered(scorer)[0].left
+    return scorer
+
+
+def by_flight(
+    scorer: FleetScorer, sets: Sequence[Scored], parts: Iterable[Evidence], *, held_out: bool
+) -> tuple[Array, Array, Array]:
+    """Log likelihoods (S, F) of each flight under each set; the same predicted; sums of squares (S, L) that are left.
+
+    `held_out` predicts a flight with the parameters that all others give; the trim of a flight is its own.
+    """
+    space = scorer.spectrum
+    problems = [scorer.problem(s) for s in sets]
+    likelihood, predicted = np.empty((2, len(sets), len(space.flights)))
+    squares = np.zeros((len(sets), len(space.axes)))
+    for f, one in enumerate(parts):
+        rows = chosen_rows(one, space.keys)
+        at = np.array([list(one.axes).index(a) for a in space.axes], dtype=np.intp)
+        products = products_of(one, rows, at)[space.bands]
+        count = one.count[space.bands, None]
+        for k, problem in enumerate(problems):
+            w = problem.weights.copy()
+            own = products[:, :, problem.rows[:, None], problem.rows]
+            size = len(problem.scale)
+            off = problem.off * count
+            known = scorer.share * count * problem.log
+
+            def value(left: Array, g: Array = problem.g, off: Array = off, known: Array = known) -> float:
+                return -0.5 * float(np.sum(g * (left + off) + known))
+
+            left = scorer.left_of(own, f, problem, w)
+            likelihood[k, f] = value(left)
+            if held_out:
+                theirs = problem.whole - scorer.weighed_of(own, f, problem)
+                A, b = theirs[:size, :size], theirs[:size, size:] @ w[size:]
+                w[:size] = -compiled.bounded(A, b, problem.low, problem.high, problem.scale)
+                left = scorer.left_of(own, f, problem, w)
+            predicted[k, f] = value(left)
+            squares[k] += left.sum(axis=0)
+    return likelihood, predicted, squares
+
+
+def deviations(scorer: FleetScorer, scored: Scored) -> dict[str, Array]:
+    """Standard deviations by column: the width of the posterior at the noise that the set leaves."""
+    problem = scorer.problem(scored)
+    size = len(problem.scale)
+    curvature = problem.whole[:size, :size] + np.diag(problem.scale**-2.0)
+    std = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    ends = np.cumsum([0, *(len(scored.theta[k]) for k in scored.keys)])
+    return {k: std[ends[i] : ends[i + 1]] for i, k in enumerate(scored.keys)}
+
+
+def _six(values: Array, axes: NDArray[np.intp]) -> Array:
+    out = np.full(len(AXES), np.nan)
+    out[axes] = values
+    return out

@@ -1,0 +1,186 @@
+"""One batch: which logs are still to do, and Dask, which does them.
+
+There is one code path. Without an address a LocalCluster of worker processes on this machine is what does the work,
+with one the cluster there; scheduling, lost workers and their logs, and the dashboard are Dask's. Logs are handed over
+in a window, so that the scheduler holds a few per worker and not all of them.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.model_file import tool_version
+from wrenchgap.replay.batch.plan import Plan
+from wrenchgap.replay.batch.sources import Source, identities
+from wrenchgap.replay.batch.store import Store
+from wrenchgap.replay.batch.tasks import Task, failed, reason, work
+
+Tell = Callable[[int, int, int, str], None]
+"""Called with logs done, all logs, logs failed, and the file that is done."""
+
+AHEAD = 3
+"""Logs that are handed over for each thread of a worker, so that none waits for the next."""
+CHUNK = 16
+"""Logs whose content one task identifies."""
+PATIENCE = "15s"
+"""How long a scheduler is waited for."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a pass: rows (without results) of logs done now, how many were done before, logs with the same
+    content as another, by address, and keys of all rows of the logs that were asked for.
+    """  # noqa: D205
+
+    rows: tuple[Mapping[str, Any], ...]
+    before: int
+    same: Mapping[str, str]
+    keys: tuple[str, ...]
+
+
+def needed() -> Any:
+    """dask.distributed; raises UsageError where it is not installed."""
+    try:
+        import distributed
+    except ImportError:
+        raise UsageError("batch: dask.distributed is not installed; pip install 'wrenchgap[batch]'") from None
+    return distributed
+
+
+@contextmanager
+def client(scheduler: str | None = None, workers: int | None = None, memory: str = "auto") -> Iterator[Any]:
+    """A client of a Dask cluster: that at `scheduler`, else one of `workers` processes on this machine (default: one
+    for each core). Raises UsageError where there is none at that address.
+    """  # noqa: D205
+    distributed = needed()
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    if scheduler is None:
+        count = workers or os.cpu_count() or 1
+        options = {
+            "n_workers": count,
+            "threads_per_worker": 1,
+            "memory_limit": memory,
+            "silence_logs": logging.CRITICAL,
+        }
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Port .* is already in use")  # the link says which is taken
+            cluster = distributed.LocalCluster(**options)
+        with cluster, distributed.Client(cluster) as found:
+            yield found
+        return
+    try:
+        found = distributed.Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError, TimeoutError) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(
+            f"--scheduler {scheduler}: no Dask scheduler answers ({said}); start one with `dask scheduler`, or leave "
+            "the option out to work on this machine"
+        ) from None
+    with found:
+        yield found
+
+
+def agree(found: Any, store: Store) -> None:
+    """Raise UsageError where workers have another version, or do not see what is written to."""
+    if not found.scheduler_info(n_workers=-1)["workers"]:
+        raise UsageError(f"the Dask scheduler at {found.scheduler.address} has no workers; start some (`dask worker`)")
+    for said in found.run(_about, store.url).values():
+        version, sees = said
+        if version != tool_version():
+            raise UsageError(f"a worker has wrenchgap {version}, this is {tool_version()}; install the same version")
+        if not sees:
+            raise UsageError(
+                f"--output {store.url}: a worker does not see that folder; name one that all machines share, or s3://..."
+            )
+
+
+def _about(output: str) -> tuple[str, bool]:
+    try:
+        Store(output).identity()
+    except UsageError:
+        return tool_version(), False
+    return tool_version(), True
+
+
+def run(found: Any, sources: Sequence[Source], plan: Plan, store: Store, tell: Tell, *, again: bool = False) -> Outcome:
+    """One pass: do the command on every log whose row is not there yet; those that failed only `again`.
+
+    Raises UsageError where the scheduler is lost; what is done by then is kept.
+    """
+    distributed = needed()
+    try:
+        tasks, same = _tasks(found, sources, plan)
+        done = store.done(plan.number)
+        if again:
+            store.drop([d for t in tasks if (d := done.get(t.key)) is not None and d.failed])
+            done = {k: d for k, d in done.items() if not d.failed}
+        todo = [t for t in tasks if t.key not in done]
+        before = len(tasks) - len(todo)
+        bad = sum(d.failed for t in tasks if (d := done.get(t.key)) is not None)
+        rows = []
+        tell(before, len(tasks), bad, "")
+        for row in _worked(found, todo, plan, store):
+            rows.append(row)
+            bad += row["status"] == "failed"
+            tell(before + len(rows), len(tasks), bad, row["log"])
+    except (distributed.comm.core.CommClosedError, distributed.client.FutureCancelledError) as error:
+        raise UsageError(
+            f"the Dask scheduler was lost ({type(error).__name__}); run the same command to go on"
+        ) from None
+    return Outcome(tuple(rows), before, same, tuple(t.key for t in tasks))
+
+
+def _tasks(found: Any, sources: Sequence[Source], plan: Plan) -> tuple[list[Task], dict[str, str]]:
+    """One for each log with a content of its own; logs that have that of another, by address."""
+    known = {s.url: f"etag:{s.etag}" for s in sources if s.etag is not None}
+    unknown = [s for s in sources if s.etag is None]
+    chunks = [unknown[k : k + CHUNK] for k in range(0, len(unknown), CHUNK)]
+    for chunk, names in zip(chunks, found.gather(found.map(identities, chunks, pure=False)), strict=True):
+        known |= {s.url: name for s, name in zip(chunk, names, strict=True)}
+    tasks: dict[str, Task] = {}
+    same: dict[str, str] = {}
+    for source in sources:
+        key = plan.key(known[source.url], source.vehicle)
+        if key in tasks:
+            same[source.url] = tasks[key].source.url
+        else:
+            tasks[key] = Task(source, known[source.url], key)
+    return list(tasks.values()), same
+
+
+def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Iterator[Mapping[str, Any]]:
+    """Rows as logs are done, with so many handed over at a time."""
+    distributed = needed()
+    waiting = iter(todo)
+    by_key = {task.key: task for task in todo}
+    [shared] = found.scatter([plan], broadcast=True)
+
+    def hand_over(count: int) -> list[Any]:
+        return [
+            found.submit(work, task, shared, store.url, key=f"log-{plan.number}-{task.key}", pure=False)
+            for task in islice(waiting, count)
+        ]
+
+    threads = max(1, sum(found.nthreads().values()))
+    finished = distributed.as_completed(hand_over(AHEAD * threads))
+    for future in finished:
+        task = by_key[future.key.rpartition("-")[2]]
+        error = future.exception()
+        if error is None:
+            yield future.result()
+        elif isinstance(error, distributed.scheduler.KilledWorker):
+            why = "every worker that had it died; out of memory? Give the workers more"
+            yield failed(task, plan, store.url, why)
+        else:  # of the row that could not be written, say
+            raise UsageError(f"{task.source.url}: {reason(error)}") from None
+        future.release()
+        for more in hand_over(1):
+            finished.add(more)

@@ -1,0 +1,194 @@
+"""Which logs a batch is about: folders, globs, lists and object stores, by the names that fsspec knows."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from glob import glob as matching
+from glob import has_magic
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from wrenchgap.flight.errors import LogError, UsageError, WrenchgapError
+from wrenchgap.flight.formats import content_hash
+from wrenchgap.flight.formats.folders import SINGLE, storage
+
+EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
+"""The extra of wrenchgap that reads each kind of address."""
+ETAGS = ("ETag", "etag", "md5Hash", "content_md5")
+"""Names under which object stores tell what identifies a content."""
+LISTS = (".txt", ".lst")
+"""Endings of files with the name of one log in each line."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One log: its `url` (a path, or an address of fsspec), the vehicle that flew it, bytes, and what identifies its
+    content where a listing tells (an object store's etag).
+    """  # noqa: D205
+
+    url: str
+    vehicle: str
+    size: int
+    etag: str | None = None
+
+    @property
+    def remote(self) -> bool:
+        """Whether it is no path of a file system that everybody sees."""
+        return "://" in self.url
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+        return PurePosixPath(self.url).name
+
+
+def found(names: Sequence[str], vehicle: str | None = None) -> list[Source]:
+    """The logs that these names stand for, each once, in the order of their names.
+
+    The vehicle is `vehicle`, else the folder that a log is in. Raises UsageError where a name stands for no log, or
+    what reads it is not installed or lets nobody in.
+    """
+    out: dict[str, Source] = {}
+    for name in names:
+        some = list(_expanded(name, vehicle))
+        if not some:
+            raise UsageError(
+                f"{name}: no logs found; expected .mcap, .bag, .db3, .ulg, .bin, .csv or .parquet files, a folder or "
+                "glob of them, or a list (.txt) with one in each line"
+            )
+        out |= {one.url: one for one in some}
+    return sorted(out.values(), key=lambda one: one.url)
+
+
+def _expanded(name: str, vehicle: str | None) -> Iterator[Source]:
+    if "://" in name:
+        yield from _remote(name, vehicle)
+        return
+    path = Path(name)
+    if path.suffix.lower() in LISTS and path.is_file():
+        lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
+        for line in lines:
+            if line and not line.startswith("#"):
+                yield from _expanded(line, vehicle)
+    elif path.is_dir():
+        yield from (_local(one, vehicle) for one in _in_folder(path))
+    elif has_magic(name):
+        for one in sorted(map(Path, matching(name, recursive=True))):  # noqa: PTH207
+            yield from _expanded(str(one), vehicle) if one.is_dir() else [_local(one, vehicle)] if is_log(one) else []
+    elif path.is_file():
+        yield _local(path, vehicle)
+    else:
+        raise UsageError(f"{name}: no such file or folder")
+
+
+def is_log(path: Path | PurePosixPath) -> bool:
+    """Whether a file is a log by its ending."""
+    return path.suffix.lower() in SINGLE or storage(Path(path)) is not None
+
+
+def _in_folder(folder: Path) -> Iterator[Path]:
+    """Logs of a folder and of all in it; a ROS 2 bag is one."""
+    if (folder / "metadata.yaml").is_file():
+        yield folder
+        return
+    for one in sorted(folder.iterdir()):
+        if one.is_dir() and not one.name.startswith("."):
+            yield from _in_folder(one)
+        elif one.is_file() and is_log(one) and not one.name.startswith("."):
+            yield one
+
+
+def _local(path: Path, vehicle: str | None) -> Source:
+    path = path.resolve()
+    files = [path] if path.is_file() else [p for p in path.iterdir() if p.is_file()]
+    return Source(str(path), vehicle or path.parent.name, sum(p.stat().st_size for p in files))
+
+
+def _remote(name: str, vehicle: str | None) -> Iterator[Source]:
+    system, path = opened(name)
+    scheme = name.partition("://")[0]
+    with reached(name):
+        if has_magic(path):
+            listed = system.glob(path, detail=True)
+        elif system.isdir(path):
+            listed = system.find(path, detail=True)
+        else:
+            listed = {path: system.info(path)}
+    for key, about in sorted(listed.items()):
+        if about.get("type") == "file" and is_log(PurePosixPath(key)):
+            tag = next((str(about[k]).strip('"') for k in ETAGS if about.get(k)), None)
+            folder = PurePosixPath(key).parent.name
+            yield Source(f"{scheme}://{key.lstrip('/')}", vehicle or folder, int(about.get("size") or 0), tag)
+
+
+def opened(url: str) -> tuple[Any, str]:
+    """The file system of an address, and the path in it; raises UsageError where nothing installed knows it."""
+    from fsspec.core import url_to_fs
+
+    scheme = url.partition("://")[0]
+    try:
+        with reached(url):
+            system, path = url_to_fs(url)
+    except ImportError:
+        extra = EXTRAS.get(scheme)
+        how = f"pip install 'wrenchgap[{extra}]'" if extra else f"install what fsspec needs for {scheme}://"
+        raise UsageError(f"{url}: what reads {scheme}:// is not installed; {how}") from None
+    return system, str(path)
+
+
+@contextmanager
+def reached(url: str) -> Iterator[None]:
+    """What an object store says instead of an answer, in one line."""
+    try:
+        yield
+    except (WrenchgapError, ImportError):
+        raise
+    except FileNotFoundError:
+        raise UsageError(f"{url}: no such file or folder") from None
+    except Exception as error:
+        kind, said = type(error).__name__, " ".join(str(error).split())
+        if "credential" in f"{kind} {said}".lower() or isinstance(error, PermissionError):
+            raise UsageError(
+                f"{url}: no access ({kind}: {said}); check the credentials (environment or profile) of the machines "
+                "that read it"
+            ) from None
+        raise UsageError(f"{url}: cannot be read ({kind}: {said})") from None
+
+
+@contextmanager
+def at_hand(source: Source) -> Iterator[Path]:
+    """The log as a file of this machine; one of an object store is copied, and gone afterwards."""
+    if not source.remote:
+        yield Path(source.url)
+        return
+    system, path = opened(source.url)
+    with tempfile.TemporaryDirectory(prefix="wrenchgap-") as folder:
+        copy = Path(folder) / source.name
+        try:
+            with reached(source.url):
+                system.get_file(path, str(copy))
+        except UsageError as error:
+            raise LogError(str(error)) from None
+        yield copy
+
+
+def identity(source: Source) -> str:
+    """What identifies the content: the etag that the listing told, else the SHA-256 of the content."""
+    if source.etag is not None:
+        return f"etag:{source.etag}"
+    with at_hand(source) as path:
+        return f"sha256:{content_hash(path)}"
+
+
+def identities(sources: Iterable[Source]) -> list[str]:
+    """Of several; of one that cannot be read its address, so that the reason is found where it is worked on."""
+    out = []
+    for one in sources:
+        try:
+            out.append(identity(one))
+        except (WrenchgapError, OSError):
+            out.append(f"unread:{one.url}:{one.size}")
+    return out

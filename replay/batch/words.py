@@ -1,0 +1,199 @@
+"""Batches in sentences, tables and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+
+from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.posterior.fleet import RankedSet
+from wrenchgap.plant.effects import find
+from wrenchgap.replay.batch.driver import Outcome
+from wrenchgap.replay.batch.plan import Plan, model_of
+from wrenchgap.replay.batch.ranking import FleetRanking
+from wrenchgap.replay.present.numbers import number
+from wrenchgap.replay.present.tables import Line, Part, table
+
+MOST_FAILURES = 10
+"""Logs that failed which are printed; all of them are rows."""
+MOST_SETS = 5
+"""Sets of a vehicle that are printed."""
+COUNTS = 0.01
+"""Weight from which on a set is."""
+HELD_OUT = (
+    "weight: share of the sets ranked   gain: how much better than no effect a set predicts flights that were held out "
+    "(sum of log likelihoods)   better: share of the flights   left: rms on them over that with no effect, force and "
+    "torque"
+)
+IN_SAMPLE = (
+    "weight: share of the sets ranked   gain and left are in-sample: fewer than three flights cannot be held out   "
+    "left: rms over that with no effect, force and torque"
+)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch that is done: what was asked, where rows are, what became of the last pass, all rows, the rankings."""
+
+    plan: Plan
+    output: str
+    outcome: Outcome
+    rows: Sequence[Mapping[str, Any]]
+    rankings: Sequence[FleetRanking] = ()
+    settled: bool = True
+
+    @property
+    def failures(self) -> list[Mapping[str, Any]]:
+        """Rows of logs that failed."""
+        return [r for r in self.rows if r["status"] == "failed"]
+
+
+def parts(found: Batch) -> list[Part]:
+    """What is printed."""
+    out: list[Part] = [Line(summary(found), "bold"), Line(), _by_vehicle(found)]
+    for one in found.rankings:
+        out += _ranking(one)
+    if found.rankings and not found.settled:
+        out.append(
+            Line("note: values still move from pass to pass; --passes takes candidates nearer to where they fit", "dim")
+        )
+    if failures := found.failures:
+        rows = table("logs that failed", "log", "reason", left=2)
+        for r in failures[:MOST_FAILURES]:
+            rows.add_row(escape(r["log"]), escape(r["reason"]))
+        out.append(rows)
+        if len(failures) > MOST_FAILURES:
+            out.append(Line(f"and {len(failures) - MOST_FAILURES} more; all are rows of the table", "dim"))
+    return out
+
+
+def summary(found: Batch) -> str:
+    """One sentence."""
+    failed = len(found.failures)
+    new, before, same = len(found.outcome.rows), found.outcome.before, len(found.outcome.same)
+    text = f"{len(found.rows)} logs: {len(found.rows) - failed} done, {failed} failed"
+    text += f" ({new} now, {before} before" + (f"; {same} more have the content of another" if same else "") + ")."
+    return f"{text} Rows: {found.output}"
+
+
+def _by_vehicle(found: Batch) -> Part:
+    """One row for each vehicle."""
+    heads = {"inspect": ("ok", "warn", "bad"), "changed": ("verdicts",)}.get(found.plan.command)
+    if found.plan.command == "compare":
+        heads = ("nominal force [N]", "torque [Nm]", "model force [N]", "torque [Nm]")
+    out = table("by vehicle", "vehicle", "logs", "failed", "flight [s]", *(heads or ()))
+    for vehicle in sorted({r["vehicle"] for r in found.rows}):
+        own = [r for r in found.rows if r["vehicle"] == vehicle]
+        good = [r for r in own if r["status"] == "ok"]
+        seconds = sum(r["seconds"] or 0.0 for r in good)
+        cells = [str(len(own)), str(len(own) - len(good)), number(seconds)]
+        out.add_row(escape(vehicle), *cells, *_of_command(found.plan.command, good))
+    return out
+
+
+def _of_command(command: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    verdicts = [r["verdict"] for r in rows]
+    if command == "inspect":
+        return [str(verdicts.count(level)) for level in ("ok", "warn", "bad")]
+    if command == "changed":
+        counted = {v: verdicts.count(v) for v in dict.fromkeys(verdicts)}
+        return [", ".join(f"{v} {count}" for v, count in counted.items())]
+    if command == "compare":
+        both = [median_rms(rows, name) for name in ("rms_nominal", "rms")]
+        return [number(v) for force, torque in both for v in (force, torque)]
+    return []
+
+
+def median_rms(rows: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float]:
+    """Median over flights of the rms of force [N] and torque [Nm], each over its measured axes."""
+    values = np.array([r[name] for r in rows if r[name] is not None], dtype=float).reshape(-1, len(AXES))
+    if not len(values):
+        return float("nan"), float("nan")
+    size = [np.sqrt(np.nansum(values[:, part] ** 2, axis=1)) for part in (slice(0, 3), slice(3, 6))]
+    return float(np.median(size[0])), float(np.median(size[1]))
+
+
+def _ranking(one: FleetRanking) -> list[Part]:
+    if one.ranking is None:
+        return [Line(f"{one.vehicle}: not ranked: {one.reason}", "yellow")]
+    r = one.ranking
+    title = f"{one.vehicle}: which effects are missing, {len(r.flights)} flights of {number(r.seconds)} s in all"
+    heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
+    out = table(title, *heads, left=2)
+    for s in [s for s in r.sets if s.weight >= COUNTS][:MOST_SETS]:
+        left = _left(s, r.rms)
+        cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
+        named = escape(", ".join(s.names) or "nothing")
+        out.add_row(named, escape(", ".join(s.keys) or "-"), *cells, *(f"{100 * v:.0f} %" for v in left))
+    values = "; ".join(value_words(r.sets[0], key) for key in r.sets[0].keys)
+    return [out, Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim"), *([Line(f"{values}\n")] if values else [])]
+
+
+def _left(one: RankedSet, none: Any) -> list[float]:
+    parts = (slice(0, 3), slice(3, 6))
+    return [float(np.sqrt(np.nansum(one.rms[p] ** 2) / max(np.nansum(none[p] ** 2), 1e-300))) for p in parts]
+
+
+def value_words(one: RankedSet, key: str) -> str:
+    """The values of one candidate of a set."""
+    pairs = zip(one.theta[key], one.std[key], strict=True)
+    return f"{key}: {', '.join(f'{number(float(v))} +- {number(float(s), 2)}' for v, s in pairs)}"
+
+
+def to_json(found: Batch) -> dict[str, Any]:
+    """The body of the `batch` schema."""
+    return {
+        "command": found.plan.command,
+        "output": found.output,
+        "passes": found.plan.number,
+        "settled": found.settled,
+        "logs": len(found.rows),
+        "failed": len(found.failures),
+        "done_now": len(found.outcome.rows),
+        "done_before": found.outcome.before,
+        "same": [{"log": log, "as": other} for log, other in found.outcome.same.items()],
+        "failures": [{"log": r["log"], "vehicle": r["vehicle"], "reason": r["reason"]} for r in found.failures],
+        "rows": [
+            {k: r.get(k) for k in ("log", "vehicle", "date", "flight", "status", "seconds", "verdict", "rms", "cpu_s")}
+            for r in found.rows
+        ],
+        "rankings": [_ranking_json(one, found.plan) for one in found.rankings],
+    }
+
+
+def _ranking_json(one: FleetRanking, plan: Plan) -> dict[str, Any]:
+    r = one.ranking
+    if r is None:
+        return {"vehicle": one.vehicle, "reason": one.reason, "sets": []}
+    return {
+        "vehicle": one.vehicle,
+        "reason": "",
+        "flights": list(r.flights),
+        "seconds": r.seconds,
+        "held_out": r.held_out,
+        "effects": [{"effect": n, "probability": p} for n, p in r.effects.items()],
+        "sets": [_set_json(s, plan, one.vehicle) for s in r.sets],
+        "alone": [{"candidate": k, "log_odds": v} for k, v in r.alone.items()],
+        "rms": r.rms,
+        "left_out": list(r.left_out),
+    }
+
+
+def _set_json(s: RankedSet, plan: Plan, vehicle: str) -> dict[str, Any]:
+    values = []
+    for key in s.keys:
+        names = [(n, p) for n in key.split(" + ") for p in parameters(n, plan, vehicle)]
+        for (effect, p), value, std in zip(names, s.theta[key], s.std[key], strict=True):
+            values.append({"effect": effect, "name": p[0], "value": float(value), "std": float(std), "unit": p[1]})
+    numbers = {"weight": s.weight, "log_odds": s.log_odds, "gain": s.gain, "better": s.better, "rms": s.rms}
+    return {"set": list(s.keys), "effects": list(s.names), **numbers, "values": values}
+
+
+def parameters(effect: str, plan: Plan, vehicle: str) -> list[tuple[str, str]]:
+    """Names and units of an effect's parameters on a vehicle."""
+    text = plan.model_text(vehicle)
+    return [] if text is None else [(p.name, p.unit) for p in find(effect).parameters(model_of(text).vehicle)]

@@ -1,0 +1,143 @@
+"""What the commands of `wrenchgap batch` share: options, the run with its progress, what is printed and written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.requests import Reading, Run
+
+if TYPE_CHECKING:
+    from wrenchgap.replay.batch.plan import Plan
+    from wrenchgap.replay.batch.words import Batch
+
+Sources = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOGS...",
+        help="Logs, folders (with all folders in them), globs, lists (.txt, a log in each line), s3://..., gs://...",
+        show_default=False,
+    ),
+]
+Models = Annotated[
+    list[str],
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="MODEL",
+        help="Model file (.toml) or shipped model, of all vehicles, or VEHICLE=MODEL of one; repeat for more.",
+        autocompletion=o.complete_models,
+        show_default=False,
+    ),
+]
+SomeModels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--model", "-m", metavar="MODEL", help="Check logs against this model too, or VEHICLE=MODEL; repeat for more."
+    ),
+]
+Output = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="Where rows are written, a folder or s3://...; the same command again goes on where it stopped.",
+        show_default=False,
+    ),
+]
+
+OneVehicle = Annotated[
+    str | None, typer.Option("--vehicle", metavar="NAME", help="Of rows of `batch compare`: whose flights.")
+]
+
+
+@dataclass
+class Where:
+    """Who does the work."""
+
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask cluster. Default: this machine."),
+    ] = None
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine. Default: its cores.")
+    ] = None
+    memory: Annotated[
+        str, typer.Option("--memory", metavar="SIZE", help="Most memory of each of them, e.g. 2GB; `auto`: its share.")
+    ] = "auto"
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", metavar="NAME", help="Of all logs. Default: the folder that a log is in.")
+    ] = None
+    again: Annotated[bool, typer.Option("--again", help="Try logs once more that have failed.")] = False
+
+    def __post_init__(self) -> None:
+        if self.scheduler is not None and (self.workers is not None or self.memory != "auto"):
+            raise o.usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
+
+
+def options_of(reading: Reading) -> dict[str, Any]:
+    """How logs are read, as `api.open_flights` takes it."""
+    given = {
+        "topics": reading.topics,
+        "shifts": reading.shifts,
+        "between": reading.part,
+        "cutoff_hz": reading.cutoff_hz,
+    }
+    return given | {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
+
+
+def batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:
+    """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
+    from wrenchgap.flight.errors import UsageError
+    from wrenchgap.replay.batch import driver, ranking, sources, words
+    from wrenchgap.replay.batch.store import Store
+
+    if run.own:
+        raise UsageError("--effects: workers have the effects of the catalogue only; leave the option out")
+    run.claim({})
+    driver.needed()
+    store = Store(output)
+    found = sources.found(logs, where.vehicle)
+    store.claim(plan.identity)
+    ranked: list[ranking.FleetRanking] = []
+    settled = True
+    with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
+        report(0.0, "starting workers")
+        with driver.client(where.scheduler, where.workers, where.memory) as client:
+            driver.agree(client, store)
+            run.line(f"Dask's dashboard: {client.dashboard_link}{_without_bokeh()}", style="dim")
+            for _ in range(passes):
+                first = f"pass {plan.number}, " if passes > 1 else ""
+
+                def tell(done: int, total: int, failed: int, name: str, first: str = first) -> None:
+                    report(done / max(total, 1), f"{first}{done}/{total} logs, {failed} failed")
+
+                outcome = driver.run(client, found, plan, store, tell, again=where.again)
+                if plan.command == "explain":
+                    report(1.0, "ranking")
+                    ranked = ranking.rankings(store, outcome.keys, plan.number)
+                    settled = not ranking.moved(ranked)
+                    if not settled and plan.number < passes:
+                        plan = plan.next_pass(ranking.points_of(ranked))
+                        continue
+                break
+    keys = set(outcome.keys)
+    rows = [row for row in store.rows(plan.number) if row["key"] in keys]
+    result = words.Batch(plan, output, outcome, rows, ranked, settled)
+    run.show(*words.parts(result))
+    for vehicle, text in plan.models.items():
+        run.inputs.append({"role": "model", "file": text.name, "sha256": text.sha256, "vehicle": vehicle or None})
+    run.write("batch", words.to_json(result))
+    run.wrote()
+    if rows and len(result.failures) == len(rows):
+        raise UsageError(f"all {len(rows)} logs failed; the first: {result.failures[0]['reason']}")
+    return result
+
+
+def _without_bokeh() -> str:
+    return "" if find_spec("bokeh") else " (its pages need bokeh: pip install bokeh)"

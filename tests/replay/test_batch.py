@@ -1,0 +1,240 @@
+"""Batches: rows of every log, resumed runs, failures as rows, object stores, Dask; bad input in one line."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.replay.batch import driver, sources
+from wrenchgap.replay.batch.plan import Plan, model_text
+from wrenchgap.replay.batch.store import Store
+from wrenchgap.replay.batch.tasks import Task, work
+
+distributed = pytest.importorskip("distributed")
+HIDDEN = {"alpha": ("crazyflie", "com_offset=x:0.0015"), "bravo": ("tilt_hexarotor", "com_offset=x:0.004")}
+MODELS = ("-m", "crazyflie", "-m", "bravo=tilt_hexarotor")
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """Three flights of one vehicle and two of another; one log is cut off and one is there twice."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for vehicle, (model, hide) in HIDDEN.items():
+        (folder / vehicle).mkdir()
+        for k in range(3 if vehicle == "alpha" else 2):
+            flight = wg.simulate(wg.load_model(model), "multi_axis", duration=4, excitation=1, seed=k, hide=[hide])
+            wg.save_log(flight, folder / vehicle / f"flight{k}.mcap")
+    whole = (folder / "alpha" / "flight0.mcap").read_bytes()
+    (folder / "alpha" / "cut.mcap").write_bytes(whole[: len(whole) // 8])
+    shutil.copy(folder / "alpha" / "flight1.mcap", folder / "alpha" / "twice.mcap")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """A scheduler and a worker in this process, so that workers see its memory:// files."""
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as found:
+        yield found
+
+
+@pytest.fixture
+def batch(result_of, cluster, logs):
+    """`batch("inspect", ...)` on the logs; returns the JSON."""
+
+    def wrapped(command, *options, names=None):
+        return result_of(
+            "batch", command, *(names or [logs]), *options, "--scheduler", cluster.scheduler_address, "--force"
+        )
+
+    return wrapped
+
+
+def test_every_log_is_a_row_and_a_failure_has_its_reason(batch, tmp_path):
+    body = batch("inspect", "-o", tmp_path / "out")
+    assert (body["schema"], body["command"], body["logs"]) == ("wrenchgap.batch/1", "inspect", 6)
+    assert [one["log"].rpartition("/")[2] for one in body["same"]] == ["twice.mcap"]
+    assert {r["vehicle"] for r in body["rows"]} == {"alpha", "bravo"}
+    assert {r["date"] for r in body["rows"] if r["status"] == "ok"} == {"2023-11-14"}
+    rows = Store(str(tmp_path / "out")).rows(columns=["log", "status", "reason", "result"])
+    [cut] = [r for r in rows if r["log"].endswith("cut.mcap")]
+    if cut["status"] == "failed":
+        assert "\n" not in cut["reason"]
+        assert "cut.mcap" in cut["reason"]
+    good = next(r for r in rows if r["log"].endswith("flight0.mcap"))
+    assert json.loads(good["result"])["sha256"]
+
+
+def test_a_run_goes_on_where_it_was_and_rows_are_named_by_content(batch, tmp_path, logs):
+    out = tmp_path / "out"
+    first = batch("compare", *MODELS, "-o", out, names=[logs / "alpha" / "flight0.mcap"])
+    assert (first["done_now"], first["done_before"]) == (1, 0)
+    more = batch("compare", *MODELS, "-o", out, names=[logs / "alpha"])
+    assert (more["done_now"], more["done_before"]) == (3, 1)
+    again = batch("compare", *MODELS, "-o", out, names=[logs / "alpha"])
+    assert (again["done_now"], again["done_before"], again["failed"]) == (0, 4, 1)
+    assert again["rows"] == more["rows"]
+    tried = batch("compare", *MODELS, "-o", out, "--again", names=[logs / "alpha"])
+    assert (tried["done_now"], tried["failed"]) == (1, 1)
+
+
+def test_compare_has_the_numbers_of_compare_and_trend_follows_its_rows(batch, result_of, tmp_path, logs):
+    out = tmp_path / "out"
+    body = batch("compare", *MODELS, "--fit", "com_offset", "-o", out)
+    row = next(r for r in body["rows"] if r["log"].endswith("alpha/flight1.mcap"))
+    direct = result_of("compare", logs / "alpha" / "flight1.mcap", "-m", "crazyflie")
+    np.testing.assert_array_equal(row["rms"], direct["models"][-1]["rms"])
+    paths = [logs / "alpha" / f"flight{k}.mcap" for k in range(3)]
+    (tmp_path / "result.json").unlink()
+    apart = result_of("trend", *paths, "-m", "crazyflie", "--fit", "com_offset")
+    (tmp_path / "result.json").unlink()
+    found = result_of("trend", out, "-m", "crazyflie", "--vehicle", "alpha")
+    assert found["flights"] == ["flight0", "flight1", "flight2"]
+    for a, b in zip(apart["parameters"], found["parameters"], strict=True):
+        np.testing.assert_allclose(a["values"], b["values"], rtol=1e-9)
+        np.testing.assert_allclose(a["std"], b["std"], rtol=1e-9)
+
+
+def test_explain_ranks_every_vehicle_on_its_own_flights(batch, tmp_path):
+    names = "com_offset,mass,thrust_scale,motor_lag"
+    body = batch("explain", *MODELS, "--effects-only", names, "-o", tmp_path / "out")
+    assert [r["vehicle"] for r in body["rankings"]] == ["alpha", "bravo"]
+    for one, size in zip(body["rankings"], (0.0015, 0.004), strict=True):
+        assert one["effects"][0]["effect"] == "com_offset"
+        value = next(v for v in one["sets"][0]["values"] if (v["effect"], v["name"]) == ("com_offset", "x"))
+        assert value["value"] == pytest.approx(size, rel=0.1)
+    assert [r["held_out"] for r in body["rankings"]] == [True, False]
+
+
+def test_logs_of_an_object_store_are_read_and_rows_written_there(batch, logs):
+    import fsspec
+
+    store = fsspec.filesystem("memory")
+    for path in sorted((logs / "alpha").glob("*.mcap")):
+        store.pipe_file(f"/bucket/alpha/{path.name}", path.read_bytes())
+    body = batch("compare", "-m", "crazyflie", "-o", "memory://results/run", names=["memory://bucket/alpha/*.mcap"])
+    assert (body["logs"], body["failed"]) == (4, 1)
+    assert store.find("/results/run/rows")
+    again = batch("compare", "-m", "crazyflie", "-o", "memory://results/run", names=["memory://bucket"])
+    assert again["done_now"] == 0
+    [failure] = again["failures"]
+    assert "memory://bucket/alpha/cut.mcap" in failure["reason"]
+
+
+def test_lists_globs_and_folders_name_the_same_logs(logs, tmp_path):
+    listed = tmp_path / "flights.txt"
+    listed.write_text("# healthy\n" + "\n".join(map(str, sorted(logs.glob("*/*.mcap")))), encoding="utf-8")
+    by_folder = sources.found([str(logs)])
+    assert sources.found([str(listed)]) == by_folder == sources.found([f"{logs}/*/*.mcap"])
+    assert {s.vehicle for s in sources.found([str(logs)], "mine")} == {"mine"}
+
+
+def test_an_etag_stands_for_the_content():
+    tagged = sources.Source("s3://bucket/a/b.mcap", "a", 10, "abc")
+    assert sources.identity(tagged) == "etag:abc"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("batch inspect EMPTY -o out", "no logs found"),
+        ("batch inspect gone -o out", "gone: no such file"),
+        ("batch inspect LOGS -o EMPTY/../full", "is not empty and holds no run"),
+        ("batch inspect LOGS -o out --scheduler tcp://127.0.0.1:9", "no Dask scheduler answers"),
+        ("batch inspect LOGS -o out --scheduler tcp://h:1 --workers 2", "leave out --workers"),
+        ("batch inspect s3://bucket/flights -o out", "pip install 'wrenchgap[s3]'"),
+        ("batch inspect abc://bucket/flights -o out", "abc"),
+        ("batch inspect memory://nothing -o out", "no such file or folder"),
+        ("batch compare LOGS -m crazyflie -m tilt_hexarotor -o out", "all vehicles have a model already"),
+        ("batch compare LOGS -o out", "--model"),
+        ("batch explain LOGS -m crazyflie --effects-only witchcraft -o out", "witchcraft"),
+        ("trend LOGS -m crazyflie", "cut.mcap"),
+    ],
+)
+def test_bad_input_is_one_line(refused, logs, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.setattr(driver, "PATIENCE", "1s")
+    monkeypatch.setitem(sys.modules, "s3fs", None)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "note.txt").write_text("mine", encoding="utf-8")
+    places = {"LOGS": str(logs / "alpha"), "EMPTY": str(tmp_path / "empty")}
+    line = refused(*(places.get(a, a.replace("EMPTY", places["EMPTY"])) for a in arguments.split()))
+    assert words in line
+
+
+def test_the_output_of_another_run_is_left_alone(batch, refused, cluster, logs, tmp_path):
+    out = tmp_path / "out"
+    batch("inspect", "-o", out)
+    line = refused("batch", "compare", logs, "-m", "crazyflie", "-o", out)
+    assert "holds another run (its command" in line
+    assert "rows of `batch inspect`" in refused("trend", out, "-m", "crazyflie")
+
+
+def test_a_store_that_lets_nobody_in_is_one_line(monkeypatch):
+    class NoCredentialsError(Exception):
+        pass
+
+    with pytest.raises(UsageError, match="check the credentials"), sources.reached("s3://bucket"):
+        raise NoCredentialsError("Unable to locate credentials")
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UsageError, match=r"pip install 'wrenchgap\[batch\]'"):
+        driver.needed()
+
+
+def test_help_does_not_import_dask():
+    slow = "{'dask', 'distributed', 'fsspec'}"
+    code = f"import sys; from wrenchgap.replay.cli import main; assert not {slow} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
+    """Two processes; one is killed when the first log is done. Every log is a row, with the numbers of no Dask."""
+    plan = Plan("compare", {"": model_text("crazyflie"), "bravo": model_text("tilt_hexarotor")})
+    lossy, alone = Store(str(tmp_path / "lossy")), Store(str(tmp_path / "alone"))
+    for store in (lossy, alone):
+        store.claim(plan.identity)
+    found = [s for s in sources.found([str(logs)]) if s.name != "twice.mcap"]
+    killed = []
+    with driver.client(workers=2) as client:
+
+        def tell(done, total, failed, log):
+            if done == 1:
+                killed.append(next(iter(client.cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        outcome = driver.run(client, found, plan, lossy, tell)
+    assert killed
+    assert len(outcome.rows) == len(found) == 6
+    for source in found:
+        content = sources.identity(source)
+        work(Task(source, content, plan.key(content, source.vehicle)), plan, alone.url)
+    told = [[(r["key"], r["status"], r["rms"]) for r in store.rows()] for store in (lossy, alone)]
+    assert told[0] == told[1]
+
+
+def test_changed_asks_every_log_against_the_healthy_ones(batch, tmp_path, logs):
+    suspect, healthy = logs / "alpha" / "flight2.mcap", [logs / "alpha" / f"flight{k}.mcap" for k in (0, 1)]
+    options = ("--healthy", *healthy, "-m", "crazyflie", "--effects-only", "com_offset,mass", "-o", tmp_path / "out")
+    body = batch("changed", *options, names=[suspect])
+    assert (body["logs"], body["failed"]) == (1, 0)
+    assert body["rows"][0]["verdict"] == "nothing"
+
+
+def test_each_log_is_explained_by_itself_where_that_is_asked_for(batch, tmp_path, logs):
+    options = ("-m", "crazyflie", "--effects-only", "com_offset,mass", "--each", "--passes", 1, "-o", tmp_path / "out")
+    body = batch("explain", *options, names=[logs / "alpha" / "flight0.mcap"])
+    assert body["rows"][0]["verdict"] == "effect"
+    [row] = Store(str(tmp_path / "out")).rows(columns=["key", "log", "result"])
+    assert json.loads(row["result"])["members"][0]["effect"] == "com_offset"
