@@ -16,7 +16,7 @@ does not settle (ill-conditioned, not accepted, not finite) is left undone and h
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -116,10 +116,11 @@ def packed(given: tuple[Gate, Kernel, Lines, Lines, Room]) -> tuple[Packed, tupl
     gate, kernel, lines, sent, _ = given
     outputs, dims, points = kernel.points.shape
     sizes = [outputs, dims, points, kernel.triangular, *(getattr(gate, name) for name in SWITCHES)]
-    for part in (lines, sent):
-        sizes += [len(part.code), part.split, len(part.inputs), len(part.results), len(part.free)]
+    for program in (lines, sent):
+        sizes += [len(program.code), program.split, *map(len, (program.inputs, program.results, program.free))]
     kinds = {"f": len(HEAD), "i": len(sizes)}
-    for part in given:
+    parts: tuple[Any, ...] = given
+    for part in parts:
         for name in part._fields:
             array = getattr(part, name)
             if name != "code" and isinstance(array, np.ndarray):
@@ -129,7 +130,8 @@ def packed(given: tuple[Gate, Kernel, Lines, Lines, Room]) -> tuple[Packed, tupl
     counts[: len(sizes)] = sizes
     made = Packed(numbers, counts, lines.code, sent.code)
     views = opened(*made)
-    for part, view in zip(given, views, strict=True):
+    pairs: list[tuple[Any, Any]] = list(zip(given, views, strict=True))
+    for part, view in pairs:
         for name in part._fields:
             if name != "code" and isinstance(getattr(part, name), np.ndarray):
                 getattr(view, name)[...] = getattr(part, name)
@@ -795,7 +797,7 @@ class Packed(NamedTuple):
 
 
 @compiled
-def _flat(numbers: Array, at: int, size: int) -> tuple[Array, int]:
+def _flat(numbers: Any, at: int, size: int) -> tuple[Any, int]:
     return numbers[at : at + size], at + size
 
 

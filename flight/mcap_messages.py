@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 import zstandard
@@ -87,14 +87,15 @@ class _File:
             if all(channel.schema_id != before.schema_id for before in self._channels[:n]):
                 self._schemas[channel.schema_id - 1].write(records)
             channel.write(records)
-        before, whole, start = records.end(), True, 0
+        before, whole, start = _bytes(records), True, 0
         ends = np.cumsum(sizes[number]) if len(number) else np.zeros(0, dtype=np.int64)
         while start < len(number):
             room = CHUNK_SIZE - len(before) + (int(ends[start - 1]) if start else 0)
             stop = int(np.searchsorted(ends, room, side="right")) + 1
             whole, stop = stop <= len(number), min(stop, len(number))
             if not whole and metadata is not None:
-                metadata = self._remark(*metadata)
+                self._remark(*metadata)
+                metadata = None
             part = slice(start, stop)
             self._chunk(before, every, number[part], index[part], stamps[part], sizes)
             before, start = b"", stop
@@ -107,7 +108,7 @@ class _File:
         """Write one record; its length."""
         records = RecordBuilder()
         record.write(records)
-        return self._stream.write(records.end())
+        return self._stream.write(_bytes(records))
 
     def _remark(self, name: str, values: Mapping[str, str]) -> None:
         """The metadata: like `Writer`, before the chunk that the last message does not fill."""
@@ -126,12 +127,12 @@ class _File:
         ours = {topic: np.flatnonzero(number == topic) for topic in _by_appearance(number)}
         for topic, mine in ours.items():
             placed(records, places[mine], every[topic].payloads, topic + 1, index[mine], stamps[mine])
-        data = self._compressor.compress(records)
+        data = self._compressor.compress(records.data)
         span = int(stamps.min()), int(stamps.max())
         start, builder = self._stream.tell(), RecordBuilder()
         said = {"message_start_time": span[0], "message_end_time": span[1], "uncompressed_size": len(records)}
-        Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records), **said).write(builder)
-        length = self._stream.write(builder.end())
+        Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records.data), **said).write(builder)
+        length = self._stream.write(_bytes(builder))
         offsets, indices = {}, bytearray()
         for topic, mine in ours.items():
             offsets[topic + 1] = start + length + len(indices)
@@ -166,7 +167,7 @@ class _File:
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-        groups = {
+        groups: dict[Opcode, Sequence[Any]] = {
             Opcode.SCHEMA: self._schemas,
             Opcode.CHANNEL: self._channels,
             Opcode.STATISTICS: [about],
@@ -184,10 +185,15 @@ class _File:
         where = start + builder.count
         for offset in offsets:
             offset.write(builder)
-        data = builder.end()
+        data = _bytes(builder)
         crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, where), zlib.crc32(data))
         Footer(summary_start=start, summary_offset_start=where, summary_crc=crc).write(builder)
-        self._stream.write(data + builder.end() + MAGIC)
+        self._stream.write(data + _bytes(builder) + MAGIC)
+
+
+def _bytes(builder: RecordBuilder) -> bytes:
+    """What was written to it."""
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 def _in_order(stamps: Sequence[Ints]) -> tuple[Ints, Ints, Ints]:
