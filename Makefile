@@ -45,8 +45,11 @@ format: setup ## rewrite the sources in the house format
 	$(VENV) -m ruff format .
 	$(VENV) -m ruff check --fix .
 
-bench: setup ## run benchmarks/*.py
-	@set -e; for name in $(filter-out __init__,$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
+SPEED := reading_speed compensation_speed replay_speed
+bench: setup ## the tables of docs/performance.md, their rows as JSON in build/bench; then the other benchmarks/*.py
+	@mkdir -p build/bench; set -e; for name in $(SPEED); do \
+	  echo "== $$name"; $(VENV) -m benchmarks.$$name --page --json build/bench/$$name.json; done
+	@set -e; for name in $(filter-out __init__ $(SPEED),$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
 
 golden: setup ## keep the golden results of tests/golden anew, after a change that was meant

@@ -2,6 +2,7 @@
 
     python -m benchmarks.compensation_speed                     # a table; nothing is written
     python -m benchmarks.compensation_speed --page              # and docs/performance.md
+    python -m benchmarks.compensation_speed --json rows.json    # rows as they come
 
 A tilt-arm hexarotor with twelve rotors, a process with 100 points and 3 outputs, 4 effects; 200 Hz along a smooth
 flight about all axes. Processor time, not the clock on the wall, because the machine may be busy; but a busy core
@@ -9,6 +10,7 @@ that two share is slower in processor time too. So the ratio of two rows of one 
 """
 
 import argparse
+import json
 import os
 import re
 from pathlib import Path
@@ -114,15 +116,20 @@ def rows():
         ]
 
 
-def table():
-    """The table in Markdown, with the load before and after."""
-    heads = ("step of 5 ms", "Newton, mean", "99th percentile", "in blocks", "L-BFGS, mean", "ratio")
-    heads = (*heads, "evaluations", "apart [Nm]")
-    lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
-    before = os.getloadavg()[0]
+HEADS = ("step of 5 ms", "Newton, mean", "99th percentile", "in blocks", "L-BFGS, mean", "ratio", "evaluations")
+HEADS = (*HEADS, "apart [Nm]")
+
+
+def table(file=None):
+    """The table in Markdown, with the load before and after; its rows into a JSON `file` as they come."""
+    lines = ["| " + " | ".join(HEADS) + " |", "| --- |" + " ---: |" * (len(HEADS) - 1)]
+    found, before = [], os.getloadavg()[0]
     for row in rows():
+        found.append(dict(zip(HEADS, row, strict=True)))
         lines.append("| " + " | ".join(row) + " |")
         print(lines[-1], flush=True)
+        if file is not None:
+            file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
     return "\n".join([*lines, "", load])
 
@@ -131,9 +138,10 @@ def main():
     """Measure; with --page, renew the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
+    parser.add_argument("--json", type=Path, help="write the rows, as they come")
     asked = parser.parse_args()
     warm()
-    text = table()
+    text = table(asked.json)
     print(text)
     if asked.page:
         page = PAGE.read_text(encoding="utf-8")

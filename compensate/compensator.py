@@ -236,14 +236,15 @@ class Compensator:
         self._stepped = True
         return result_of(row.copy(), fast.trouble, perf_counter() - started)
 
-    def rows(self, wrenches: Array, numbers: Array, states: State | None) -> tuple[Array, list[str]]:
-        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and the trouble of each.
+    def steps_compiled(self, with_states: bool) -> Stepper | None:
+        """What makes many steps at once; None where `plain_rows` must, one after the other. See `compensate.run`."""
+        if self._fast is None or (self.needs_state and not with_states):
+            return None
+        self._stepped = True
+        return self._fast
 
-        `numbers` (K, 15) are `states` as rows. See `compensate.run`, which names the columns.
-        """
-        if self._fast is not None and (states is not None or not self.needs_state):
-            self._stepped = True
-            return self._fast.many(wrenches, numbers)
+    def plain_rows(self, wrenches: Array, states: State | None) -> tuple[Array, list[str]]:
+        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and the trouble of each."""
         rows, trouble = [], []
         for k, wrench in enumerate(wrenches):
             one = self.step(wrench, None if states is None else states.take(slice(k, k + 1)))

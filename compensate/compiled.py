@@ -16,7 +16,7 @@ does not settle (ill-conditioned, not accepted, not finite) is left undone and h
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,6 +27,11 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
 
 compiled = njit(cache=True, error_model="numpy", nogil=True)
+in_any_order = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"})
+"""For sums whose order does not matter beyond rounding: they then take four or eight numbers at once. What is not
+finite stays so."""
+in_this_order = njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+"""For what would be wrong in another order; said, because numba otherwise hands the caller's choice on."""
 
 INPUT, CONSTANT, ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2 = range(12)
 ABS, SIGN, MAX, MIN, LESS, LESS_EQUAL, SELECT, FLOOR, LOG = range(12, 21)
@@ -57,7 +62,7 @@ class Lines(NamedTuple):
 
 
 class Kernel(NamedTuple):
-    """`plant.expansion.Expansion` as compiled code takes it: points (L, D, N), whitener (L, N, N) column by column."""
+    """`plant.expansion.Expansion` as compiled code takes it: points (L, D, N)."""
 
     input_mean: Array
     input_scale: Array
@@ -72,7 +77,7 @@ class Kernel(NamedTuple):
     noise_variance: Array
     sigma_scale: Array
     row: Array  # (N,) room for kernel values
-    whitened: Array  # (N,)
+    powers: Array  # (N,)
 
 
 def as_lines(program: Program | None, outputs: int) -> Lines:
@@ -82,8 +87,8 @@ def as_lines(program: Program | None, outputs: int) -> Lines:
         empty = np.zeros((0, 4), dtype=np.int32)
         return Lines(empty, 0, none, none, none, np.zeros(0), np.zeros((0, outputs)))
     count = len(program.code)
-    code = np.ascontiguousarray(program.code)
-    tangent = np.zeros((count, outputs))
+    code = np.array(program.code, order="C")
+    tangent = np.zeros((count if len(program.free) else 0, outputs))
     for k, place in enumerate(program.free):
         tangent[program.inputs[place], k] = 1.0
     start = program.start.copy()
@@ -99,11 +104,38 @@ def as_kernel(e: Expansion) -> Kernel:
         **arrays,
         **more,
         points=np.array(e.points.transpose(0, 2, 1), dtype=float, order="C"),
-        whitener=np.array(e.whitener.transpose(0, 2, 1), dtype=float, order="C"),
+        whitener=np.array(e.whitener, dtype=float, order="C"),
         triangular=bool(e.triangular),
         row=np.zeros(count),
-        whitened=np.zeros(count),
+        powers=np.zeros(count),
     )
+
+
+def packed(given: tuple[Gate, Kernel, Lines, Lines, Room]) -> tuple[Packed, tuple[Gate, Kernel, Lines, Lines, Room]]:
+    """Copies of what a step needs, packed; and the same as it lies there."""
+    gate, kernel, lines, sent, _ = given
+    outputs, dims, points = kernel.points.shape
+    sizes = [outputs, dims, points, kernel.triangular, *(getattr(gate, name) for name in SWITCHES)]
+    for program in (lines, sent):
+        sizes += [len(program.code), program.split, *map(len, (program.inputs, program.results, program.free))]
+    kinds = {"f": len(HEAD), "i": len(sizes)}
+    parts: tuple[Any, ...] = given
+    for part in parts:
+        for name in part._fields:
+            array = getattr(part, name)
+            if name != "code" and isinstance(array, np.ndarray):
+                kinds[array.dtype.kind] += array.size
+    numbers, counts = np.zeros(kinds["f"]), np.zeros(kinds["i"], dtype=np.int64)
+    numbers[: len(HEAD)] = [getattr(gate, name) for name in HEAD]
+    counts[: len(sizes)] = sizes
+    made = Packed(numbers, counts, lines.code, sent.code)
+    views = opened(*made)
+    pairs: list[tuple[Any, Any]] = list(zip(given, views, strict=True))
+    for part, view in pairs:
+        for name in part._fields:
+            if name != "code" and isinstance(getattr(part, name), np.ndarray):
+                getattr(view, name)[...] = getattr(part, name)
+    return made, views
 
 
 @compiled
@@ -236,29 +268,79 @@ def _slopes(op: int, a: float, b: float, value: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-@compiled
+MAGIC = 6755399441055744.0  # 1.5 * 2^52: added to a small number, the last bits are its whole part
+PER_LN2, LN2_HIGH, LN2_LOW = 1.4426950408889634, 6.93147180369123816490e-01, 1.90821492927058770002e-10
+SMALLEST = -1416.0
+"""exp(-708) is the smallest number that keeps all its digits; what is smaller counts as this."""
+
+
+@in_this_order
+def hills(row: Array, powers: Array) -> None:
+    """exp(-row / 2) in place of `row` (N,), all of it at once, to the last bit but one; `powers` (N,) is scratch.
+
+    exp(x) = 2^k exp(x - k ln 2) with the whole k nearest to x / ln 2, and the series of exp to its 13th power; ln 2 in
+    two parts, so that the difference keeps its digits (Cody and Waite, "Software Manual for the Elementary Functions",
+    1980, chapter 6). Plain form: `numpy.exp`.
+    """
+    for n in range(len(row)):
+        x = -0.5 * (-SMALLEST if row[n] > -SMALLEST else row[n])
+        shifted = x * PER_LN2 + MAGIC
+        k = shifted - MAGIC
+        r = (x - k * LN2_HIGH) - k * LN2_LOW
+        p = 1.0 / 6227020800.0
+        p = p * r + 1.0 / 479001600.0
+        p = p * r + 1.0 / 39916800.0
+        p = p * r + 1.0 / 3628800.0
+        p = p * r + 1.0 / 362880.0
+        p = p * r + 1.0 / 40320.0
+        p = p * r + 1.0 / 5040.0
+        p = p * r + 1.0 / 720.0
+        p = p * r + 1.0 / 120.0
+        p = p * r + 1.0 / 24.0
+        p = p * r + 1.0 / 6.0
+        p = p * r + 0.5
+        p = p * r + 1.0
+        row[n] = p * r + 1.0
+        powers[n] = shifted
+    exponents = powers.view(np.int64)
+    for n in range(len(row)):
+        exponents[n] = (exponents[n] + 1023) << 52
+    for n in range(len(row)):
+        row[n] *= powers[n]
+
+
+@in_any_order
+def _near(kernel: Kernel, k: int, xi: Array) -> float:
+    """Kernel values of output k over its signal variance, in `kernel.row`; returns its straight line."""
+    row = kernel.row
+    total = kernel.mean_coefficients[k, 0]
+    for d in range(len(xi)):
+        x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
+        total += kernel.mean_coefficients[k, 1 + d] * x
+        q = x / kernel.lengthscales[k, d]
+        points = kernel.points[k, d]
+        if d == 0:
+            for n in range(len(row)):
+                row[n] = (points[n] - q) * (points[n] - q)
+        else:
+            for n in range(len(row)):
+                row[n] += (points[n] - q) * (points[n] - q)
+    hills(row, kernel.powers)
+    return total
+
+
+@in_any_order
 def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[np.int64], wanted: bool) -> None:
     """Mean (L,) at inputs xi (D,), and where `wanted` its derivative to the inputs `rows`: slope (L, len(rows))."""
-    outputs, dims, count = kernel.points.shape
-    for k in range(outputs):
-        distance = kernel.row
-        for n in range(count):
-            distance[n] = 0.0
-        total = kernel.mean_coefficients[k, 0]
-        for d in range(dims):
-            x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
-            total += kernel.mean_coefficients[k, 1 + d] * x
-            q = x / kernel.lengthscales[k, d]
-            points = kernel.points[k, d]
-            for n in range(count):
-                apart = points[n] - q
-                distance[n] += apart * apart
-        sum_ = 0.0
-        for n in range(count):
-            weighted = kernel.alpha[k, n] * kernel.signal_variance[k] * math.exp(-0.5 * distance[n])
-            distance[n] = weighted
-            sum_ += weighted
-        mean[k] = kernel.output_scale[k] * (total + sum_)
+    row = kernel.row
+    for k in range(len(kernel.output_scale)):
+        total = _near(kernel, k, xi)
+        alpha, sum_ = kernel.alpha[k], 0.0
+        for n in range(len(row)):
+            row[n] *= alpha[n]
+            sum_ += row[n]
+        signal = kernel.signal_variance[k]
+        mean[k] = kernel.output_scale[k] * (total + signal * sum_)
         if not wanted:
             continue
         for i in range(len(rows)):
@@ -267,37 +349,44 @@ def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[n
             q = x / kernel.lengthscales[k, d]
             points = kernel.points[k, d]
             part = 0.0
-            for n in range(count):
-                part += distance[n] * (points[n] - q)
+            for n in range(len(row)):
+                part += row[n] * (points[n] - q)
             unit = kernel.output_scale[k] / kernel.input_scale[d]
-            slope[k, i] = unit * (kernel.mean_coefficients[k, 1 + d] + part / kernel.lengthscales[k, d])
+            slope[k, i] = unit * (kernel.mean_coefficients[k, 1 + d] + signal * part / kernel.lengthscales[k, d])
 
 
-@compiled
+@in_any_order
 def spread(kernel: Kernel, xi: Array, std: Array) -> None:
     """Standard deviation (L,) at inputs xi (D,), noise included."""
-    outputs, dims, count = kernel.points.shape
-    for k in range(outputs):
-        row, whitened = kernel.row, kernel.whitened
-        for n in range(count):
-            row[n] = 0.0
-            whitened[n] = 0.0
-        for d in range(dims):
-            q = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            points = kernel.points[k, d]
-            for n in range(count):
-                apart = points[n] - q
-                row[n] += apart * apart
-        for n in range(count):
-            value = kernel.signal_variance[k] * math.exp(-0.5 * row[n])
-            column = kernel.whitener[k, n]
-            for m in range(n if kernel.triangular else 0, count):
-                whitened[m] += column[m] * value
-        explained = 0.0
-        for n in range(count):
-            explained += whitened[n] * whitened[n]
-        variance = max(kernel.signal_variance[k] - explained, 0.0) + kernel.noise_variance[k]
+    for k in range(len(std)):
+        _near(kernel, k, xi)
+        explained = _whitened(kernel.whitener[k], kernel.row, kernel.triangular)
+        signal = kernel.signal_variance[k]
+        variance = max(signal - signal * signal * explained, 0.0) + kernel.noise_variance[k]
         std[k] = kernel.output_scale[k] * kernel.sigma_scale[k] * math.sqrt(variance)
+
+
+@in_any_order
+def _whitened(whitener: Array, row: Array, triangular: bool) -> float:
+    """|C^-1 row|^2, four rows at once: `row` is fetched a quarter as often."""
+    count, total = len(row), 0.0
+    whole = count - count % 4
+    for n in range(0, whole, 4):
+        one, two, three, four = whitener[n], whitener[n + 1], whitener[n + 2], whitener[n + 3]
+        a, b, c, d = 0.0, 0.0, 0.0, 0.0
+        for m in range(n + 4 if triangular else count):
+            value = row[m]
+            a += one[m] * value
+            b += two[m] * value
+            c += three[m] * value
+            d += four[m] * value
+        total += a * a + b * b + c * c + d * d
+    for n in range(whole, count):
+        last, a = whitener[n], 0.0
+        for m in range(count):
+            a += last[m] * row[m]
+        total += a * a
+    return total
 
 
 @compiled
@@ -375,13 +464,13 @@ class Gate(NamedTuple):
     enough: float
     most: int
     lenient: bool
-    watched: NDArray[np.bool_]
+    watched: NDArray[np.int64]
     offset: Array
     scale: Array
     threshold: float
     kappa: float
     decay: float
-    groups: NDArray[np.bool_]
+    groups: NDArray[np.int64]
     a: float
     b0: float
     b1: float
@@ -690,16 +779,138 @@ def expected(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
             found[i] += lines.value[lines.results[i]]
 
 
+HEAD = ("accept", "enough", "threshold", "kappa", "decay", "a", "b0", "b1")
+"""Numbers of a gate with which the numbers of a `Packed` begin."""
+SWITCHES = ("most", "lenient", "has_process", "has_physics")
+SIZES = 18
+"""How many counts come before the arrays of counts: outputs, inputs of the process, points, whether the whitener is
+triangular; `SWITCHES`; lines, split, inputs, results and free inputs of the mismatch, and of what is sent."""
+
+
+class Packed(NamedTuple):
+    """All that a step needs, in four arrays: to hand sixty to compiled code costs as much time as a step takes."""
+
+    numbers: Array
+    counts: NDArray[np.int64]
+    code: NDArray[np.int32]
+    sent: NDArray[np.int32]
+
+
+@compiled
+def _flat(numbers: Any, at: int, size: int) -> tuple[Any, int]:
+    return numbers[at : at + size], at + size
+
+
+@compiled
+def _square(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
+    return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
+
+
+@compiled
+def _cube(numbers: Array, at: int, layers: int, rows: int, columns: int) -> tuple[Array, int]:
+    size = layers * rows * columns
+    return numbers[at : at + size].reshape((layers, rows, columns)), at + size
+
+
+@compiled
+def _as_gate(numbers: Array, counts: NDArray[np.int64], at: int, n: int) -> tuple[Gate, int, int]:
+    count = counts[0]
+    rows, n = _flat(counts, n, count)
+    watched, n = _flat(counts, n, count)
+    groups, n = _flat(counts, n, 4)
+    bound, at = _flat(numbers, at, count)
+    offset, at = _flat(numbers, at, count)
+    scale, at = _flat(numbers, at, count)
+    accept, enough, threshold, kappa = numbers[0], numbers[1], numbers[2], numbers[3]
+    decay, a, b0, b1 = numbers[4], numbers[5], numbers[6], numbers[7]
+    most, lenient, process, physics = counts[4], counts[5], counts[6], counts[7]
+    gate = Gate(
+        rows, bound, accept, enough, most, lenient, watched, offset, scale, threshold, kappa, decay, groups, a, b0, b1,
+        process, physics,
+    )  # fmt: skip
+    return gate, at, n
+
+
+@compiled
+def _as_kernel(numbers: Array, counts: NDArray[np.int64], at: int) -> tuple[Kernel, int]:
+    count, dims, points = counts[0], counts[1], counts[2]
+    input_mean, at = _flat(numbers, at, dims)
+    input_scale, at = _flat(numbers, at, dims)
+    output_scale, at = _flat(numbers, at, count)
+    mean_coefficients, at = _square(numbers, at, count, 1 + dims)
+    lengthscales, at = _square(numbers, at, count, dims)
+    places, at = _cube(numbers, at, count, dims, points)
+    alpha, at = _square(numbers, at, count, points)
+    whitener, at = _cube(numbers, at, count, points, points)
+    signal, at = _flat(numbers, at, count)
+    noise, at = _flat(numbers, at, count)
+    sigma_scale, at = _flat(numbers, at, count)
+    row, at = _flat(numbers, at, points)
+    powers, at = _flat(numbers, at, points)
+    kernel = Kernel(
+        input_mean, input_scale, output_scale, mean_coefficients, lengthscales, places, alpha, whitener, counts[3],
+        signal, noise, sigma_scale, row, powers,
+    )  # fmt: skip
+    return kernel, at
+
+
+@compiled
+def _as_lines(
+    numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], first: int, at: int, n: int
+) -> tuple[Lines, int, int]:
+    count, size, split = counts[0], counts[first], counts[first + 1]
+    inputs, n = _flat(counts, n, counts[first + 2])
+    results, n = _flat(counts, n, counts[first + 3])
+    free, n = _flat(counts, n, counts[first + 4])
+    value, at = _flat(numbers, at, size)
+    tangent, at = _square(numbers, at, size if len(free) else 0, count)
+    return Lines(code, split, inputs, free, results, value, tangent), at, n
+
+
+@compiled
+def _as_room(numbers: Array, counts: NDArray[np.int64], at: int) -> Room:
+    count = counts[0]
+    xi, at = _flat(numbers, at, counts[1])
+    inputs, at = _flat(numbers, at, max(counts[10], 22))
+    r, at = _flat(numbers, at, count)
+    A, at = _square(numbers, at, count, count)
+    trial, at = _flat(numbers, at, count)
+    x, at = _flat(numbers, at, count)
+    warm, at = _flat(numbers, at, count)
+    start, at = _flat(numbers, at, count)
+    low, at = _flat(numbers, at, count)
+    high, at = _flat(numbers, at, count)
+    square, at = _square(numbers, at, count + 1, count)
+    best, at = _flat(numbers, at, count)
+    r_at, at = _flat(numbers, at, count)
+    A_at, at = _square(numbers, at, count, count)
+    saved, at = _flat(numbers, at, TILT + max(counts[10] - 22, 0))
+    return Room(xi, inputs, r, A, trial, x, warm, start, low, high, square, best, r_at, A_at, saved)
+
+
+@compiled
+def opened(
+    numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent: NDArray[np.int32]
+) -> tuple[Gate, Kernel, Lines, Lines, Room]:
+    """What a `Packed` holds, in the same memory."""
+    gate, at, n = _as_gate(numbers, counts, len(HEAD), SIZES)
+    kernel, at = _as_kernel(numbers, counts, at)
+    lines, at, n = _as_lines(numbers, counts, code, 8, at, n)
+    after, at, n = _as_lines(numbers, counts, sent, 13, at, n)
+    return gate, kernel, lines, after, _as_room(numbers, counts, at)
+
+
 @compiled
 def advance(
-    gate: Gate, kernel: Kernel, lines: Lines, sent: Lines, room: Room, memory: Array, wrenches: Array, states: Array,
-    out: Array, expects: bool,
+    numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent_code: NDArray[np.int32], memory: Array,
+    wrenches: Array, states: Array, out: Array, expects: bool,
 ) -> int:  # fmt: skip
     """Steps through wrenches (K, 6) with states (K, 15) until the end, or the first that is handed back.
 
     Returns how many were done; `out` (K, 23 + 2 L) has their results, with the mismatch expected of desired and sent
     command where `expects`. The memory is as it was before a step that is handed back.
     """
+    gate, kernel, lines, sent, room = opened(numbers, counts, code, sent_code)
     saved = room.saved
     for k in range(len(wrenches)):
         for i in range(len(memory)):

@@ -25,6 +25,7 @@ from wrenchgap.compensate.compiled import (
     as_lines,
     expected,
     finish,
+    packed,
     prepare,
     residual,
 )
@@ -100,13 +101,13 @@ def _gate(
         enough=ENOUGH * float(limits.accept),
         most=min(MOST, limits.most),
         lenient=limits.lenient,
-        watched=np.array(gate.watched),
+        watched=np.array(gate.watched, dtype=np.int64),
         offset=np.array(gate.offset, dtype=float),
         scale=np.array(gate.scale, dtype=float),
         threshold=float(gate.threshold),
         kappa=float(gate.kappa),
         decay=float(gate.decay),
-        groups=np.array([name in groups for name in COLUMNS]),
+        groups=np.array([name in groups for name in COLUMNS], dtype=np.int64),
         a=a,
         b0=q - a,
         b1=1.0 - q,
@@ -126,7 +127,8 @@ class Stepper:
         nothing = Expansion((), (), *(np.zeros(s) for s in _shapes(count)))
         kernel = as_kernel(nothing if expansion is None else expansion)
         lines, sent = (as_lines(None if physics is None else getattr(physics, n), count) for n in ("mismatch", "sent"))
-        self._given = (gate, kernel, lines, sent, _room(count, len(kernel.input_mean), len(lines.inputs)))
+        room = _room(count, len(kernel.input_mean), len(lines.inputs))
+        self._packed, self._given = packed((gate, kernel, lines, sent, room))
         self.memory = np.zeros(TILT + (0 if physics is None else physics.arms + physics.memory))
         self._row = np.zeros((1, EXPECTED + 2 * count))
         self._wrench, self._state = np.zeros((1, len(AXES))), np.zeros((1, len(STATE)))
@@ -152,21 +154,21 @@ class Stepper:
             self._state[0] = state_row(state)
             self._check_voltage(self._state)
         self.trouble = ""
-        if advance(*self._given, self.memory, self._wrench, self._state, self._row, False) == 0:
+        if advance(*self._packed, self.memory, self._wrench, self._state, self._row, False) == 0:
             self._hand_over(self._wrench[0], self._state[0], self._row[0], False)
         row: Array = self._row[0]
         return row
 
-    def many(self, wrenches: Array, states: Array) -> tuple[Array, list[str]]:
-        """Results (K, 23 + 2 L) of consecutive steps, with the mismatch expected before and after; trouble of each.
+    def many(self, wrenches: Array, states: Array, out: Array) -> list[str]:
+        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 23 + 2 L); trouble of each.
 
         `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `physics_program.STATE` has them.
         """
-        out, trouble, done = np.zeros((len(wrenches), self._row.shape[1])), [""] * len(wrenches), 0
+        trouble, done = [""] * len(wrenches), 0
         self._check_voltage(states)
-        wrenches, states = (np.array(a, dtype=float, order="C") for a in (wrenches, states))
+        wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")
         while done < len(wrenches):
-            done += advance(*self._given, self.memory, wrenches[done:], states[done:], out[done:], True)
+            done += advance(*self._packed, self.memory, wrenches[done:], states[done:], out[done:], True)
             if done < len(wrenches):
                 self.trouble = ""
                 self._hand_over(wrenches[done], states[done], out[done], True)
@@ -174,7 +176,7 @@ class Stepper:
                 done += 1
         for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])):
             trouble[k] = trouble[k] or WITHHELD
-        return out, trouble
+        return trouble
 
     def expected(self, wrench: Array) -> Array:
         """Mismatch (L,) of a command (6,) as the models have it in the last step."""

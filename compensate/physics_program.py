@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.tape import Program, Tape, program
@@ -46,11 +45,11 @@ def state_row(state: State) -> Array:
     return np.concatenate(parts)
 
 
-def rows_of(states: State, index: NDArray[np.intp]) -> Array:
-    """States (K, 15) at some of the samples, as `STATE`."""
-    voltage = np.full(len(index), np.nan) if states.voltage is None else states.voltage[index]
-    parts = [getattr(states, n)[index] for n in ("position_E", "quat_EB", "velocity_E", "omega_B")]
-    return np.hstack([*parts, states.time[index, None], voltage[:, None]])
+def rows_of(states: State) -> Array:
+    """States (K, 15) as `STATE`."""
+    voltage = np.full(len(states.time), np.nan) if states.voltage is None else states.voltage
+    parts = (states.position_E, states.quat_EB, states.velocity_E, states.omega_B)
+    return np.hstack([*parts, states.time[:, None], voltage[:, None]])
 
 
 @dataclass(frozen=True, eq=False)

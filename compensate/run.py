@@ -47,14 +47,17 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
     outputs = len(compensator.model.outputs)
     rows = np.empty((len(wrenches), 23 + 2 * outputs))
     took, trouble = np.empty(len(wrenches)), list[str]()
+    numbers = np.zeros((len(wrenches), len(STATE))) if states is None else rows_of(states)
+    compiled = compensator.steps_compiled(states is not None)
     for start in range(0, len(wrenches), BLOCK):
-        index = np.arange(start, min(start + BLOCK, len(wrenches)))
+        part = slice(start, min(start + BLOCK, len(wrenches)))
         began = perf_counter()
-        numbers = np.zeros((len(index), len(STATE))) if states is None else rows_of(states, index)
-        done = compensator.rows(wrenches[index], numbers, None if states is None else states.take(index))
-        rows[index], said = done
+        if compiled is not None:
+            said = compiled.many(wrenches[part], numbers[part], rows[part])
+        else:
+            rows[part], said = compensator.plain_rows(wrenches[part], None if states is None else states.take(part))
         trouble += said
-        took[index] = (perf_counter() - began) / len(index)
+        took[part] = (perf_counter() - began) / (part.stop - start)
     return Run(
         wrench_cmd=rows[:, :6],
         correction=rows[:, 6:12],

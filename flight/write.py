@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -30,6 +29,7 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight, ReferenceSeries
 from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
+from wrenchgap.flight.mcap_messages import Messages, write_messages
 
 PROVENANCE = "wrenchgap"
 """Name of the metadata record in which a file says where it comes from."""
@@ -111,34 +111,12 @@ def _start(start_ns: int, topics: list[_Topic]) -> int:
 
 
 def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str, str]) -> None:
-    writer = Writer(stream, compression=CompressionType.ZSTD)
-    writer.start(profile="ros2", library=PROVENANCE)
-    store = _typestore()
-    schemas: dict[str, int] = {}
-    channels = []
+    store, every = _typestore(), []
     for topic in topics:
-        if topic.type not in schemas:
-            definition = store.generate_msgdef(topic.type, ros_version=2)[0].encode()
-            schemas[topic.type] = writer.register_schema(topic.type, "ros2msg", definition)
-        channels.append(writer.register_channel(topic.name, "cdr", schemas[topic.type]))
-    stamps = [np.asarray(start_ns + np.round(np.asarray(t.time) * 1e9).astype(np.int64)) for t in topics]
-    payloads = [_payloads(topic, s, store) for topic, s in zip(topics, stamps, strict=True)]
-    for number, index in _in_order(stamps):
-        stamp = int(stamps[number][index])
-        writer.add_message(channels[number], stamp, payloads[number][index].tobytes(), stamp, index)
-    if metadata:
-        writer.add_metadata(PROVENANCE, metadata)
-    writer.finish()  # type: ignore[no-untyped-call]
-
-
-def _in_order(stamps: list[NDArray[np.int64]]) -> Iterator[tuple[int, int]]:
-    """Topic number and index of all messages, by time, then by topic."""
-    if not stamps:
-        return
-    number = np.concatenate([np.full(len(s), i) for i, s in enumerate(stamps)])
-    index = np.concatenate([np.arange(len(s)) for s in stamps])
-    order = np.lexsort((number, np.concatenate(stamps)))
-    yield from zip(number[order].tolist(), index[order].tolist(), strict=True)
+        stamps = np.asarray(start_ns + np.round(np.asarray(topic.time) * 1e9).astype(np.int64))
+        definition = store.generate_msgdef(topic.type, ros_version=2)[0]
+        every.append(Messages(topic.name, topic.type, definition, stamps, _payloads(topic, stamps, store)))
+    write_messages(stream, every, PROVENANCE, (PROVENANCE, metadata) if metadata else None)
 
 
 def _payloads(topic: _Topic, stamps: NDArray[np.int64], store: Typestore) -> NDArray[np.uint8]:

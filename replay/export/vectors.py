@@ -74,7 +74,7 @@ def recorded(helper: Compensator | Combined, commands: Array | None, vehicle: Ve
         expected[:, output_indices(helper.model.outputs)] += found.after
         wanted = np.hstack((found.wrench_cmd, expected, found.beta[:, None]))
         evaluations, accepted = found.iterations.astype(float), found.accepted
-    given = np.hstack((desired, np.zeros((STEPS, len(AXES))), rows_of(states, np.arange(STEPS))))
+    given = np.hstack((desired, np.zeros((STEPS, len(AXES))), rows_of(states)))
     count = STEPS if accepted.all() else max(1, int(np.argmin(accepted)))
     return Vectors(given[:count], wanted[:count], float(np.mean(evaluations)), float(np.mean(accepted)))
 

@@ -109,7 +109,7 @@ def stepped(mismatch, count=12):
     mean, sent = as_lines(programs.mismatch, 6), as_lines(programs.sent, 6)
     memory, fresh = np.zeros(programs.arms + programs.memory), 1.0
     every = states(count)
-    rows, wrenches = rows_of(every, np.arange(count)), commands(count)
+    rows, wrenches = rows_of(every), commands(count)
     plain, written, slopes = [], [], []
     for k, wrench in enumerate(wrenches):
         here = follower.here(every.take(slice(k, k + 1)))
@@ -146,7 +146,7 @@ def test_lever_arm_has_the_slope_of_a_cross_product():
     made = make_effect(MODEL.vehicle, "com_offset", offset)
     programs = trace(PhysicsMismatch(MODEL.with_effects([made]).wrench_model, AXES), DT)
     lines = as_lines(programs.mismatch, 6)
-    lines.value[lines.inputs] = np.concatenate((commands(1)[0], rows_of(states(1), np.arange(1))[0], np.zeros(7)))
+    lines.value[lines.inputs] = np.concatenate((commands(1)[0], rows_of(states(1))[0], np.zeros(7)))
     evaluate(lines, 0, lines.split)
     differentiate(lines)
     assert lines.tangent[lines.results][3:, :3] == pytest.approx(-so3.hat(offset), abs=1e-12)

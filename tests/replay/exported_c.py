@@ -73,9 +73,7 @@ def built(folder, *flags, name="run"):
 def stepped(program, desired, states, feedback=None):
     """What the C program makes of steps (K, 29)."""
     seen = np.zeros_like(desired) if feedback is None else feedback
-    rows = np.hstack(
-        (desired, seen, rows_of(replace(states, voltage=np.full(len(desired), 15.0)), np.arange(len(desired))))
-    )
+    rows = np.hstack((desired, seen, rows_of(replace(states, voltage=np.full(len(desired), 15.0)))))
     text = "\n".join(" ".join(repr(float(v)) for v in row) for row in rows)
     done = subprocess.run([str(program), "-"], input=text, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

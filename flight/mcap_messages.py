@@ -1,0 +1,235 @@
+"""An MCAP file out of arrays: the bytes that `mcap.writer.Writer` gives for the same messages, a whole chunk at once.
+
+A chunk is filled by compiled code, indexed by array operations, and compressed; all other records are those of the
+`mcap` package. The specification is its `Writer`, message by message (tests/flight/test_mcap_messages.py compares the
+bytes). Format: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import IO, Any
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from numba import njit
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
+CHUNK_SIZE = 1024 * 1024
+"""A chunk ends with the message that brings it beyond this [bytes]."""
+HEAD = 31
+"""Bytes of a message record before its payload: opcode 1, length 8, channel 2, sequence 4, two times of 8."""
+
+
+@dataclass(frozen=True)
+class Messages:
+    """One topic: CDR payloads (N, length) at `stamps` (N,) [ns], `definition` of their `type`."""
+
+    topic: str
+    type: str
+    definition: str
+    stamps: Ints
+    payloads: Bytes
+
+
+def write_messages(
+    stream: IO[bytes], every: Sequence[Messages], library: str, metadata: tuple[str, Mapping[str, str]] | None
+) -> None:
+    """All messages by time, then by topic; a message's sequence is its place in its topic."""
+    names = list(dict.fromkeys(m.type for m in every))
+    definitions = {m.type: m.definition for m in every}
+    schemas = [Schema(id=k, data=definitions[n].encode(), encoding="ros2msg", name=n) for k, n in enumerate(names, 1)]
+    channels = [
+        Channel(id=k, topic=m.topic, message_encoding="cdr", metadata={}, schema_id=names.index(m.type) + 1)
+        for k, m in enumerate(every, 1)
+    ]
+    _File(stream, schemas, channels).write(every, library, metadata)
+
+
+class _File:
+    """What the summary of a file needs to know of its chunks, gathered as they are written."""
+
+    def __init__(self, stream: IO[bytes], schemas: list[Schema], channels: list[Channel]) -> None:
+        self._stream, self._schemas, self._channels = stream, schemas, channels
+        self._indices: list[ChunkIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._compressor = zstandard.ZstdCompressor()
+
+    def write(self, every: Sequence[Messages], library: str, metadata: tuple[str, Mapping[str, str]] | None) -> None:
+        self._stream.write(MAGIC)
+        self._put(Header(profile="ros2", library=library))
+        number, index, stamps = _in_order([m.stamps for m in every])
+        sizes = HEAD + np.array([m.payloads.shape[1] for m in every], dtype=np.int64)
+        records = RecordBuilder()
+        for n, channel in enumerate(self._channels):
+            if all(channel.schema_id != before.schema_id for before in self._channels[:n]):
+                self._schemas[channel.schema_id - 1].write(records)
+            channel.write(records)
+        before, whole, start = _bytes(records), True, 0
+        ends = np.cumsum(sizes[number]) if len(number) else np.zeros(0, dtype=np.int64)
+        while start < len(number):
+            room = CHUNK_SIZE - len(before) + (int(ends[start - 1]) if start else 0)
+            stop = int(np.searchsorted(ends, room, side="right")) + 1
+            whole, stop = stop <= len(number), min(stop, len(number))
+            if not whole and metadata is not None:
+                self._remark(*metadata)
+                metadata = None
+            part = slice(start, stop)
+            self._chunk(before, every, number[part], index[part], stamps[part], sizes)
+            before, start = b"", stop
+        if metadata is not None:
+            self._remark(*metadata)
+        self._put(DataEnd(data_section_crc=0))
+        self._summary(number, stamps)
+
+    def _put(self, record: Header | Metadata | DataEnd) -> int:
+        """Write one record; its length."""
+        records = RecordBuilder()
+        record.write(records)
+        return self._stream.write(_bytes(records))
+
+    def _remark(self, name: str, values: Mapping[str, str]) -> None:
+        """The metadata: like `Writer`, before the chunk that the last message does not fill."""
+        offset = self._stream.tell()
+        length = self._put(Metadata(name=name, metadata=dict(values)))
+        self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
+
+    def _chunk(
+        self, before: bytes, every: Sequence[Messages], number: Ints, index: Ints, stamps: Ints, sizes: Ints
+    ) -> None:
+        """One chunk and the indices of its messages."""
+        lengths = sizes[number]
+        places = len(before) + np.cumsum(lengths) - lengths
+        records = np.empty(int(places[-1] + lengths[-1]), dtype=np.uint8)
+        records[: len(before)] = np.frombuffer(before, dtype=np.uint8)
+        ours = {topic: np.flatnonzero(number == topic) for topic in _by_appearance(number)}
+        for topic, mine in ours.items():
+            placed(records, places[mine], every[topic].payloads, topic + 1, index[mine], stamps[mine])
+        data = self._compressor.compress(records.data)
+        span = int(stamps.min()), int(stamps.max())
+        start, builder = self._stream.tell(), RecordBuilder()
+        said = {"message_start_time": span[0], "message_end_time": span[1], "uncompressed_size": len(records)}
+        Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records.data), **said).write(builder)
+        length = self._stream.write(_bytes(builder))
+        offsets, indices = {}, bytearray()
+        for topic, mine in ours.items():
+            offsets[topic + 1] = start + length + len(indices)
+            entries = np.stack((stamps[mine], places[mine]), axis=1).astype("<u8").tobytes()
+            indices += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), topic + 1, len(entries)) + entries
+        self._stream.write(indices)
+        self._indices.append(
+            ChunkIndex(
+                chunk_length=length,
+                chunk_start_offset=start,
+                compression="zstd",
+                compressed_size=len(data),
+                message_index_length=len(indices),
+                message_index_offsets=offsets,
+                **said,
+            )
+        )
+
+    def _summary(self, number: Ints, stamps: Ints) -> None:
+        """Everything that a reader needs to find its way, and where it lies."""
+        start, builder, offsets = self._stream.tell(), RecordBuilder(), []
+        counts = {topic + 1: int((number == topic).sum()) for topic in _by_appearance(number)}
+        first, last = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
+        about = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=counts,
+            chunk_count=len(self._indices),
+            message_count=len(number),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+        groups: dict[Opcode, Sequence[Any]] = {
+            Opcode.SCHEMA: self._schemas,
+            Opcode.CHANNEL: self._channels,
+            Opcode.STATISTICS: [about],
+            Opcode.CHUNK_INDEX: self._indices,
+            Opcode.ATTACHMENT_INDEX: [],
+            Opcode.METADATA_INDEX: self._metadata,
+        }
+        for opcode, records in groups.items():
+            here = builder.count
+            for record in records:
+                record.write(builder)
+            offsets.append(
+                SummaryOffset(group_opcode=opcode, group_start=start + here, group_length=builder.count - here)
+            )
+        where = start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        data = _bytes(builder)
+        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, where), zlib.crc32(data))
+        Footer(summary_start=start, summary_offset_start=where, summary_crc=crc).write(builder)
+        self._stream.write(data + _bytes(builder) + MAGIC)
+
+
+def _bytes(builder: RecordBuilder) -> bytes:
+    """What was written to it."""
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def _in_order(stamps: Sequence[Ints]) -> tuple[Ints, Ints, Ints]:
+    """Topic number, index and stamp of all messages, by time, then by topic."""
+    if not stamps:
+        return (np.zeros(0, dtype=np.int64),) * 3
+    number = np.concatenate([np.full(len(s), i) for i, s in enumerate(stamps)])
+    index = np.concatenate([np.arange(len(s)) for s in stamps])
+    every = np.concatenate(stamps)
+    order = np.lexsort((number, every))
+    return number[order], index[order], every[order]
+
+
+def _by_appearance(number: Ints) -> list[int]:
+    """The different numbers, in the order in which they come."""
+    found, first = np.unique(number, return_index=True)
+    return [int(n) for n in found[np.argsort(first)]]
+
+
+@njit(cache=True, nogil=True)
+def placed(records: Bytes, places: Ints, payloads: Bytes, channel: int, index: Ints, stamps: Ints) -> None:
+    """Message records of one topic into `records`, at `places` (N,): heads, and rows `index` (N,) of its payloads.
+
+    Plain form: `mcap.records.Message.write`.
+    """
+    length = payloads.shape[1]
+    for n in range(len(places)):
+        at = places[n]
+        records[at] = 5
+        for k in range(8):
+            records[at + 1 + k] = ((22 + length) >> (8 * k)) & 255
+            records[at + 15 + k] = (stamps[n] >> (8 * k)) & 255
+            records[at + 23 + k] = (stamps[n] >> (8 * k)) & 255
+        for k in range(2):
+            records[at + 9 + k] = (channel >> (8 * k)) & 255
+        for k in range(4):
+            records[at + 11 + k] = (index[n] >> (8 * k)) & 255
+        for k in range(length):
+            records[at + 31 + k] = payloads[index[n], k]

@@ -1,0 +1,69 @@
+"""The compiled sums of a process beside their specification: `numpy.exp`, and `learn.process.gp` in plain numpy."""
+
+import numpy as np
+import pytest
+
+from wrenchgap.compensate import compiled
+from wrenchgap.learn.process.gp import GaussianProcess
+
+TORQUES = ("torque_x", "torque_y", "torque_z")
+ROWS = np.array([3, 4, 5])
+
+
+def process(points, dense=False, seed=0):
+    """A process with all numbers different; `dense` with a whitener that is not triangular, as a sparse one has."""
+    rng = np.random.default_rng(seed)
+    sparse = {}
+    if dense:
+        sparse = {
+            "weights": rng.normal(size=(3, points)),
+            "whitener": 0.3 * rng.normal(size=(3, points, points)) / points,
+        }
+    return GaussianProcess(
+        outputs=TORQUES,
+        input_mean=rng.normal(size=6),
+        input_scale=rng.uniform(0.5, 2.0, 6),
+        output_scale=rng.uniform(0.1, 0.5, 3),
+        mean_coefficients=rng.normal(size=(3, 7)),
+        inputs=rng.normal(size=(points, 6)),
+        residuals=rng.normal(size=(points, 3)),
+        lengthscales=rng.uniform(0.8, 3.0, (3, 6)),
+        signal_variance=rng.uniform(0.5, 2.0, 3),
+        noise_variance=rng.uniform(0.01, 0.2, 3),
+        sigma_training=np.ones(3),
+        mismatch_max=np.ones(3),
+        sigma_scale=rng.uniform(0.8, 1.5, 3),
+        gain=np.array([1.0, 0.5, 0.8]),
+        **sparse,
+    )
+
+
+@pytest.mark.parametrize("points", [1, 2, 3, 4, 5, 7, 100, 203])
+@pytest.mark.parametrize("dense", [False, True])
+def test_mean_slope_and_sigma_are_those_of_the_process(points, dense):
+    gp = process(points, dense)
+    kernel = compiled.as_kernel(gp.expansion())
+    mean, slope, std = np.zeros(3), np.zeros((3, 3)), np.zeros(3)
+    for xi in gp.input_mean + np.random.default_rng(1).normal(size=(20, 6)) * 2.0:
+        compiled.expand(kernel, xi, mean, slope, ROWS, True)
+        compiled.spread(kernel, xi, std)
+        assert mean == pytest.approx(gp.mean(xi[None])[0], rel=1e-9, abs=1e-11)
+        assert slope == pytest.approx(gp.jacobian(xi[None])[0][:, ROWS], rel=1e-9, abs=1e-11)
+        assert std == pytest.approx(gp.std(xi[None])[0], rel=1e-9)
+        compiled.expand(kernel, xi, std, slope, ROWS, False)
+        assert np.array_equal(std, mean)
+
+
+def test_hills_are_exp_to_the_last_bit_but_one():
+    square = np.concatenate([[0.0, 1e-300], np.geomspace(1e-12, 1415.0, 20_000)])
+    found = square.copy()
+    compiled.hills(found, np.zeros(len(found)))
+    assert np.abs(found / np.exp(-0.5 * square) - 1.0).max() < 5e-16
+
+
+def test_hills_far_away_are_nothing_and_what_is_no_number_stays_none():
+    found = np.array([1500.0, 1e12, np.inf, np.nan, 2.0])
+    compiled.hills(found, np.zeros(5))
+    assert found[:3].max() < 1e-300
+    assert np.isnan(found[3])
+    assert found[4] == pytest.approx(np.exp(-1.0), rel=1e-15)

@@ -1,0 +1,67 @@
+"""A file out of arrays has the bytes of the mcap package's own writer, which is given the messages one by one."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from wrenchgap.flight import mcap_messages
+from wrenchgap.flight.mcap_messages import Messages, write_messages
+
+SECOND = 1_000_000_000
+
+
+def message_by_message(every, metadata):
+    """The specification: `mcap.writer.Writer`, in the order of time, then of topics."""
+    stream = BytesIO()
+    writer, schemas, channels = Writer(stream, compression=CompressionType.ZSTD), {}, []
+    writer.start(profile="ros2", library="wrenchgap")
+    for m in every:
+        if m.type not in schemas:
+            schemas[m.type] = writer.register_schema(m.type, "ros2msg", m.definition.encode())
+        channels.append(writer.register_channel(m.topic, "cdr", schemas[m.type]))
+    for stamp, topic, index in sorted((int(s), k, n) for k, m in enumerate(every) for n, s in enumerate(m.stamps)):
+        writer.add_message(channels[topic], stamp, every[topic].payloads[index].tobytes(), stamp, index)
+    if metadata is not None:
+        writer.add_metadata(*metadata)
+    writer.finish()
+    return stream.getvalue()
+
+
+def topic(name, count, length, period, seed, kind="std_msgs/msg/Float64"):
+    rng = np.random.default_rng(seed)
+    stamps = 1_700_000_000 * SECOND + (np.arange(count) * period * SECOND).astype(np.int64)
+    return Messages(name, kind, f"# {kind}\nfloat64 data\n", stamps, rng.integers(0, 8, (count, length), np.uint8))
+
+
+SOME = (topic("/a", 4000, 340, 0.005, 0), topic("/late", 30, 12, 0.2, 1), topic("/b", 2000, 76, 0.01, 2, "pkg/msg/B"))
+
+
+@pytest.mark.parametrize("metadata", [None, ("wrenchgap", {"command": "replay", "settings": '{"dt": 0.005}'})])
+@pytest.mark.parametrize(
+    "every",
+    [SOME, SOME[:1], (), (topic("/none", 0, 8, 1.0, 3),), (SOME[0], topic("/none", 0, 8, 1.0, 3))],
+    ids=["three topics", "one", "no topics", "no messages", "a topic without messages"],
+)
+def test_bytes_are_those_of_the_writer_of_the_mcap_package(every, metadata):
+    stream = BytesIO()
+    write_messages(stream, every, "wrenchgap", metadata)
+    assert stream.getvalue() == message_by_message(every, metadata)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 1000, 2995, 2996, 2997, 2998])
+def test_also_where_a_message_fills_the_chunk_exactly(count):
+    """Messages of 350 bytes: around the place where a chunk of 1 MiB is full, and with metadata behind it."""
+    every, metadata = (topic("/a", count, 350 - mcap_messages.HEAD, 0.001, 4),), ("wrenchgap", {"a": "b"})
+    stream = BytesIO()
+    write_messages(stream, every, "wrenchgap", metadata)
+    assert stream.getvalue() == message_by_message(every, metadata)
+
+
+def test_stamps_that_go_backwards_are_put_in_order():
+    given = topic("/a", 50, 20, 0.1, 5)
+    back = Messages(given.topic, given.type, given.definition, given.stamps[::-1].copy(), given.payloads)
+    stream = BytesIO()
+    write_messages(stream, (back,), "wrenchgap", None)
+    assert stream.getvalue() == message_by_message((back,), None)
