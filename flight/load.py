@@ -36,8 +36,6 @@ from wrenchgap.flight.unmeasured import Why, axis_names, not_estimated, unmeasur
 
 AnySeries = TypeVar("AnySeries", bound=Series)
 
-LONGEST_NAME = 100
-"""Characters of a topic's name or type in an error."""
 ABSURD = 1e12
 """No quantity of a flight is larger in SI: a damaged sample."""
 
@@ -73,9 +71,7 @@ def assigned(
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
     """The flight that a log holds under an assignment of roles, and its clocks; the log's columns are given away."""
     if not assignment.sources:
-        found = ", ".join(
-            f"{topic[:LONGEST_NAME]} ({table.type[:LONGEST_NAME]})" for topic, table in log.tables.items()
-        )
+        found = ", ".join(f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items())
         raise LogError(
             f"{log.path}: no topic plays a role; topics: {found}. Map one with --topic imu=/your/topic, and see "
             "`wrenchgap inspect`"

@@ -95,7 +95,7 @@ class Explanation(Result):
     are open; `concentrated` is the share of
     the residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
     and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
-    some were given.
+    some were given; `answering` are the axes on which commands answered a disturbance.
     """
 
     verdict: Verdict
@@ -117,6 +117,7 @@ class Explanation(Result):
     flights: tuple[OpenFlight, ...] = ()
     timing: tuple[FlightTiming, ...] = ()
     validation: Validation | None = None
+    answering: tuple[int, ...] = ()
 
     @property
     def reduction(self) -> Array:
@@ -229,6 +230,7 @@ def search_dataset(
         depends,
         _concentrated(on.data, best.left),
         _over_noise(on.data, best.left),
+        answering=data.answering,
     )
 
 

@@ -8,7 +8,7 @@ here; `replay.present.report` writes them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
@@ -151,7 +151,7 @@ def report(
         gp.check_vehicle(model.vehicle.name)
     found = explain(flights, model, names=names, validation=validation, progress=_part(tell, 0.0, 0.5))
     added = add(model, found.effects, flights, fitted=found.fit)
-    data = dataset_of(flights, model)
+    data = replace(dataset_of(flights, model), answering=found.answering)
     tell(0.5, "error step by step")
     order = [*order_of(model.history, [e.name for e in model.effects]), *found.effects]
     made = steps(data, model, order, whole=added.fit)

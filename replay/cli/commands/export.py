@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.replay import DecayTime, DespiteVerdict, NoFilter, Slope, Threshold
 from wrenchgap.replay.cli.requests import Run
@@ -127,4 +126,6 @@ def _bandwidth(text: str | None) -> float | Literal["log"] | None:
     try:
         return float(text)
     except ValueError:
+        from wrenchgap.flight.errors import UsageError
+
         raise UsageError(f"--observer {text}: expected a bandwidth in Hz, or log") from None
