@@ -27,7 +27,7 @@ from wrenchgap.learn.posterior.together import spectrum_of
 
 LITTLE = 0.05
 """Share of the rms that the model leaves in a band which a set that explains it may leave: laws are not exact."""
-CLOSE = 0.25
+CLOSE = 0.35
 """Share of the rms on an axis that all candidates at once may leave, straight lines that they are."""
 
 
