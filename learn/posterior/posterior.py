@@ -247,8 +247,8 @@ def alike_without_the_idle(scorer: Scorer, whole: Contender) -> tuple[tuple[Cont
         alike = [leaf]
         if len(leaf.keys) < len(whole.keys):
             least = scorer(leaf.keys).log_probability - ALIKE
-            near = [k for k in exchanged(leaf.keys, others, columns) if scorer(k).log_probability > least]
-            found = [c for c in (contender(scorer, k) for k in near) if all(p.named for p in c.parts)]
+            likely = [k for k in exchanged(leaf.keys, others, columns) if scorer(k).log_probability > least]
+            found = [c for c in (contender(scorer, k) for k in likely) if all(p.named for p in c.parts)]
             alike += [c for c in found if same(leaf, c, scorer)]
         log = np.array([scorer(c.keys).log_probability for c in alike])
         share = np.exp(log - log.max())
