@@ -147,13 +147,15 @@ class Problem:
         residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
         return Point(x, residual)
 
-    def jacobian(self, point: Point) -> Array:
-        """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds."""
-        columns = np.empty((*point.residual.shape, self.size))
+    def jacobian(self, point: Point, first: int = 0) -> Array:
+        """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds; of
+        parameters before the `first` not a number.
+        """  # noqa: D205
+        columns = np.full((*point.residual.shape, self.size), np.nan)
         if self.base is not None:
             columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
         for k, (name, _) in enumerate(self.parameters):
-            if k < self.known and not is_air(name):  # what the air does depends on every effect that sees it
+            if k < first or (k < self.known and not is_air(name)):  # the air's depends on every effect that sees it
                 continue
             step = 0.02 * self.scale[k]
             if point.x[k] + step > self.high[k]:

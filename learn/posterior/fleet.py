@@ -104,7 +104,7 @@ def ranking(read: Read) -> Ranking:
     rms = np.sqrt(squares / space.count.sum(axis=0))
     sets = []
     for k, s in enumerate(kept):
-        parts = parts_of(scorer, s)
+        parts = parts_of(scorer, s, {})
         named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
         gain = predicted[k] - predicted[0]
         odds = s.log_probability - none.log_probability
@@ -141,7 +141,7 @@ def _weights(scorer: FleetScorer, sets: Sequence[Scored], read: Read) -> dict[Ke
     share = bootstrapped(likelihood, np.array([s.prior for s in sets]))
     out: dict[Keys, float] = {}
     for s, weight in zip(sets, share, strict=True):
-        for leaf, part in leaves_of(scorer, s.keys).items():
+        for leaf, part in leaves_of(scorer, s.keys, {}).items():
             out[leaf] = out.get(leaf, 0.0) + float(weight) * part
     return out
 

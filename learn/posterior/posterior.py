@@ -7,21 +7,31 @@ these flights are one class (`learn.posterior.classes`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.parallel import each
+from wrenchgap.learn.posterior import hunt
+from wrenchgap.learn.posterior.anew import (
+    around,
+    bent,
+    doubtful,
+    holds,
+    likeliest,
+    linearised,
+    near,
+    of_time,
+    with_rests,
+)
 from wrenchgap.learn.posterior.classes import LATE_CLOCK, Class, NamedSet, classes, merged, one_each, same, settled
 from wrenchgap.learn.posterior.columns import Column, compatible
-from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.sets import Contender, contender, ordered, search, searched, weights
+from wrenchgap.learn.posterior.sets import Contender, contender, ordered, searched, weights
 from wrenchgap.learn.posterior.settle import Check
 from wrenchgap.learn.posterior.table import Ground
-from wrenchgap.learn.posterior.together import Noise, linearised_together, spectrum_of, together
+from wrenchgap.learn.posterior.together import spectrum_of
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -37,10 +47,10 @@ PLAINEST = 3
 """Of the plainest sets, so many."""
 ROUNDS, SETTLING = 3, 3
 """Rounds of linearising anew, and more of them in which only what would do as well as the heaviest set joins."""
-BENT = 5.0
-"""Log odds by which a set that is linearised anew differs, from which on the search is repeated around it."""
 ALIKE = 5.0
 """Log odds behind the heaviest set up to which one with another effect in the place of one is linearised anew."""
+HEAVY = 0.01
+"""Weight from which on what a set leaves without a member is looked at once more."""
 WHOLES = 3
 """Heaviest sets that are kept with all that they do not need."""
 FIRM = 0.9
@@ -123,65 +133,38 @@ def posterior(
     anew: dict[Keys, Contender | None] = {}
     todo = first_contenders(linear, ordered(linear))
     scorers: dict[Keys, Scorer] = {}
-    nearby: list[tuple[Scored, Scorer]] = []
+    nearby: list[tuple[Scored, Scorer, Keys]] = []
     for number in range(ROUNDS + SETTLING):
         tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")
         anew |= zip(todo, linearised(on, linear, todo, jobs), strict=True)
         todo, centre = [], likeliest(anew) if number < ROUNDS else None
         if centre is not None and centre.keys not in scorers and bent(linear, centre):
-            scorer = scorers[centre.keys] = around(on, linear, centre)
+            scorer = scorers[centre.keys] = around(on, linear, centre, jobs)
             found = [s for s in ordered(scorer) if near(s.keys, centre.keys)]
             todo = first_contenders(scorer, found)
-            nearby = [(s, scorer) for s in found]
-        kept = candidates([*nearby, *((s, linear) for s in ordered(linear))], anew)
+            nearby = [(s, scorer, centre.keys) for s in found]
+        straight = [(s, by) for s, by, middle in nearby if holds(s.keys, middle, by, anew)]
+        lines = [*straight, *((s, linear) for s in ordered(linear))]
+        kept = candidates(lines, anew)
         share = weights(kept)
         best = sorted(range(len(kept)), key=lambda k: -share[k])
         todo += [kept[k].keys for k in best[:3] if kept[k].keys and number < ROUNDS]
         heaviest = kept[best[0]]
         todo += stand_ins(scorers.get(heaviest.keys, linear), heaviest)
+        todo += [rest for k in best[:WHOLES] for rest in doubtful(kept[k])]
         todo = [keys for keys in dict.fromkeys(todo) if keys not in anew]
         if not todo:
             break
+    bends = with_rests(on, linear, [kept[k] for k in best if share[k] > HEAVY], anew, jobs)
+    kept = candidates(lines, anew, bends)
+    share = weights(kept)
+    best = sorted(range(len(kept)), key=lambda k: -share[k])
     wholes = tuple(kept[k] for k in best[:WHOLES])
     for k in best[:WHOLES]:
         kept[k] = replace(kept[k], leaves=alike_without_the_idle(linear, kept[k]))
     sets = merged(kept, share)
     vehicle = on.model.vehicle
     return Posterior(sets, classes(sets, linear, vehicle), settled(sets, vehicle), wholes)
-
-
-def likeliest(anew: dict[Keys, Contender | None]) -> Contender | None:
-    """Of the sets that were linearised anew."""
-    known = [c for c in anew.values() if c is not None]
-    return max(known, key=lambda c: c.scored.log_probability, default=None)
-
-
-def bent(linear: Scorer, contender: Contender) -> bool:
-    """Whether a set that was linearised anew is likelier, or less likely, than straight lines had it."""
-    return abs(contender.scored.log_probability - linear(contender.keys).log_probability) > BENT
-
-
-def near(keys: Keys, centre: Keys) -> bool:
-    """Whether columns that were linearised in a set hold in another: it lacks one member at most, no lag or delay, and
-    has two of them, or a lag or delay.
-    """  # noqa: D205
-    missing, shared = set(centre) - set(keys), set(centre) & set(keys)
-    return len(missing) <= 1 and (len(shared) >= 2 or bool(_of_time(shared))) and not _of_time(missing)
-
-
-def around(on: Ground, linear: Scorer, centre: Contender) -> Scorer:
-    """The search again, with the members of a set linearised where they fit best together, at the same noise: beside a
-    large lag what is small looks otherwise than beside none.
-    """  # noqa: D205
-    columns = linear.spectrum.columns
-    theta = [centre.scored.theta[k] for k in centre.keys]
-    moved = {c.key: c for c in together(on, [columns[k] for k in centre.keys], theta)}
-    spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
-    spectrum.calm(linear.spectrum.factors)
-    scorer = Scorer(spectrum, linear.reference)
-    search(scorer)
-    scorer(centre.keys)
-    return scorer
 
 
 def first_contenders(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
@@ -200,9 +183,9 @@ def first_contenders(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
         if s.keys and len(found) < CONTENDERS:
             found.setdefault(large, s.keys)
     alternatives = [next((s.keys for s in close if key not in s.keys), ()) for key in ranked[0].keys]
-    by_prior = sorted(ranked, key=lambda s: -straight(s.log_probability, s.prior))
+    by_prior = sorted(ranked, key=lambda s: -hunt.straight(s.log_probability, s.prior))
     plain = [s.keys for s in by_prior if s.log_probability > best - FAR_BEHIND][:PLAINEST]
-    late = exchanged(ranked[0].keys, _of_time(columns), columns)
+    late = exchanged(ranked[0].keys, of_time(columns), columns)
     aired = [k for s in (ranked[0].keys, *plain) for k in exchanged(s, _in_moving_air(columns), columns)]
     near = [keys for keys in aired if linear(keys).log_probability > best - FAR_BEHIND]
     whole = as_one(ranked[0].keys, columns)
@@ -230,7 +213,7 @@ def stand_ins(scorer: Scorer, heaviest: Contender) -> list[Keys]:
     columns, keys = scorer.spectrum.columns, heaviest.keys
     named = {n for leaf, _ in heaviest.leaves for n in leaf.names}
     fixed = [k for k in keys if not named & set(columns[k].names)]
-    others = [k for k in columns if k not in _of_time(columns)]
+    others = [k for k in columns if k not in of_time(columns)]
     swapped = [s for s in exchanged(keys, others, columns) if set(fixed) <= set(s)]
     close = [s for s in map(scorer, swapped) if s.log_probability > scorer(keys).log_probability - ALIKE]
     return [s.keys for s in sorted(close, key=lambda s: -s.log_probability)[:CONTENDERS]]
@@ -241,7 +224,7 @@ def alike_without_the_idle(scorer: Scorer, whole: Contender) -> tuple[tuple[Cont
     member's fit (a delay of turbulence) is no reason for one name rather than another.
     """  # noqa: D205
     columns = scorer.spectrum.columns
-    others = [k for k in columns if k not in _of_time(columns)]
+    others = [k for k in columns if k not in of_time(columns)]
     out: list[tuple[Contender, float]] = []
     for leaf, part in whole.leaves:
         alike = [leaf]
@@ -265,11 +248,6 @@ def exchanged(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> l
     return [k for k in out if compatible(k, columns)]
 
 
-def _of_time(columns: Iterable[str]) -> list[str]:
-    """Lags and delays: far from straight lines, so that they are tried in each other's place."""
-    return [k for k in columns if all(find(n).place == "commands" for n in k.split(" + "))]
-
-
 def _in_moving_air(columns: Iterable[str]) -> list[str]:
     """What sees an air that moves: a velocity times a coefficient is no straight line either."""
     return [k for k in columns if "wind" in k.split(" + ")]
@@ -279,20 +257,11 @@ def _size(linear: Scorer, theta: dict[str, Array], key: str) -> float:
     return float(max(abs(theta[key]) / linear.spectrum.columns[key].scale))
 
 
-def linearised(on: Ground, linear: Scorer, sets: Sequence[Keys], jobs: int) -> list[Contender | None]:
-    """`linearised_together` of these sets, by `jobs` processes."""
-    lines = {k: ([linear.spectrum.columns[c] for c in k], [linear(k).theta[c] for c in k]) for k in sets}
-    by_name = {" | ".join(k): k for k in sets}
-    noise = Noise(linear.reference, linear.spectrum.factors)
-
-    def work(name: str) -> Contender | None:
-        columns, theta = lines[by_name[name]]
-        return linearised_together(on, columns, theta, noise)
-
-    return list(each(work, list(by_name), jobs, (on.data, on.model)))
-
-
-def candidates(scored: Sequence[tuple[Scored, Scorer]], anew: dict[Keys, Contender | None]) -> list[Contender]:
+def candidates(
+    scored: Sequence[tuple[Scored, Scorer]],
+    anew: dict[Keys, Contender | None],
+    bends: Mapping[str, Array] | None = None,
+) -> list[Contender]:
     """The sets to weigh: those linearised anew, and of those scored the likeliest as they are, each once."""
     again = [c for c in anew.values() if c is not None]
     best = max((c.scored.log_probability for c in again), default=-1e300)
@@ -302,4 +271,4 @@ def candidates(scored: Sequence[tuple[Scored, Scorer]], anew: dict[Keys, Contend
             first.setdefault(s.keys, (s, by))
     others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[:KEPT]
     likely = [(s, by) for s, by in others if s.log_probability > best - BEHIND or not again]
-    return [*again, *(contender(by, s.keys) for s, by in likely)]
+    return [*again, *(contender(by, s.keys, bends=bends) for s, by in likely)]

@@ -6,8 +6,8 @@ these. Source: Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -65,7 +65,8 @@ class Part:
 class Contender:
     """A set as scored. `by_block` (blocks,) is its log likelihood; `predicted` (K, L) the cosine coefficients of what
     it adds to the prediction; `left` (L,) mean squares by axis. `leaves` are the sets that remain of it when all that
-    it does not need is taken out, with their shares of it: of two effects that do the same, one or the other.
+    it does not need is taken out, with their shares of it: of two effects that do the same, one or the other. `bends`
+    (L,) are by how much more the set leaves without a member than straight lines have it, factors by axis.
     """  # noqa: D205
 
     scored: Scored
@@ -74,6 +75,7 @@ class Contender:
     predicted: Array
     left: Array
     leaves: tuple[tuple[Contender, float], ...] = ()
+    bends: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def keys(self) -> Keys:
@@ -87,21 +89,36 @@ class Contender:
         return tuple(n for p in parts for n in p.names)
 
 
-def contender(scorer: Scorer, keys: Keys) -> Contender:
-    """All that is said of a set, and of what remains of it."""
-    leaves = tuple((_bare(scorer, leaf), share) for leaf, share in leaves_of(scorer, keys).items())
-    return replace(_bare(scorer, keys), leaves=leaves)
+def contender(
+    scorer: Scorer,
+    keys: Keys,
+    rests: Mapping[Keys, Array] | None = None,
+    bends: Mapping[str, Array] | None = None,
+) -> Contender:
+    """All that is said of a set, and of what remains of it. `rests` are mean squares (L,) by axis that sets without one
+    of its members leave, where they are known better than by the straight lines of the whole set; `bends` those of
+    other sets, for members of which no rest is known.
+    """  # noqa: D205
+    known = dict(bends or {})
+    for key in keys:
+        rest = tuple(k for k in sorted(keys) if k != key)
+        if rests and rest in rests:
+            known[key] = rests[rest] / by_axis(scorer, scorer(rest).left)
+    leaves = tuple((_bare(scorer, leaf, known), share) for leaf, share in leaves_of(scorer, keys, known).items())
+    return replace(_bare(scorer, keys, known), leaves=leaves, bends=known)
 
 
-def leaves_of(scorer: Scorer, keys: Keys) -> dict[Keys, float]:
-    """What remains of a set when all that it does not need is taken out, with shares of it (`Contender.leaves`)."""
-    leaves = list(dict.fromkeys(_leaves(scorer, scorer(keys).keys, set())))
+def leaves_of(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> dict[Keys, float]:
+    """What remains of a set when all that it does not need is taken out, with shares of it (`Contender.leaves`).
+    `bends` are those of a contender.
+    """  # noqa: D205
+    leaves = list(dict.fromkeys(_leaves(scorer, scorer(keys).keys, bends, set())))
     log = np.array([scorer(leaf).log_probability for leaf in leaves])
     share = np.exp(log - log.max())
     return dict(zip(leaves, (share / share.sum()).tolist(), strict=True))
 
 
-def _leaves(scorer: Scorer, keys: Keys, seen: set[Keys]) -> list[Keys]:
+def _leaves(scorer: Scorer, keys: Keys, bends: Mapping[str, Array], seen: set[Keys]) -> list[Keys]:
     """Sets without anything idle that can be reached by taking out one idle part after the other, the likeliest ways
     first; once `MANY` sets were seen, only the likeliest way further.
     """  # noqa: D205
@@ -109,16 +126,24 @@ def _leaves(scorer: Scorer, keys: Keys, seen: set[Keys]) -> list[Keys]:
         return []
     seen.add(keys)
     left = by_axis(scorer, scorer(keys).left)
-    rests = [tuple(k for k in keys if k != gone) for gone in keys]
-    idle = [r for r in rests if _evidence(left, by_axis(scorer, scorer(r).left)) <= LEAST_EVIDENCE]
+    idle = []
+    for gone in keys:
+        rest = tuple(k for k in keys if k != gone)
+        if _evidence(left, _without(scorer, rest, gone, bends)) <= LEAST_EVIDENCE:
+            idle.append(rest)
     if not idle:
         return [keys]
     idle.sort(key=lambda rest: -scorer(rest).log_probability)
     out: list[Keys] = []
     for rest in idle:
         if not out or len(seen) < MANY:
-            out += _leaves(scorer, rest, seen)
+            out += _leaves(scorer, rest, bends, seen)
     return out
+
+
+def _without(scorer: Scorer, rest: Keys, gone: str, bends: Mapping[str, Array]) -> Array:
+    """Mean squares (L,) by axis that remain without a member."""
+    return np.asarray(by_axis(scorer, scorer(rest).left) * bends.get(gone, 1.0))
 
 
 def _evidence(left: Array, without: Array) -> float:
@@ -126,16 +151,16 @@ def _evidence(left: Array, without: Array) -> float:
     return 0.5 * float(np.sum(np.log(without) - np.log(left)))
 
 
-def _bare(scorer: Scorer, keys: Keys) -> Contender:
+def _bare(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> Contender:
     space, scored = scorer.spectrum, scorer(keys)
     used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
     predicted = -space.coefficients[:, :, used] @ scored.weights[used]
     left = by_axis(scorer, scored.left)
-    return Contender(scored, parts_of(scorer, scored), scorer.by_block(scored), predicted, left)
+    return Contender(scored, parts_of(scorer, scored, bends), scorer.by_block(scored), predicted, left)
 
 
-def parts_of(scorer: Scorer, scored: Scored) -> tuple[Part, ...]:
-    """What is said of each candidate of a set."""
+def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tuple[Part, ...]:
+    """What is said of each candidate of a set; `bends` are those of a contender."""
     space = scorer.spectrum
     sensor = by_axis(scorer, space.sensor)
     left = by_axis(scorer, scored.left)
@@ -143,7 +168,7 @@ def parts_of(scorer: Scorer, scored: Scored) -> tuple[Part, ...]:
     sizes = {k: _size(scorer, scored, k) for k in scored.keys}
     for key in scored.keys:
         c, theta = space.columns[key], scored.theta[key]
-        without = by_axis(scorer, scorer(tuple(k for k in scored.keys if k != key)).left)
+        without = _without(scorer, tuple(k for k in scored.keys if k != key), key, bends)
         returns = np.maximum(without / left - 1.0, 0.0)
         above = np.maximum(1.0 - LOUD**2 * sensor / left, 0.0) * returns / (returns + 1.0)
         rough = [k for k in scored.keys if k != key and space.columns[k].accuracy > ROUGH]

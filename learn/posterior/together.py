@@ -7,7 +7,7 @@ what they are alone. Contenders get one or two Gauss-Newton steps with derivativ
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,19 +44,25 @@ def spectrum_of(ground: Ground, columns: Sequence[Column]) -> Spectrum:
 
 
 def linearised_together(
-    ground: Ground, columns: Sequence[Column], theta: Sequence[Array], noise: Noise
+    ground: Ground,
+    columns: Sequence[Column],
+    theta: Sequence[Array],
+    noise: Noise,
+    rests: Mapping[Keys, Array] | None = None,
+    bends: Mapping[str, Array] | None = None,
 ) -> Contender | None:
     """The set of these columns, scored with derivatives where it fits best, beginning at `theta`. None where the
-    model refuses it there.
+    model refuses it there. `rests` and `bends` as in `learn.posterior.sets.contender`.
     """  # noqa: D205
     with threadpool_limits(1, user_api="blas"):
         try:
-            return _improved(ground, columns, theta, noise)
+            scorer, keys = _improved(ground, columns, theta, noise)
+            return contender(scorer, keys, rests, bends)
         except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
             return None
 
 
-def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], noise: Noise) -> Contender:
+def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], noise: Noise) -> tuple[Scorer, Keys]:
     keys: Keys = tuple(c.key for c in columns)
     largest = np.inf
     for _ in range(STEPS):
@@ -69,7 +75,7 @@ def _improved(ground: Ground, columns: Sequence[Column], theta: Sequence[Array],
         theta = found
         if largest < MOVED:
             break
-    return contender(scorer, keys)
+    return scorer, keys
 
 
 def together(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], *, anew: bool = True) -> list[Column]:
@@ -108,3 +114,21 @@ def together(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], 
         replace(c, theta=values[part], jacobian=derivative[:, :, part], offset=offset)
         for c, part, offset in zip(columns, parts, own, strict=True)
     ]
+
+
+def alongside(ground: Ground, columns: Sequence[Column], theta: Sequence[Array], other: Column) -> Column:
+    """Another candidate, linearised where it was, but beside these members at their values: a thrust curve beside
+    motors that lag changes what comes late.
+    """  # noqa: D205
+    problem = Problem(ground.data, ground.model, tuple(n for c in (*columns, other) for n in c.names))
+    members = sum(len(c.theta) for c in columns)
+    own = slice(members, members + len(other.theta))
+    x = np.zeros(problem.low.size)
+    x[:members] = np.concatenate([c.origin + values for c, values in zip(columns, theta, strict=True)])
+    x[own] = other.origin
+    x = np.clip(x, problem.low, problem.high)
+    without = problem.at(x)
+    x[own] = np.clip(other.origin + other.theta, problem.low[own], problem.high[own])
+    point = problem.at(x)
+    derivative = problem.jacobian(point, first=members)[:, :, own]
+    return replace(other, jacobian=derivative, offset=without.residual - point.residual - derivative @ other.theta)

@@ -13,6 +13,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.candidates import Candidates
 from wrenchgap.learn.identify.trim import trim_of
+from wrenchgap.learn.posterior.anew import near
 from wrenchgap.learn.posterior.classes import NamedSet, merged
 from wrenchgap.learn.posterior.columns import Column, beside, compatible, complexity, confused
 from wrenchgap.learn.posterior.explain import search_dataset
@@ -25,7 +26,6 @@ from wrenchgap.learn.posterior.posterior import (
     alike_without_the_idle,
     as_one,
     exchanged,
-    near,
     stand_ins,
 )
 from wrenchgap.learn.posterior.score import Scorer, bounded, occam
