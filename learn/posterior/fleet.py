@@ -13,19 +13,21 @@ no weight: many flights show how far laws are from exact, and there the more fle
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.posterior import compiled
-from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.classes import NEAR
+from wrenchgap.learn.posterior.columns import Column, compatible
 from wrenchgap.learn.posterior.evidence import Evidence, Points
 from wrenchgap.learn.posterior.fleet_score import FleetScorer, saturated
 from wrenchgap.learn.posterior.merging import FleetSpectrum, chosen_rows, products_of
-from wrenchgap.learn.posterior.score import Keys, Scored
+from wrenchgap.learn.posterior.score import Keys, Scored, quadratic
 from wrenchgap.learn.posterior.sets import Part, bootstrapped, leaves_of, ordered, parts_of, search
 from wrenchgap.plant.effects import family
 
@@ -46,7 +48,8 @@ class RankedSet:
     `log_odds` are against no effect at all, `weight` is its share among the sets ranked, `gain` what it predicts of
     flights that were held out (`Ranking.held_out`) better than no effect does (sum of log likelihoods), `better` the
     share of flights that it predicts better; `rms` (6,) [N, Nm] is left of held-out flights, trims aside; NaN where
-    nothing was measured.
+    nothing was measured. Sets of one `group` predict the same, as far as their laws are known: one explanation in
+    several words.
     """
 
     keys: Keys
@@ -59,15 +62,16 @@ class RankedSet:
     gain: float
     better: float
     rms: Array
+    group: int
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Sets, heaviest first; `alone` are the log odds of each candidate by itself against none, the best first.
-
+    """Sets by group, the heaviest first, and of one group the plainest first: between those, weights are priors and the
+    accuracy of laws, and no finding. `alone` are the log odds of each candidate by itself against none, the best first.
     `rms` (6,) [N, Nm] is what no effect leaves; `held_out` says whether flights were; `points` are the values that the
     fleet gives each candidate by itself. `left_out` are candidates that some flight does not allow.
-    """
+    """  # noqa: D205
 
     flights: tuple[str, ...]
     seconds: float
@@ -80,8 +84,14 @@ class Ranking:
     left_out: tuple[str, ...]
 
     def probability(self, name: str) -> float:
-        """Weight of the sets that name an effect, in any of its forms."""
-        return float(sum(s.weight for s in self.sets if family(name) in {family(n) for n in s.names}))
+        """Weight of the sets that name an effect, in any of its forms, or are of one group with such a set."""
+        naming = {s.group for s in self.sets if family(name) in {family(n) for n in s.names}}
+        return float(sum(s.weight for s in self.sets if s.group in naming))
+
+    @property
+    def groups(self) -> tuple[tuple[RankedSet, ...], ...]:
+        """Sets that predict the same put together, heaviest group first."""
+        return tuple(tuple(g) for _, g in itertools.groupby(self.sets, key=lambda s: s.group))
 
     @property
     def effects(self) -> dict[str, float]:
@@ -96,6 +106,7 @@ def ranking(read: Read) -> Ranking:
     scorer = searched(FleetSpectrum(read(), keys, axes))
     space, none = scorer.spectrum, scorer(())
     best = [s for s in ordered(scorer) if s.keys][:RANKED]
+    best += [s for s in in_other_words(scorer, best[0]) if s not in best] if best else []
     alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
     held_out = len(space.flights) >= HELD_OUT
     weights = _weights(scorer, [none, *best], read)
@@ -103,6 +114,7 @@ def ranking(read: Read) -> Ranking:
     _, predicted, squares = by_flight(scorer, kept, read(), held_out=held_out)
     rms = np.sqrt(squares / space.count.sum(axis=0))
     sets = []
+    home = grouped(scorer, sorted(kept, key=lambda s: -weights.get(s.keys, 0.0)))
     for k, s in enumerate(kept):
         parts = parts_of(scorer, s, {})
         named = sorted((p for p in parts if p.named), key=lambda p: -p.evidence)
@@ -120,12 +132,13 @@ def ranking(read: Read) -> Ranking:
                 gain=float(gain.sum()),
                 better=float(np.mean(gain > 0.0)),
                 rms=_six(rms[k], space.axes),
+                group=home[s.keys],
             )
         )
     return Ranking(
         tuple(space.flights),
         float(sum(space.seconds)),
-        tuple(sorted(sets, key=lambda s: -s.weight)),
+        by_group(sets),
         dict(sorted(alone.items(), key=lambda item: -item[1])),
         _six(rms[0], space.axes),
         held_out,
@@ -133,6 +146,57 @@ def ranking(read: Read) -> Ranking:
         space.columns,
         left_out,
     )
+
+
+def in_other_words(scorer: FleetScorer, best: Scored) -> list[Scored]:
+    """Sets that predict what the best predicts, with another candidate, or none, in the place of one of its members:
+    many flights tell them apart by what no law is known to, and the search goes on with the likelier alone.
+    """  # noqa: D205
+    columns = scorer.spectrum.columns
+    found = {}
+    for leaf in leaves_of(scorer, best.keys, {}):
+        for gone, other in itertools.product(leaf, columns):  # instead of itself: none
+            keys = tuple(sorted({*leaf, other} - {gone}))
+            new = other == gone or other not in leaf
+            if keys and new and compatible(keys, columns) and alike(scorer, scorer(leaf), scorer(keys)):
+                found[keys] = scorer(keys)
+    return list(found.values())
+
+
+def grouped(scorer: FleetScorer, sets: Sequence[Scored]) -> dict[Keys, int]:
+    """The group of each set: that of the first of them which predicts the same, or its own."""
+    heads: list[Scored] = []
+    out = {}
+    for s in sets:
+        same = [k for k, head in enumerate(heads) if alike(scorer, head, s)]
+        out[s.keys] = same[0] if same else len(heads)
+        heads += [] if same else [s]
+    return out
+
+
+def alike(scorer: FleetScorer, first: Scored, second: Scored) -> bool:
+    """Whether two predictions differ by less than noise shows, or than laws are known to
+    (`learn.posterior.classes.same`).
+    """  # noqa: D205
+    apart = first.weights - second.weights
+    used = np.flatnonzero(apart)
+    over = scorer.count / np.minimum(first.variance, second.variance)
+    difference = np.sum(over * quadratic(scorer.spectrum.products[:, :, used[:, None], used], apart[used]))
+    known = min(np.sum(over * s.inexact) for s in (first, second))
+    return bool(np.sqrt(max(difference, 0.0)) < max(NEAR, 2.0 * np.sqrt(known)))
+
+
+def by_group(sets: Sequence[RankedSet]) -> tuple[RankedSet, ...]:
+    """Groups by weight, numbered anew; in one of them the plainest set first."""
+    total: dict[int, float] = {}
+    for s in sets:
+        total[s.group] = total.get(s.group, 0.0) + s.weight
+    rank = {g: k for k, g in enumerate(sorted(total, key=lambda g: -total[g]))}
+
+    def plainness(s: RankedSet) -> tuple[int, int, float]:
+        return rank[s.group], sum(map(np.size, s.theta.values())), -s.weight
+
+    return tuple(replace(s, group=rank[s.group]) for s in sorted(sets, key=plainness))
 
 
 def _weights(scorer: FleetScorer, sets: Sequence[Scored], read: Read) -> dict[Keys, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.posterior.fleet import RankedSet
+from wrenchgap.learn.posterior.fleet import RankedSet, Ranking
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.batch.driver import Outcome
 from wrenchgap.replay.batch.plan import Plan, model_of
@@ -124,13 +124,23 @@ def _ranking(one: FleetRanking) -> list[Part]:
     title = f"{one.vehicle}: which effects are missing, {len(r.flights)} flights of {number(r.seconds)} s in all"
     heads = ("effects named", "set", "weight", "log odds", "gain", "better", "left, force", "torque")
     out = table(title, *heads, left=2)
-    for s in [s for s in r.sets if s.weight >= COUNTS][:MOST_SETS]:
+    for s in [s for s in r.sets if s.weight >= COUNTS or s is r.sets[0]][:MOST_SETS]:
         left = _left(s, r.rms)
         cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
         named = escape(", ".join(s.names) or "nothing")
         out.add_row(named, escape(", ".join(s.keys) or "-"), *cells, *(f"{100 * v:.0f} %" for v in left))
     values = "; ".join(value_words(r.sets[0], key) for key in r.sets[0].keys)
-    return [out, Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim"), *([Line(f"{values}\n")] if values else [])]
+    return [out, *_group(r), Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim"), Line(f"{values}\n" if values else "")]
+
+
+def _group(r: Ranking) -> list[Part]:
+    """What says the same as the first set."""
+    names = list(dict.fromkeys(" + ".join(s.names) or "nothing" for s in r.groups[0]))
+    if len(names) < 2:
+        return []
+    weight = sum(s.weight for s in r.groups[0])
+    words = f"indistinguishable, as far as laws are known, and together {100 * weight:.0f} %: "
+    return [Line(escape(words + " or ".join(names[:MOST_SETS])))]
 
 
 def _left(one: RankedSet, none: Any) -> list[float]:
@@ -177,6 +187,10 @@ def _ranking_json(one: FleetRanking, plan: Plan) -> dict[str, Any]:
         "held_out": r.held_out,
         "effects": [{"effect": n, "probability": p} for n, p in r.effects.items()],
         "sets": [_set_json(s, plan, one.vehicle) for s in r.sets],
+        "groups": [
+            {"weight": sum(s.weight for s in g), "sets": [{"effects": list(s.names), "weight": s.weight} for s in g]}
+            for g in r.groups
+        ],
         "alone": [{"candidate": k, "log_odds": v} for k, v in r.alone.items()],
         "rms": r.rms,
         "left_out": list(r.left_out),

@@ -153,6 +153,28 @@ def test_another_pass_goes_to_where_candidates_fit(flights, model, parts):
     assert second.probability("com_offset") > 0.99
 
 
+def test_the_same_in_other_words_is_one_group_and_the_plainest_comes_first(model, parts, flights):
+    """4 % of thrust missing is a gain of 0.96, or four gains of 0.96: words that no number of flights tells apart."""
+    first = ranking(lambda: iter(parts))
+    found = ranking(lambda: iter([evidence(one, model, NAMES, first.points) for one in flights]))
+    heaviest = [set(s.names) for s in found.groups[0]]
+    assert {"com_offset", "thrust_scale"} == heaviest[0]
+    assert {"com_offset", "rotor_thrust"} in heaviest
+    assert found.probability("rotor_thrust") == found.probability("thrust_scale") > 0.99
+    assert sum(s.weight for s in found.sets) == pytest.approx(1.0)
+
+
+def test_one_weak_rotor_is_no_group_with_a_common_gain(model):
+    hide = ["rotor_thrust=rotor_1:-0.08"]
+    made = [
+        wg.simulate(model, "multi_axis", duration=4, excitation=1, seed=k, hide=hide, name=f"weak{k}") for k in range(3)
+    ]
+    weak = [evidence(one, model, NAMES) for one in wg.open_flights(made, model)]
+    found = ranking(lambda: iter(weak))
+    assert set(found.groups[0][0].names) == {"rotor_thrust"}
+    assert not any("thrust_scale" in s.names and "rotor_thrust" not in s.names for s in found.groups[0])
+
+
 def test_flights_lacking_a_candidate_leave_it_out_of_the_ranking(flights, model, parts):
     few = evidence_of(
         dataset(flights[0].records, model), model, declared(dataset(flights[0].records, model), model, NAMES[:3])
