@@ -52,11 +52,13 @@ def bent(linear: Scorer, contender: Contender) -> bool:
 
 
 def near(keys: Keys, centre: Keys) -> bool:
-    """Whether columns that were linearised in a set hold in another: it lacks one member at most, no lag or delay, and
-    has two of them, or a lag or delay.
+    """Whether columns that were linearised in a set hold in another: it has the same lags and delays, behind which all
+    were; of a set without any it lacks one member at most, and has two of them.
     """  # noqa: D205
+    if late := set(of_time(centre)):
+        return late == set(of_time(keys))
     missing, shared = set(centre) - set(keys), set(centre) & set(keys)
-    return len(missing) <= 1 and (len(shared) >= 2 or bool(of_time(shared))) and not of_time(missing)
+    return len(missing) <= 1 and len(shared) >= 2
 
 
 def holds(keys: Keys, centre: Keys, scorer: Scorer, anew: dict[Keys, Contender | None]) -> bool:

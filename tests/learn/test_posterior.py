@@ -9,13 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from wrenchgap.flight.flight import AXES
+from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.errors import energy
 from wrenchgap.learn.identify.candidates import Candidates
+from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.anew import near
 from wrenchgap.learn.posterior.classes import NamedSet, merged
 from wrenchgap.learn.posterior.columns import Column, beside, compatible, complexity, confused
+from wrenchgap.learn.posterior.columns import column as linearised_column
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
@@ -32,6 +36,7 @@ from wrenchgap.learn.posterior.score import Scorer, bounded, occam
 from wrenchgap.learn.posterior.sets import Part, at_limit, contender, weights
 from wrenchgap.learn.posterior.spectrum import LEAK, Spectrum
 from wrenchgap.learn.posterior.table import ground
+from wrenchgap.learn.posterior.together import alongside
 from wrenchgap.plant.model import make_effect
 
 THRUST = ("rotor_thrust", "thrust_scale", "coaxial_loss", "mass", "tilt_offset", "servo_lag", "arm_reaction")
@@ -96,6 +101,51 @@ def test_what_does_the_same_beside_a_lag_is_weighed_beside_that_lag(made):
     assert near(("motor_lag", "thrust_scale"), heaviest.keys)
     assert not near(("thrust_scale",), heaviest.keys)
     assert not near(("mass", "tether"), heaviest.keys)
+    assert near(("motor_lag", "tether"), heaviest.keys)  # all were linearised behind the lag
+
+
+def test_behind_a_lag_a_candidate_is_what_the_lag_lets_through():
+    """A share s of thrust missing behind motors that follow by T du/dt + u = v: the force is off by s u, and for what
+    is slow against T, u = v - T dv/dt + T^2 d2v/dt2 (the series of 1 / (1 + T d/dt)).
+    """
+    time_constant = 0.02
+    model = wg.load_model("crazyflie")
+    flown = wg.simulate(model, "multi_axis", duration=8, excitation=1, seed=3)
+    (record,) = wg.open_flights([flown], model)[0].records
+    data = dataset([record], model)
+    on = ground(data, model)
+    lag, thrust = (linearised_column(data, model, fit(data, model, (n,)), (n,)) for n in ("motor_lag", "thrust_scale"))
+    behind = alongside(on, [lag], [np.array([time_constant])], thrust)
+    v, u = (c.jacobian[:, 2, 0] for c in (thrust, behind))
+    slope = np.gradient(v, record.dt_kept)
+    terms = np.stack((v, slope, np.gradient(slope, record.dt_kept)), axis=1)[10:-10]
+    found = np.linalg.lstsq(terms, u[10:-10], rcond=None)[0]
+    assert found[0] == pytest.approx(1.0, rel=0.01)
+    assert found[1] == pytest.approx(-time_constant, rel=0.1)
+    assert np.std(u - v) > 0.05 * np.std(v)
+    none = alongside(on, [lag], [np.zeros(1)], thrust)
+    np.testing.assert_allclose(none.jacobian, thrust.jacobian, atol=1e-6 * np.max(np.abs(thrust.jacobian)))
+
+
+def test_what_a_member_is_needed_for_is_read_off_the_rest_as_it_is(made):
+    """Two shapes that are nearly one: by straight lines either is idle beside the other. Where the set without the
+    first is known to leave four times as much, that one is named, and stays.
+    """
+    push = on_axis(2, made.smooth[:, 0])
+    space = made.spectrum(
+        {"thrust_curve": push, "motor_lag": push}, 30.0 * made.data.noise[2] * push + made.noise, scale=30.0
+    )
+    scorer = Scorer(space, space.sensor)
+    keys = ("motor_lag", "thrust_curve")
+    idle = contender(scorer, keys)
+    assert max(p.evidence for p in idle.parts) < 0.01
+    assert all(len(leaf.keys) == 1 for leaf, _ in idle.leaves)
+    left = idle.left.copy()
+    left[2] *= 16.0
+    found = contender(scorer, keys, {("motor_lag",): left})
+    needed = next(p for p in found.parts if p.names == ("thrust_curve",))
+    assert needed.evidence == pytest.approx(np.log(4.0), rel=0.02)
+    assert [leaf.keys for leaf, _ in found.leaves] == [("thrust_curve",)]
 
 
 def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
