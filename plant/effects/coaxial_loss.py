@@ -20,7 +20,6 @@ class CoaxialLoss(ThrustEffect):
     """
 
     name = "coaxial_loss"
-    accuracy = 0.1  # its two forms differ by more than 5 % between pairs of unequal speeds
     family = "coaxial_loss"
     form = "a constant share of the lower rotor's thrust"
     needs_coaxial = True
