@@ -207,6 +207,8 @@ def search_dataset(
     tell(0.8, "fitting what was named")
     best, named, found = needed(on, found, jobs)
     every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
+    own = {e.name: e.theta for e in model.effects}
+    found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
     swinging = oscillation(on.data, best.left) if _over_noise(on.data, best.left) > QUIET else None
     loud = _open(on, best.left)
     pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None

@@ -98,12 +98,35 @@ class Posterior:
                 every.append(replace(s, names=kept) if rest <= set(s.names) else s)
             return one_each(every)
 
+        groups = [replace(c, sets=shorter(c.sets)) for c in self.classes]
+        return self._with(shorter(self.sets), groups, vehicle)
+
+    def at(self, changes: Mapping[str, Array], vehicle: Vehicle) -> Posterior:
+        """The same with the best set's values as they were fitted at last, so that a bench check reads what the answer
+        says: `changes` (P,) by effect, of what the model has.
+        """  # noqa: D205
+        best = self.best
+        if not set(best.names) <= set(changes):
+            return self
+        parts = [
+            replace(p, theta=np.concatenate([changes[n] for n in p.names])) if set(p.names) <= set(changes) else p
+            for p in best.contender.parts
+        ]
+        new = replace(best, contender=replace(best.contender, parts=tuple(parts)))
+
+        def fitted(sets: Sequence[NamedSet]) -> tuple[NamedSet, ...]:
+            return tuple(new if set(s.names) == set(best.names) else s for s in sets)
+
+        groups = [replace(c, sets=fitted(c.sets)) for c in self.classes]
+        return self._with(fitted(self.sets), groups, vehicle)
+
+    def _with(self, sets: tuple[NamedSet, ...], groups: Sequence[Class], vehicle: Vehicle) -> Posterior:
+        """These sets and classes, with what would settle which is true."""
+
         def checks(sets: Sequence[NamedSet], before: Sequence[Check]) -> tuple[Check, ...]:
             clock = [c for c in before if c.name == LATE_CLOCK and any(s.stands_for for s in sets)]
             return (*clock, *settled(sets, vehicle))
 
-        sets = shorter(self.sets)
-        groups = [replace(c, sets=shorter(c.sets)) for c in self.classes]
         kept = tuple(replace(c, settle=checks(c.sets, c.settle)) for c in groups)
         return Posterior(sets, kept, checks(sets, self.settle), self.wholes)
 

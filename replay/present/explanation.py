@@ -49,6 +49,8 @@ PROMINENT = 0.3
 """Parameters of this share of the largest, in typical sizes, are named in the verdict."""
 MOST = 10
 """Candidates shown."""
+HALF = 0.5
+"""Weight of nothing missing below which that is not said."""
 MOST_CLASSES = 3
 """Classes that are put in words."""
 
@@ -101,7 +103,7 @@ def summary(found: Explanation) -> str:
     named = " and ".join(members)
     residual = _largest_residual(found)
     if found.verdict is Verdict.NOTHING:
-        return " ".join(filter(None, ("Nothing is missing that these logs can show.", _turbulent(found), residual)))
+        return " ".join(filter(None, (_nothing(found), _turbulent(found), residual)))
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {named}; more is missing than the catalogue can explain." if named else ""
         none = "Something is missing, but no effect of the catalogue explains it."
@@ -109,6 +111,20 @@ def summary(found: Explanation) -> str:
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f" Indistinguishable on these logs: {groups}." if groups else ""
     return " ".join(filter(None, (f"Explained by {named}.{alike}", _turbulent(found), residual)))
+
+
+def _nothing(found: Explanation) -> str:
+    """Nothing is named; but not that nothing is missing, where most of the weight says that something is."""
+    sets = found.posterior.sets
+    none = sum(s.weight for s in sets if not s.names)
+    likeliest = next((s for s in sets if s.names), None)
+    if none >= HALF or likeliest is None:
+        return "Nothing is missing that these logs can show."
+    names = " + ".join(likeliest.names)
+    return (
+        f"Nothing is established: nothing is missing ({100 * none:.0f} % of the weight), or something small, most "
+        f"likely {names} ({100 * likeliest.weight:.0f} %); fly longer, or with excitation, to tell."
+    )
 
 
 def _turbulent(found: Explanation) -> str:

@@ -9,6 +9,8 @@ from wrenchgap.replay.present.numbers import quantity, share
 
 SURE = 0.9
 """Probability of one place from which on no other is named."""
+HALF = 0.5
+"""Weight of nothing having changed below which there may be something to inspect although nothing is established."""
 LIKELY = 0.05
 """Probability from which on a place is worth a look."""
 
@@ -42,6 +44,7 @@ ACTIONS = {
 }
 """What to do, where an effect is of no single rotor or arm."""
 NOTHING = "Nothing to inspect: what differs is within what healthy flights differ by."
+PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 NO_NAME = (
     "Something is different that the catalogue has no name for: look at everything that was touched between the "
     "flights, and fly the suspect vehicle with excitation on all axes."
@@ -51,7 +54,9 @@ NO_NAME = (
 def sentences(found: Changed) -> list[str]:
     """What to inspect, the most significant first."""
     if found.verdict is Verdict.NOTHING:
-        return [NOTHING]
+        best = found.alone[0] if found.alone else None
+        where = best.largest.where if best is not None and found.nothing < HALF else ""
+        return [PERHAPS.format(where) if where else NOTHING]
     out = []
     if found.verdict is Verdict.UNKNOWN:
         out.append(NO_NAME)

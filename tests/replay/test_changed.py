@@ -55,6 +55,17 @@ def test_what_both_flights_have_is_no_change(same):
     assert what_to_inspect.sentences(same) == [what_to_inspect.NOTHING]
 
 
+def test_what_is_likely_but_not_established_is_neither_nothing_nor_a_finding(same, moved):
+    """89 % for a change is not nine tenths: no verdict, and no "nothing changed" either."""
+    likely = replace(moved.classes[0].sets[0], weight=0.89)
+    groups = (replace(moved.classes[0], sets=(likely,)),)
+    torn = replace(moved, verdict=Verdict.NOTHING, firm=(), nothing=0.11, classes=groups)
+    words = presented.summary(torn)
+    assert words.startswith("Not established, but likely: com_offset")
+    assert "nothing changed: 11 %" in words
+    assert presented.likeliest(same) is None
+
+
 def test_it_prints_ends_with_what_to_inspect_and_tabulates(moved):
     text = str(moved)
     assert "one healthy flight" in text

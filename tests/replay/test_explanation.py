@@ -102,6 +102,23 @@ def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
     assert what_next(nothing, NAME, ["a.mcap"]) == []
 
 
+def test_where_most_of_the_weight_names_something_it_is_not_said_that_nothing_is_missing(nothing, named):
+    """40 % for nothing, 60 % for a mass too small for a name: neither is established."""
+    none = replace(named.posterior.best, names=(), weight=0.4)
+    some = replace(named.posterior.best, names=("mass",), weight=0.6)
+    torn = replace(nothing, posterior=replace(nothing.posterior, sets=(some, none)))
+    assert summary(nothing).startswith("Nothing is missing")
+    assert summary(torn).startswith("Nothing is established")
+    assert all(words in summary(torn) for words in ("40 %", "mass (60 %)"))
+
+
+def test_what_would_settle_it_reads_what_the_answer_says(grouped):
+    """Thin air by the final fit, in the sets as in the answer."""
+    best = grouped.posterior.best
+    ((name, values),) = best.values(MODEL.vehicle).items()
+    assert values == pytest.approx({v.name: v.value for v in grouped.fit.values(name)})
+
+
 def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
     found = replace(swinging(named), depends=heading(0.62), concentrated=0.81)
     words = summary(found)
