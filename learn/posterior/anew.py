@@ -52,11 +52,11 @@ def bent(linear: Scorer, contender: Contender) -> bool:
 
 
 def near(keys: Keys, centre: Keys) -> bool:
-    """Whether columns that were linearised in a set hold in another: it has the same lags and delays, behind which all
-    were; of a set without any it lacks one member at most, and has two of them.
+    """Whether columns that were linearised in a set hold in another: it has its lags and delays, behind which all were;
+    of a set without any it lacks one member at most, and has two of them.
     """  # noqa: D205
     if late := set(of_time(centre)):
-        return late == set(of_time(keys))
+        return late <= set(keys)
     missing, shared = set(centre) - set(keys), set(centre) & set(keys)
     return len(missing) <= 1 and len(shared) >= 2
 
