@@ -29,8 +29,8 @@ FRAMES: dict[str, Frame] = {
     "octa_plus": ((0, -1), (180, -1), (45, 1), (135, 1), (-45, 1), (-135, 1), (-90, -1), (90, -1)),
     "octa_x": ((22.5, -1), (-157.5, -1), (67.5, 1), (157.5, 1), (-22.5, 1), (-112.5, 1), (-67.5, -1), (112.5, -1)),
 }
-CLASSES = {1: "quad", 2: "hexa", 3: "octa"}
-TYPES = {0: "plus", 1: "x", 3: "h", 12: "bf_x", 13: "dji_x", 14: "cw_x", 18: "bf_x_reversed"}
+CLASSES: dict[float, str] = {1: "quad", 2: "hexa", 3: "octa"}
+TYPES: dict[float, str] = {0: "plus", 1: "x", 3: "h", 12: "bf_x", 13: "dji_x", 14: "cw_x", 18: "bf_x_reversed"}
 """ArduPilot's FRAME_CLASS and FRAME_TYPE."""
 
 
@@ -57,11 +57,11 @@ def rotors_of(frame: str, arm: float, source: str, *, assumed: bool = False) -> 
 
 def ardupilot_frame(frame_class: float, frame_type: float, where: str) -> str:
     """The frame of two parameters; ModelError for one that is not in the table."""
-    kind, shape = CLASSES.get(int(frame_class)), TYPES.get(int(frame_type))
+    kind, shape = CLASSES.get(frame_class), TYPES.get(frame_type)  # whatever is no whole number of the table: None
     name = f"{kind}_{shape}"
     if name not in FRAMES:
         raise ModelError(
-            f"{where}: FRAME_CLASS {int(frame_class)} with FRAME_TYPE {int(frame_type)} is not known here; known: "
+            f"{where}: FRAME_CLASS {frame_class:g} with FRAME_TYPE {frame_type:g} is not known here; known: "
             f"{', '.join(FRAMES)}. Say the nearest with --frame, or write the model file by hand (docs/model-file.md)"
         )
     return name

@@ -262,6 +262,16 @@ def test_ardupilot_parameters_hover_at_the_learned_throttle(tmp_path):
             Given(mass=2.0, arm=0.2),
             "FRAME_CLASS 7 .* not known here",
         ),
+        (
+            ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,nan"),
+            Given(mass=2.0),
+            "FRAME_CLASS nan .* not known here",
+        ),
+        (
+            ARDUPILOT.replace("FRAME_CLASS,1", "FRAME_CLASS,inf"),
+            Given(mass=2.0),
+            "FRAME_CLASS inf .* not known here",
+        ),
         ("FRAME_CLASS,one\n", Given(mass=2.0), r"quad.param, line 1: got 'FRAME_CLASS,one', expected NAME,VALUE"),
     ],
 )
