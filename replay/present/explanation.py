@@ -49,6 +49,8 @@ PROMINENT = 0.3
 """Parameters of this share of the largest, in typical sizes, are named in the verdict."""
 MOST = 10
 """Candidates shown."""
+SHORT = 8.0
+"""Seconds of flight below which held-out time is a block or two (`learn.data.dataset.FEWEST_BLOCKS`)."""
 HALF = 0.5
 """Weight of nothing missing below which that is not said."""
 MOST_CLASSES = 3
@@ -61,6 +63,7 @@ def parts(found: Explanation) -> list[Part]:
     for one in found.timing:
         out += [Line(text, "dim") for text in timing.certain_offsets(one)]
         out += note_lines(timing.warnings(one), "warning")
+    out += note_lines(short(found), "warning")
     out += [Line(summary(found), "bold"), Line()]
     if found.members:
         out += [members(found), Line(MEMBERS_LEGEND + "\n", "dim")]
@@ -80,6 +83,18 @@ def parts(found: Explanation) -> list[Part]:
     lacking = not_tried(found.untried).items()
     out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
     return [*out, *note_lines(sentences(note for f in found.flights for note in f.notes))]
+
+
+def short(found: Explanation) -> list[str]:
+    """A warning where hardly any flight was left to judge by."""
+    records = [r for f in found.flights for r in f.records]
+    seconds = sum(float(r.time[-1] - r.time[0]) for r in records)
+    if not records or seconds >= SHORT:
+        return []
+    return [
+        f"Only {seconds:.1f} s of flight could be used: too short to tell what is missing from chance. "
+        f"Give longer flights, at least {SHORT:.0f} s (`inspect` lists what was left out)."
+    ]
 
 
 def validation_warnings(tested: Validation) -> list[str]:

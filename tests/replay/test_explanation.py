@@ -15,6 +15,7 @@ from rich.console import Console
 
 import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.learn.data.measurement import window
 from wrenchgap.learn.diagnose.one_rotor import OneRotor
 from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
@@ -22,7 +23,7 @@ from wrenchgap.learn.posterior import table
 from wrenchgap.learn.posterior.explain import Verdict
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.explanation import members, not_tried, summary, to_json, what_next
+from wrenchgap.replay.present.explanation import members, not_tried, short, summary, to_json, what_next
 from wrenchgap.replay.present.left import oscillation_in_words
 from wrenchgap.replay.present.numbers import share
 
@@ -110,6 +111,13 @@ def test_where_most_of_the_weight_names_something_it_is_not_said_that_nothing_is
     assert summary(nothing).startswith("Nothing is missing")
     assert summary(torn).startswith("Nothing is established")
     assert all(words in summary(torn) for words in ("40 %", "mass (60 %)"))
+
+
+def test_a_few_seconds_of_flight_are_called_too_short(nothing):
+    (flown,) = nothing.flights
+    some = replace(flown, records=(window(flown.records[0], 0, 200),))
+    assert "too short" in " ".join(short(replace(nothing, flights=(some,))))
+    assert short(nothing) == []
 
 
 def test_what_would_settle_it_reads_what_the_answer_says(grouped):
