@@ -171,7 +171,10 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as found:
         reason = getattr(found, "strerror", None) or "it is not text"
-        raise error(f"{path}: cannot be read {words}: {reason}{remedy}") from None
+    except ValueError:  # a zero byte
+        reason = "that is no name of a file"
+    name = str(path) if str(path).isprintable() else repr(str(path))
+    raise error(f"{name}: cannot be read {words}: {reason}{remedy}")
 
 
 def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:

@@ -95,6 +95,13 @@ def test_between_two_voltages_of_the_bench():
     assert found.command.uses_voltage
 
 
+def test_a_bench_file_whose_name_has_a_zero_byte_is_refused_in_a_line(tmp_path):
+    (tmp_path / "quad.toml").write_text(f'{VEHICLE}[command]\nunit = "normalised"\ntable = "b\\u0000.csv"\n')
+    with pytest.raises(ModelError, match=r"b.x00\.csv.*: cannot be read as a bench table") as caught:
+        model_file.load(tmp_path / "quad.toml")
+    assert "\0" not in str(caught.value)
+
+
 def test_a_bench_file_goes_with_the_model(tmp_path):
     """Written into another folder the model still has its curve."""
     (tmp_path / "bench.csv").write_text("command, rpm, voltage\n0.0, 0, 15.0\n1.0, 9000, 15.0\n")
