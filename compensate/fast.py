@@ -28,6 +28,7 @@ from wrenchgap.compensate.compiled import (
     packed,
     prepare,
     residual,
+    steepen,
 )
 from wrenchgap.compensate.optimiser import Optimiser, Optimum
 from wrenchgap.compensate.physics import PhysicsMismatch
@@ -219,6 +220,7 @@ class _Linear:
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         room, count = self._room, len(self.outputs)
         residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process)
+        steepen(self._gate, self._kernel, room, self._process)
         jacobian = np.zeros((1, count, len(AXES)))
         jacobian[0][:, self._gate.rows] = room.A - np.eye(count)
         return room.r[None].copy(), jacobian
