@@ -105,6 +105,7 @@ class _File:
                 self._schemas[channel.schema_id - 1].write(records)
             channel.write(records)
         before, whole, start = _bytes(records), True, 0
+        self._room = np.empty(len(before) + CHUNK_SIZE + int(sizes.max(initial=0)), dtype=np.uint8)
         ends = np.cumsum(sizes[number]) if len(number) else np.zeros(0, dtype=np.int64)
         while start < len(number):
             room = CHUNK_SIZE - len(before) + (int(ends[start - 1]) if start else 0)
@@ -139,7 +140,7 @@ class _File:
         """One chunk and the indices of its messages."""
         lengths = sizes[number]
         places = len(before) + np.cumsum(lengths) - lengths
-        records = np.empty(int(places[-1] + lengths[-1]), dtype=np.uint8)
+        records = self._room[: int(places[-1] + lengths[-1])]
         records[: len(before)] = np.frombuffer(before, dtype=np.uint8)
         topics, starts, entries, rows = by_topic(number, index, stamps, places, len(every))
         ours = [(int(k), slice(int(a), int(b))) for k, a, b in zip(topics, starts[:-1], starts[1:], strict=True)]
@@ -220,11 +221,21 @@ def _in_order(stamps: Sequence[Ints]) -> tuple[Ints, Ints, Ints]:
     """Topic number, index and stamp of all messages, by time, then by topic."""
     if not stamps:
         return (np.zeros(0, dtype=np.int64),) * 3
-    number = np.concatenate([np.full(len(s), i) for i, s in enumerate(stamps)])
-    index = np.concatenate([np.arange(len(s)) for s in stamps])
     every = np.concatenate(stamps)
+    starts = np.cumsum([0, *map(len, stamps)])
     order = np.argsort(every, kind="stable")  # topics come one after the other: equal stamps stay in their order
-    return number[order], index[order], every[order]
+    number = np.repeat(np.arange(len(stamps), dtype=np.int32), np.diff(starts))
+    return taken(order, number, starts, every)
+
+
+@njit(cache=True, nogil=True)
+def taken(order: Ints, number: NDArray[np.int32], starts: Ints, stamps: Ints) -> tuple[Ints, Ints, Ints]:
+    """Topic number, index in its topic and stamp of messages in this order; `starts` (T + 1,) of the topics."""
+    found, index, times = np.empty_like(order), np.empty_like(order), np.empty_like(order)
+    for k in range(len(order)):
+        n = order[k]
+        found[k], index[k], times[k] = number[n], n - starts[number[n]], stamps[n]
+    return found, index, times
 
 
 @njit(cache=True, nogil=True)
