@@ -22,9 +22,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wrenchgap.compensate.tape import Program
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
+from wrenchgap.plant.tape import Program
 
 opening = njit(cache=True, error_model="numpy", nogil=True)
 compiled = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)

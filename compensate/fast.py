@@ -33,7 +33,6 @@ from wrenchgap.compensate.compiled import (
 from wrenchgap.compensate.optimiser import Optimiser, Optimum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, state_row, trace
-from wrenchgap.compensate.tracing import Untraceable
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -41,6 +40,7 @@ from wrenchgap.plant.expansion import Expands, Expansion
 from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
+from wrenchgap.plant.tracing import Untraceable
 
 ENOUGH = 1e-14
 """Newton stops where J is below this share of the acceptance threshold: a ten-millionth of its error."""

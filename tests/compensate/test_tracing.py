@@ -8,8 +8,8 @@ import pytest
 from wrenchgap.compensate import PhysicsMismatch
 from wrenchgap.compensate.compiled import as_lines, differentiate, evaluate
 from wrenchgap.compensate.physics_program import rows_of, trace, untraceable
-from wrenchgap.compensate.tape import Op, Tape, program
-from wrenchgap.compensate.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.tape import Op, Tape, program
+from wrenchgap.plant.tracing import Node, Traced, Untraceable
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import model_file
