@@ -16,7 +16,8 @@ does not settle (ill-conditioned, not accepted, not finite) is left undone and h
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
@@ -26,14 +27,23 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
 from wrenchgap.plant.tape import Program
 
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel_of(**options: Any) -> Callable[[F], F]:
+    """Compiles functions that make no array, without numba's reference counts: a call of a function with forty arrays
+    would pay for eighty of them.
+    """  # noqa: D205
+    return njit(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
+
+
 opening = njit(cache=True, error_model="numpy", nogil=True)
-compiled = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)
-"""Without numba's reference counts, of which every call of a function with forty arrays would pay eighty: only what
-`opening` compiles makes arrays that outlive it."""
-in_any_order = njit(cache=True, error_model="numpy", nogil=True, _nrt=False, fastmath={"reassoc", "contract", "nsz"})
+"""For functions that make views which outlive them."""
+compiled = kernel_of()
+in_any_order = kernel_of(fastmath={"reassoc", "contract", "nsz"})
 """For sums whose order does not matter beyond rounding: they then take four or eight numbers at once. What is not
 finite stays so."""
-in_this_order = njit(cache=True, error_model="numpy", nogil=True, _nrt=False, fastmath={"contract"})
+in_this_order = kernel_of(fastmath={"contract"})
 """For what would be wrong in another order; said, because numba otherwise hands the caller's choice on."""
 
 INPUT, CONSTANT, ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2 = range(12)
@@ -588,7 +598,7 @@ class Room(NamedTuple):
 
 @compiled
 def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, free: Array, process: bool) -> float:
-    """|r|^2 at a correction (L,) of `wrench` (6,), with r left in `room`; dr/dx but for the process's, see `steepen`."""
+    """|r|^2 at a correction (L,) of `wrench` (6,), with r left in `room`; and dr/dx, see `steepen` for the process."""
     count = len(gate.rows)
     r, A = room.r, room.A
     for i in range(count):
@@ -619,7 +629,7 @@ def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
 
 @compiled
 def steepen(gate: Gate, kernel: Kernel, room: Room, process: bool) -> None:
-    """Complete dr/dx at the point of the last `residual`: the slope of a process is needed at every point but the last."""
+    """Add the slope of a process to dr/dx at the point of the last `residual`; only the last of all needs none."""
     if process:
         slope_of(kernel, room.xi, room.square, gate.rows)
         for i in range(len(gate.rows)):
@@ -644,8 +654,7 @@ def newton(
     r_at, A_at = room.r_at, room.A_at
     if cost > gate.enough:
         steepen(gate, kernel, room, process)
-    used, damping, ill = 1, 0.0, False
-    proposals = 0
+    used, proposals, damping, ill = 1, 0, 0.0, False
     while used < gate.most and cost > gate.enough and proposals < 2 * gate.most:
         proposals += 1
         for i in range(count):

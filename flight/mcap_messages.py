@@ -267,7 +267,7 @@ def by_topic(number: Ints, index: Ints, stamps: Ints, places: Ints, topics: int)
 def placed(
     records: Bytes, entries: Ints, index: Ints, channel: int, template: Bytes, varying: Bytes, spans: Ints
 ) -> None:
-    """Message records of one topic into `records`: stamps and places in `entries` (N, 2), rows `index` (N,) of `varying`.
+    """Message records of one topic into `records`: stamps and places in `entries` (N, 2), rows `index` (N,).
 
     Plain form: `mcap.records.Message.write`, of `Messages.payloads`.
     """

@@ -8,6 +8,7 @@ always plain: effects then remember all that they ever will.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,13 @@ class _Flight:
         programs, remembered = _programs(plant, start, loop, shapes)
         self.step, self.gyro = _lines(programs.step), _lines(programs.gyro)
         b = plant.body
-        self.body = Body(b.mass, np.array(b.com_B), np.array(b.inertia), np.linalg.inv(b.inertia), loop.gravity)
+        self.body = Body(
+            b.mass,
+            np.array(b.com_B),
+            np.array(b.inertia),
+            np.array(np.linalg.inv(b.inertia), dtype=float),
+            loop.gravity,
+        )
         self.law, self.timing = _law(loop), _timing(loop)
         volts = np.full(steps, np.nan) if c.voltage is None else np.array(c.voltage, dtype=float)
         noise = np.zeros((-(-steps // loop.per_pose), 12))
@@ -180,10 +187,7 @@ def _programs(plant: WrenchModel, start: State, loop: Loop, shapes: tuple[int, i
     rotors = tuple(np.zeros((1, n)) for n in shapes) if there else (None, None)
     some = Commands(wrench, *rotors)
     volts = loop.clock.voltage
-    state = State(
-        *(getattr(start, n) for n in ("time", "position_E", "quat_EB", "velocity_E", "omega_B")),
-        None if volts is None else volts[:1],
-    )
+    state = replace(start, voltage=None if volts is None else volts[:1])
     memory: dict[str, Any] = {}
     with np.errstate(all="ignore"):  # rotors at rest: only the form of what is remembered counts
         for _ in range(PLAIN):
@@ -215,12 +219,11 @@ def _timing(loop: Loop) -> Timing:
 
 def _allocator(believed: Vehicle) -> tuple[Allocator, tuple[int, int]]:
     """The allocation, and how many arms and rotors there are."""
-    none, empty = np.zeros(0), np.zeros(0, dtype=np.int64)
     if not believed.has_rotors:
-        no = np.zeros(0, dtype=bool)
-        room = (np.zeros(6), none)
-        nothing = (none,) * 5
-        return Allocator(False, np.zeros((0, 6)), empty, empty, none, empty, no, *nothing, 0.0, *room), (0, 0)
+        none, empty, no = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool)
+        limits = (none, none, none, none, none)
+        nothing = Allocator(False, np.zeros((0, 6)), empty, empty, none, empty, no, *limits, 0.0, np.zeros(6), none)
+        return nothing, (0, 0)
     arms, rotors = believed.geometry()
     allocation = Allocation(believed)
     group_of, arm, column, strength = np.full(len(rotors), -1), [], [], []
@@ -231,13 +234,12 @@ def _allocator(believed: Vehicle) -> tuple[Allocator, tuple[int, int]]:
         column.append(at)
         strength.append(float(rotors.c_f[members].sum()))
         at += 2 if arms.tilts[own] else 1
-    limits = (arms.tilt_min, arms.tilt_max, arms.tilt_rate_max, rotors.speed_min, rotors.speed_max)
-    sizes = (len(arms),) * 3 + (len(rotors),) * 2
+    bounds = (arms.tilt_min, arms.tilt_max, arms.tilt_rate_max, rotors.speed_min, rotors.speed_max)
+    a, b, c, d, e = (np.array(bound, dtype=float) for bound in bounds)
     made = Allocator(
         True, np.array(allocation.inverse, order="C"), np.array(arm), np.array(column), np.array(strength), group_of,
-        np.array(arms.tilts, dtype=bool),
-        *(np.array(np.broadcast_to(v, n), dtype=float) for v, n in zip(limits, sizes, strict=True)),
-        float(allocation.hold_thrust), np.zeros(6), np.zeros(len(arm)),
+        np.array(arms.tilts, dtype=bool), a, b, c, d, e, float(allocation.hold_thrust), np.zeros(6),
+        np.zeros(len(arm)),
     )  # fmt: skip
     return made, (len(arms), len(rotors))
 

@@ -34,7 +34,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Result:
-    """A flight as `plant.closed_loop` has it; pose readings, desired wrenches (K, 6), how many commands were limited."""
+    """A flight; pose readings, desired wrenches (K, 6), how many commands were limited in what."""
 
     flown: Flown
     poses: State

@@ -11,7 +11,8 @@ Each piece has its specification in plain numpy: `plant.sensors.read_pose`, `pla
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
@@ -19,8 +20,13 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 
-compiled = njit(cache=True, error_model="numpy", nogil=True, _nrt=False)
-"""Without numba's reference counts: no array is made here, and every call would pay for all that it is handed."""
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Without numba's reference counts: no array is made here, and every call would pay for all that it is handed."""
+    return njit(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
+
 
 ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2, ABS, SIGN, MAX, MIN, LESS, LESS_EQUAL = range(2, 18)
 SELECT, FLOOR, LOG = range(18, 21)

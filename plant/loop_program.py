@@ -4,8 +4,8 @@ Nothing is written twice: `WrenchModel.actuate` and the effects' own `apply` run
 done with them (`plant.tracing`).
 
 Inputs, in this order: the command's wrench (6,) [N, Nm], tilts (A,) [rad] and rotor speeds (R,) [rad/s]; the state
-(15,): position in E [m], quaternion B to E (w, x, y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage [V];
-what effects remember (M,). Results: the wrench (6,) about O, what they remember then (M,).
+(15,): position in E [m], quaternion B to E (w, x, y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage
+[V]; what effects remember (M,). Results: the wrench (6,) about O, what they remember then (M,).
 """
 
 from __future__ import annotations

@@ -53,8 +53,9 @@ def both(truth, believed=None, seconds=1.0, seed=5, excitation=1.0, helper=None,
 def assert_equal(found, tolerance=1e-10):
     (one, drawn), (other, drawn_plainly) = found
     for role, names in SERIES.items():
-        for name in names:
-            values, plain = (getattr(getattr(f, role), name) for f in (one, other) if getattr(f, role) is not None)
+        assert (getattr(one, role) is None) == (getattr(other, role) is None)
+        for name in names if getattr(one, role) is not None else ():
+            values, plain = (getattr(getattr(f, role), name) for f in (one, other))
             assert values.shape == plain.shape
             size = max(1.0, float(np.abs(plain).max(initial=0.0)))
             assert values == pytest.approx(plain, abs=tolerance * size, nan_ok=True), f"{role}.{name}"
@@ -67,6 +68,13 @@ def assert_equal(found, tolerance=1e-10):
 @pytest.mark.parametrize("name", ["tilt_hexarotor", "voliro_x", "asymmetric_quadrotor", "crazyflie"])
 def test_every_vehicle_flies_as_in_plain_numpy(name):
     assert_equal(both(model_file.load(name), seconds=2.0))
+
+
+def test_a_vehicle_of_which_only_the_wrench_is_known():
+    bare = replace(HEXAROTOR, vehicle=replace(HEXAROTOR.vehicle, arms=None, rotors=None))
+    found = both(with_effects(bare, "com_offset", "body_drag", "command_delay"), bare)
+    assert found[0][0].actuators is None
+    assert_equal(found)
 
 
 @pytest.mark.parametrize("name", sorted(set(catalogue()) - {"asymmetric_motor_lag"}))
