@@ -34,7 +34,8 @@ def kernel_of(**options: Any) -> Callable[[F], F]:
     """Compiles functions that make no array, without numba's reference counts: a call of a function with forty arrays
     would pay for eighty of them.
     """  # noqa: D205
-    return njit(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
+    numba: Any = njit  # whose annotations leave _nrt out
+    return numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
 
 
 opening = njit(cache=True, error_model="numpy", nogil=True)

@@ -12,13 +12,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant import loop_kernels as kernels
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.closed_loop import LOST_ATTITUDE, LOST_POSITION, Flown, Lost
-from wrenchgap.plant.controller import pushes_along_z_only
+from wrenchgap.plant.flight_computer import Correction
 from wrenchgap.plant.loop import Loop, Result
 from wrenchgap.plant.loop_kernels import Allocator, Body, Flight, Given, Law, Lines, Memory, Timing
 from wrenchgap.plant.loop_program import PlantPrograms, numbers_of, traced
@@ -40,22 +41,20 @@ def fly(
     plant: WrenchModel,
     start: State,
     loop: Loop,
-    rng: np.random.Generator,
-    disturbance: Callable[[float], Array] | None = None,
+    rng: np.random.Generator | None,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
-    """Fly from `start` (N = 1); `rng` draws the pose sensor's noise.
+    """Fly from `start` (N = 1); `rng` draws the pose sensor's noise, where there is any.
 
     Raises Untraceable, before anything is drawn, for a plant that cannot be compiled.
     """
     flight = _Flight(plant, start, loop)
-    flight.draw(rng)
-    if disturbance is not None:
-        flight.given.disturbance[:] = [disturbance(t) for t in loop.clock.time.tolist()]
+    if rng is not None:
+        flight.draw(rng)
     said, count = flight.run(progress)
     if count == 0:
         raise UsageError(f"{flight.lost(said, 0)}: the flight cannot begin there; start nearer to the reference")
-    if said != kernels.GOING:
+    if said != kernels.GOING and rng is not None:
         flight.draw_again(rng, -(-(count + 1) // loop.per_pose))
     if progress is not None:
         progress(1.0)
@@ -83,17 +82,15 @@ class _Flight:
         self.law, self.timing = _law(loop), _timing(loop)
         volts = np.full(steps, np.nan) if c.voltage is None else np.array(c.voltage, dtype=float)
         noise = np.zeros((-(-steps // loop.per_pose), 12))
-        disturbed, imu = np.zeros((steps, 6)), np.array(loop.errors, order="C")
-        self.given = Given(np.array(c.time), volts, disturbed, imu, noise, _rows(loop.reference))
-        integral = np.zeros(3) if loop.integral is None else np.array(loop.integral, dtype=float)
-        self.memory = Memory(
-            np.array(pack(start)), np.zeros(13), np.zeros(3), integral, np.zeros(shapes[0]), np.zeros(remembered),
-            np.zeros(4, dtype=np.int64), np.zeros(1), np.zeros(13),
-        )  # fmt: skip
+        disturbed = np.zeros((steps, 6)) if loop.disturbance is None else np.array(loop.disturbance, order="C")
+        imu = np.array(loop.errors, order="C")
+        series = (np.array(c.time), volts, disturbed, imu, noise, _rows(loop.reference))
+        self.given = Given(*series, *_recorded(loop, periods, shapes))
+        self.memory = _memory(start, loop, shapes[0], remembered)
         poses = np.zeros((len(noise), 13))
         sent = (np.zeros((periods, 6)), np.zeros((periods, 6)), *(np.zeros((periods, n)) for n in shapes))
         self.flight = Flight(np.zeros((steps, 13)), np.zeros((steps, 6)), poses, *sent)
-        self.room = np.zeros((5, 13))
+        self.room, self.steps = np.zeros((5, 13)), list[Correction]()
 
     def draw(self, rng: np.random.Generator) -> None:
         """White noise of all pose readings, in the order in which `plant.sensors.read_pose` draws it."""
@@ -108,13 +105,13 @@ class _Flight:
     def run(self, progress: Callable[[float], None] | None) -> tuple[int, int]:
         """How the flight ended, and after how many steps."""
         count, n = len(self.given.time), 0
-        memory: dict[str, Any] | None = None
+        memory = self.loop.memory
         while n < min(PLAIN, count):
             said = kernels.begin(self.timing, self.gyro, self.law, self.given, self.memory, self.flight, n, self.room)
             if said != kernels.GOING:
                 return said, n
             self._compensate(n)
-            kernels.send(self.timing, self.law, self.allocator, self.memory, self.flight, n)
+            kernels.send(self.timing, self.law, self.allocator, self.given, self.memory, self.flight, n)
             memory = self._plainly(n, memory)
             n += 1
         self.memory.effects[:] = numbers_of(memory)
@@ -156,14 +153,17 @@ class _Flight:
         read = slice(0, count if said == kernels.GOING else count + 1, self.loop.per_pose)
         time, volts = c.time[read], None if c.voltage is None else c.voltage[read]
         limited = dict(zip(("rotor_speed", "tilt_rate", "tilt_range"), self.memory.counts[1:].tolist(), strict=True))
-        return Result(flown, _states(time, f.poses[: len(time)], volts), f.desired[:periods], limited)
+        return Result(
+            flown, _states(time, f.poses[: len(time)], volts), f.desired[:periods], limited, tuple(self.steps)
+        )
 
     def _compensate(self, n: int) -> None:
         """Turn the desired wrench of the period that begins at step n into a command."""
         loop, (k, inside) = self.loop, divmod(n, self.loop.clock.per_command)
         if loop.compensator is not None and not inside:
             known = unpack(float(self.given.time[n]), tuple(self.memory.known), self._voltage(n))
-            self.flight.commanded[k] = loop.compensator.step(self.flight.desired[k].copy(), known).wrench_cmd
+            self.steps.append(loop.compensator.step(self.flight.desired[k].copy(), known))
+            self.flight.commanded[k] = self.steps[-1].wrench_cmd
 
     def _voltage(self, n: int) -> Array | None:
         return None if self.loop.clock.voltage is None else self.given.voltage[n : n + 1]
@@ -188,7 +188,7 @@ def _programs(plant: WrenchModel, start: State, loop: Loop, shapes: tuple[int, i
     some = Commands(wrench, *rotors)
     volts = loop.clock.voltage
     state = replace(start, voltage=None if volts is None else volts[:1])
-    memory: dict[str, Any] = {}
+    memory: dict[str, Any] = dict(loop.memory or {})
     with np.errstate(all="ignore"):  # rotors at rest: only the form of what is remembered counts
         for _ in range(PLAIN):
             _, memory = plant.actuate(some, state, loop.clock.dt, memory)
@@ -206,7 +206,34 @@ def _law(loop: Loop) -> Law:
         float(g.zeta_position), float(g.omega_position), np.array(g.zeta_attitude, dtype=float),
         np.array(g.omega_attitude, dtype=float), float(g.integral), float(g.integral_limit), float(g.transport),
         float(body.mass), np.array(body.com_B, dtype=float), np.array(body.inertia, dtype=float),
-        pushes_along_z_only(loop.believed), GRAVITY,
+        loop.along_z, GRAVITY,
+    )  # fmt: skip
+
+
+def _recorded(
+    loop: Loop, periods: int, shapes: tuple[int, int]
+) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """What goes beyond law, compensator and allocation in each period, and where loss of control is forgiven."""
+    r, none = loop.recorded, np.zeros((periods, 6))
+    forgiven = np.zeros(periods, dtype=bool) if loop.forgiven is None else np.array(loop.forgiven)
+    tilt, speed = (np.zeros((periods, n)) for n in shapes)
+    if r is None:
+        return none, none.copy(), tilt, speed, forgiven
+    if r.tilt is not None and r.rotor_speed is not None:
+        tilt, speed = np.array(r.tilt, order="C"), np.array(r.rotor_speed, order="C")
+    return np.array(r.offset, order="C"), np.array(r.correction, order="C"), tilt, speed, forgiven
+
+
+def _memory(start: State, loop: Loop, arms: int, remembered: int) -> Memory:
+    """What changes, as it is at the start."""
+    r = loop.recorded
+    integral, tilt = (loop.integral, None) if r is None else (r.integral, r.previous_tilt)
+    counts = np.array([tilt is not None, 0, 0, 0], dtype=np.int64)
+    return Memory(
+        np.array(pack(start)), np.zeros(13), np.zeros(3),
+        np.zeros(3) if integral is None else np.array(integral, dtype=float),
+        np.zeros(arms) if tilt is None else np.array(tilt, dtype=float),
+        np.zeros(remembered), counts, np.zeros(1), np.zeros(13),
     )  # fmt: skip
 
 

@@ -25,7 +25,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """Without numba's reference counts: no array is made here, and every call would pay for all that it is handed."""
-    return njit(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
+    numba: Any = njit  # whose annotations leave _nrt out
+    return numba(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
 
 
 ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2, ABS, SIGN, MAX, MIN, LESS, LESS_EQUAL = range(2, 18)
@@ -112,7 +113,11 @@ class Timing(NamedTuple):
 
 
 class Given(NamedTuple):
-    """Series: `time`, `voltage`, `disturbance` of S steps, IMU errors, white noise (P, 12), reference (K, 19)."""
+    """Series: `time`, `voltage`, `disturbance` of S steps, IMU errors, white noise (P, 12), reference (K, 19).
+
+    What a recorded computer sent beyond law and allocation (`plant.flight_computer.RecordedPilot`): `offset`,
+    `correction` (K, 6), `tilt` (K, A), `speed` (K, R), zero in a simulation; `forgiven` (K,) where control may be lost.
+    """
 
     time: Array
     voltage: Array
@@ -120,6 +125,11 @@ class Given(NamedTuple):
     imu: Array
     noise: Array
     reference: Array
+    offset: Array
+    correction: Array
+    tilt: Array
+    speed: Array
+    forgiven: NDArray[np.bool_]
 
 
 class Memory(NamedTuple):
@@ -489,7 +499,7 @@ def push(step: Lines, given: Given, memory: Memory, flight: Flight, n: int, k: i
 def decide(timing: Timing, law: Law, given: Given, memory: Memory, flight: Flight, k: int, room: Array) -> int:
     """Whether control is lost at the beginning of period k; else the desired wrench."""
     said = loss(timing, memory.y, given.reference[k], memory.lost)
-    if said != GOING:
+    if said == LOST_STATE or (said != GOING and not given.forgiven[k]):
         return said
     for i in range(13):
         memory.known[i] = memory.pose[i] if timing.measured else memory.y[i]
@@ -499,7 +509,8 @@ def decide(timing: Timing, law: Law, given: Given, memory: Memory, flight: Fligh
     held = timing.dt * timing.per_command
     desire(law, memory.known, given.reference[k], memory.integral, room[4], held, flight.desired[k])
     for i in range(6):
-        flight.commanded[k, i] = flight.desired[k, i]
+        flight.desired[k, i] += given.offset[k, i]
+        flight.commanded[k, i] = flight.desired[k, i] + given.correction[k, i]
     return GOING
 
 
@@ -517,11 +528,16 @@ def begin(
 
 
 @compiled
-def send(timing: Timing, law: Law, allocator: Allocator, memory: Memory, flight: Flight, n: int) -> None:
-    """Allocate the command of the period that begins at step n, where one does."""
-    if n % timing.per_command == 0 and allocator.there:
+def send(timing: Timing, law: Law, a: Allocator, given: Given, memory: Memory, flight: Flight, n: int) -> None:
+    """Allocate the command of the period that begins at step n, where one does; and what goes beyond the allocation."""
+    if n % timing.per_command == 0 and a.there:
         k, held = n // timing.per_command, timing.dt * timing.per_command
-        allocate(allocator, law, held, flight.commanded[k], memory, flight.tilt[k], flight.speed[k])
+        tilt, speed = flight.tilt[k], flight.speed[k]
+        allocate(a, law, held, flight.commanded[k], memory, tilt, speed)
+        for i in range(len(tilt)):
+            tilt[i] = min(max(tilt[i] + given.tilt[k, i], a.tilt_min[i]), a.tilt_max[i])
+        for i in range(len(speed)):
+            speed[i] = min(max(speed[i] + given.speed[k, i], a.speed_min[i]), a.speed_max[i])
 
 
 @compiled
@@ -540,7 +556,7 @@ def stretch(
                 return said, n
             if timing.compensating and n % timing.per_command == 0:
                 return WAITING, n
-        send(timing, law, allocator, memory, flight, n)
+        send(timing, law, allocator, given, memory, flight, n)
         push(step, given, memory, flight, n, n // timing.per_command)
         move(body, flight.wrench[n], memory.y, timing.dt, room)
     return GOING, last

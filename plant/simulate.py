@@ -171,15 +171,16 @@ def _compiled(asked: _Asked, start: State, progress: Callable[[float], None] | N
     """The same in compiled code; None where an effect cannot be compiled."""
     a, s = asked, asked.sensing
     own = a.believed
+    shake = None if a.disturbance is None else np.array([a.disturbance(t) for t in a.clock.time.tolist()])
     loop = Loop(
         a.clock, own.controller, own.vehicle, a.reference, s.noise, s.per_imu, s.per_pose, s.errors,
-        a.feedback == "measured", a.integral, a.compensator, a.gravity,
+        a.feedback == "measured", a.integral, a.compensator, a.gravity, shake,
     )  # fmt: skip
     from wrenchgap.plant import compiled_loop
     from wrenchgap.plant.tracing import Untraceable
 
     try:
-        return compiled_loop.fly(a.truth.wrench_model, start, loop, s.rng, a.disturbance, progress)
+        return compiled_loop.fly(a.truth.wrench_model, start, loop, s.rng, progress)
     except Untraceable:
         return None
 
