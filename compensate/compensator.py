@@ -170,7 +170,7 @@ class Compensator:
         if asked.solver == "lbfgs" or (asked.solver == "newton" and asked.regulariser > 0.0):
             return None
         from wrenchgap.compensate.fast import Limits, Stepper, plan
-        from wrenchgap.compensate.tracing import Untraceable
+        from wrenchgap.plant.tracing import Untraceable
 
         limits = Limits(bound, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
         try:

@@ -16,21 +16,35 @@ does not settle (ill-conditioned, not accepted, not finite) is left undone and h
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wrenchgap.compensate.tape import Program
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
+from wrenchgap.plant.tape import Program
 
-compiled = njit(cache=True, error_model="numpy", nogil=True)
-in_any_order = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"})
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel_of(**options: Any) -> Callable[[F], F]:
+    """Compiles functions that make no array, without numba's reference counts: a call of a function with forty arrays
+    would pay for eighty of them.
+    """  # noqa: D205
+    numba: Any = njit  # whose annotations leave _nrt out
+    return numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
+
+
+opening = njit(cache=True, error_model="numpy", nogil=True)
+"""For functions that make views which outlive them."""
+compiled = kernel_of()
+in_any_order = kernel_of(fastmath={"reassoc", "contract", "nsz"})
 """For sums whose order does not matter beyond rounding: they then take four or eight numbers at once. What is not
 finite stays so."""
-in_this_order = njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+in_this_order = kernel_of(fastmath={"contract"})
 """For what would be wrong in another order; said, because numba otherwise hands the caller's choice on."""
 
 INPUT, CONSTANT, ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2 = range(12)
@@ -47,6 +61,8 @@ each; then the physics' tilts and memory."""
 COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, EXPECTED = 0, 6, 12, 18, 19, 20, 21, 22, 23
 """Where a row of results has what; the mismatch before (L,) and after (L,) comes last."""
 DONE, HANDED_BACK = 0, 1
+BATCH = 16
+"""Steps whose sigma is taken together: C^-1 is fetched once for all of them. Divisible by 4."""
 
 
 class Lines(NamedTuple):
@@ -76,8 +92,12 @@ class Kernel(NamedTuple):
     signal_variance: Array
     noise_variance: Array
     sigma_scale: Array
-    row: Array  # (N,) room for kernel values
-    powers: Array  # (N,)
+    rows: Array  # (L, N) kernel values over the signal variance, at the inputs `at`
+    at: Array  # (D,), nan before any
+    scaled: Array  # (D,) scratch
+    powers: Array  # (N,) scratch
+    batch: Array  # (BATCH, L, N) rows of consecutive steps
+    explained: Array  # (BATCH, L) scratch
 
 
 def as_lines(program: Program | None, outputs: int) -> Lines:
@@ -97,7 +117,7 @@ def as_lines(program: Program | None, outputs: int) -> Lines:
 
 def as_kernel(e: Expansion) -> Kernel:
     """Arrays of an expansion."""
-    count = e.points.shape[1]
+    outputs, count, dims = len(e.output_scale), e.points.shape[1], e.points.shape[2]
     arrays = {name: np.array(getattr(e, name), dtype=float, order="C") for name in Kernel._fields[:5]}
     more = {name: np.array(getattr(e, name), dtype=float, order="C") for name in ("alpha", *Kernel._fields[9:12])}
     return Kernel(  # copies: compiled code is compiled anew for arrays that are read-only
@@ -106,8 +126,12 @@ def as_kernel(e: Expansion) -> Kernel:
         points=np.array(e.points.transpose(0, 2, 1), dtype=float, order="C"),
         whitener=np.array(e.whitener, dtype=float, order="C"),
         triangular=bool(e.triangular),
-        row=np.zeros(count),
+        rows=np.zeros((outputs, count)),
+        at=np.full(dims, np.nan),
+        scaled=np.zeros(dims),
         powers=np.zeros(count),
+        batch=np.zeros((BATCH, outputs, count)),
+        explained=np.zeros((BATCH, outputs)),
     )
 
 
@@ -310,60 +334,98 @@ def hills(row: Array, powers: Array) -> None:
 
 
 @in_any_order
-def _near(kernel: Kernel, k: int, xi: Array) -> float:
-    """Kernel values of output k over its signal variance, in `kernel.row`; returns its straight line."""
-    row = kernel.row
-    total = kernel.mean_coefficients[k, 0]
-    for d in range(len(xi)):
-        x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
-        total += kernel.mean_coefficients[k, 1 + d] * x
-        q = x / kernel.lengthscales[k, d]
-        points = kernel.points[k, d]
-        if d == 0:
-            for n in range(len(row)):
-                row[n] = (points[n] - q) * (points[n] - q)
-        else:
-            for n in range(len(row)):
-                row[n] += (points[n] - q) * (points[n] - q)
-    hills(row, kernel.powers)
-    return total
+def _square_distances(points: Array, k: int, q: Array, row: Array) -> None:
+    """Squared distances of q (D,) from the points of output k, in `row` (N,); three inputs at once."""
+    dims, count = points.shape[1], points.shape[2]
+    for n in range(count):
+        row[n] = 0.0
+    d = 0
+    while d + 3 <= dims:
+        a, b, c = q[d], q[d + 1], q[d + 2]
+        for n in range(count):
+            x, y, z = points[k, d, n] - a, points[k, d + 1, n] - b, points[k, d + 2, n] - c
+            row[n] += x * x + y * y + z * z
+        d += 3
+    while d < dims:
+        a = q[d]
+        for n in range(count):
+            x = points[k, d, n] - a
+            row[n] += x * x
+        d += 1
 
 
 @in_any_order
-def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[np.int64], wanted: bool) -> None:
-    """Mean (L,) at inputs xi (D,), and where `wanted` its derivative to the inputs `rows`: slope (L, len(rows))."""
-    row = kernel.row
+def near(kernel: Kernel, xi: Array) -> None:
+    """Kernel values at inputs xi (D,) over their signal variances, in `kernel.rows`; kept while the inputs stay."""
+    same = True
+    for d in range(len(xi)):
+        same = same and kernel.at[d] == xi[d]
+    if same:
+        return
     for k in range(len(kernel.output_scale)):
-        total = _near(kernel, k, xi)
-        alpha, sum_ = kernel.alpha[k], 0.0
-        for n in range(len(row)):
-            row[n] *= alpha[n]
-            sum_ += row[n]
-        signal = kernel.signal_variance[k]
-        mean[k] = kernel.output_scale[k] * (total + signal * sum_)
-        if not wanted:
-            continue
+        row = kernel.rows[k]
+        for d in range(len(xi)):
+            kernel.scaled[d] = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
+        _square_distances(kernel.points, k, kernel.scaled, row)
+        hills(row, kernel.powers)
+    for d in range(len(xi)):
+        kernel.at[d] = xi[d]
+
+
+@in_any_order
+def mean_of(kernel: Kernel, xi: Array, mean: Array) -> None:
+    """Mean (L,) at inputs xi (D,)."""
+    near(kernel, xi)
+    for k in range(len(kernel.output_scale)):
+        total, sum_ = kernel.mean_coefficients[k, 0], 0.0
+        for d in range(len(xi)):
+            total += kernel.mean_coefficients[k, 1 + d] * ((xi[d] - kernel.input_mean[d]) / kernel.input_scale[d])
+        for n in range(kernel.alpha.shape[1]):
+            sum_ += kernel.rows[k, n] * kernel.alpha[k, n]
+        mean[k] = kernel.output_scale[k] * (total + kernel.signal_variance[k] * sum_)
+
+
+@in_any_order
+def slope_of(kernel: Kernel, xi: Array, slope: Array, rows: NDArray[np.int64]) -> None:
+    """Derivative of the mean at inputs xi (D,) to the inputs `rows`: slope (L, len(rows))."""
+    near(kernel, xi)
+    weights = kernel.powers
+    for k in range(len(kernel.output_scale)):
+        for n in range(len(weights)):
+            weights[n] = kernel.rows[k, n] * kernel.alpha[k, n]
         for i in range(len(rows)):
             d = rows[i]
-            x = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d]
-            q = x / kernel.lengthscales[k, d]
-            points = kernel.points[k, d]
+            q = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
             part = 0.0
-            for n in range(len(row)):
-                part += row[n] * (points[n] - q)
-            unit = kernel.output_scale[k] / kernel.input_scale[d]
-            slope[k, i] = unit * (kernel.mean_coefficients[k, 1 + d] + signal * part / kernel.lengthscales[k, d])
+            for n in range(len(weights)):
+                part += weights[n] * (kernel.points[k, d, n] - q)
+            line = kernel.mean_coefficients[k, 1 + d] + kernel.signal_variance[k] * part / kernel.lengthscales[k, d]
+            slope[k, i] = kernel.output_scale[k] / kernel.input_scale[d] * line
 
 
-@in_any_order
+@compiled
+def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[np.int64], wanted: bool) -> None:
+    """Mean (L,) at inputs xi (D,), and where `wanted` its derivative to the inputs `rows`: slope (L, len(rows))."""
+    mean_of(kernel, xi, mean)
+    if wanted:
+        slope_of(kernel, xi, slope, rows)
+
+
+@compiled
 def spread(kernel: Kernel, xi: Array, std: Array) -> None:
     """Standard deviation (L,) at inputs xi (D,), noise included."""
+    near(kernel, xi)
     for k in range(len(std)):
-        _near(kernel, k, xi)
-        explained = _whitened(kernel.whitener[k], kernel.row, kernel.triangular)
-        signal = kernel.signal_variance[k]
-        variance = max(signal - signal * signal * explained, 0.0) + kernel.noise_variance[k]
-        std[k] = kernel.output_scale[k] * kernel.sigma_scale[k] * math.sqrt(variance)
+        std[k] = _deviation(kernel, k, _whitened(kernel.whitener[k], kernel.rows[k], kernel.triangular))
+
+
+@compiled
+def _deviation(kernel: Kernel, k: int, explained: float) -> float:
+    """Standard deviation of output k of whose variance |C^-1 row|^2 is explained."""
+    signal = kernel.signal_variance[k]
+    left = signal - signal * signal * explained
+    variance = (left if not left <= 0.0 else 0.0) + kernel.noise_variance[k]
+    return kernel.output_scale[k] * kernel.sigma_scale[k] * math.sqrt(variance)
 
 
 @in_any_order
@@ -387,6 +449,43 @@ def _whitened(whitener: Array, row: Array, triangular: bool) -> float:
             a += last[m] * row[m]
         total += a * a
     return total
+
+
+@in_any_order
+def whiten(kernel: Kernel, k: int, steps: int) -> None:
+    """`_whitened` of output k for the first `steps` rows of `kernel.batch`, into `kernel.explained`.
+
+    Four rows of C^-1 by four steps at once: sixteen sums stay in registers, C^-1 is fetched once for all steps.
+    """
+    W, K, found = kernel.whitener, kernel.batch, kernel.explained
+    count = W.shape[1]
+    whole = count - count % 4
+    for b in range(steps):
+        found[b, k] = 0.0
+    for n in range(0, whole, 4):
+        last = n + 4 if kernel.triangular else count
+        for b in range(0, steps, 4):
+            a0, a1, a2, a3 = 0.0, 0.0, 0.0, 0.0
+            b0, b1, b2, b3 = 0.0, 0.0, 0.0, 0.0
+            c0, c1, c2, c3 = 0.0, 0.0, 0.0, 0.0
+            d0, d1, d2, d3 = 0.0, 0.0, 0.0, 0.0
+            for m in range(last):
+                w0, w1, w2, w3 = W[k, n, m], W[k, n + 1, m], W[k, n + 2, m], W[k, n + 3, m]
+                x0, x1, x2, x3 = K[b, k, m], K[b + 1, k, m], K[b + 2, k, m], K[b + 3, k, m]
+                a0, a1, a2, a3 = a0 + w0 * x0, a1 + w1 * x0, a2 + w2 * x0, a3 + w3 * x0
+                b0, b1, b2, b3 = b0 + w0 * x1, b1 + w1 * x1, b2 + w2 * x1, b3 + w3 * x1
+                c0, c1, c2, c3 = c0 + w0 * x2, c1 + w1 * x2, c2 + w2 * x2, c3 + w3 * x2
+                d0, d1, d2, d3 = d0 + w0 * x3, d1 + w1 * x3, d2 + w2 * x3, d3 + w3 * x3
+            found[b, k] += a0 * a0 + a1 * a1 + a2 * a2 + a3 * a3
+            found[b + 1, k] += b0 * b0 + b1 * b1 + b2 * b2 + b3 * b3
+            found[b + 2, k] += c0 * c0 + c1 * c1 + c2 * c2 + c3 * c3
+            found[b + 3, k] += d0 * d0 + d1 * d1 + d2 * d2 + d3 * d3
+    for n in range(whole, count):
+        for b in range(steps):
+            a0 = 0.0
+            for m in range(count):
+                a0 += W[k, n, m] * K[b, k, m]
+            found[b, k] += a0 * a0
 
 
 @compiled
@@ -500,7 +599,7 @@ class Room(NamedTuple):
 
 @compiled
 def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, free: Array, process: bool) -> float:
-    """|r|^2 at a correction (L,) of `wrench` (6,), with r and dr/dx left in `room`."""
+    """|r|^2 at a correction (L,) of `wrench` (6,), with r left in `room`; and dr/dx, see `steepen` for the process."""
     count = len(gate.rows)
     r, A = room.r, room.A
     for i in range(count):
@@ -512,7 +611,7 @@ def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
             room.xi[d] = wrench[d]
         for i in range(count):
             room.xi[gate.rows[i]] += free[i]
-        expand(kernel, room.xi, r, A, gate.rows, True)
+        mean_of(kernel, room.xi, r)
     if gate.has_physics:
         for i in range(count):
             lines.value[lines.inputs[gate.rows[i]]] = wrench[gate.rows[i]] + free[i]
@@ -530,6 +629,16 @@ def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
 
 
 @compiled
+def steepen(gate: Gate, kernel: Kernel, room: Room, process: bool) -> None:
+    """Add the slope of a process to dr/dx at the point of the last `residual`; only the last of all needs none."""
+    if process:
+        slope_of(kernel, room.xi, room.square, gate.rows)
+        for i in range(len(gate.rows)):
+            for j in range(len(gate.rows)):
+                room.A[i, j] += room.square[i, j]
+
+
+@compiled
 def newton(
     gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, start: Array, process: bool
 ) -> tuple[float, int, bool]:
@@ -544,8 +653,9 @@ def newton(
         x[i] = min(max(start[i], room.low[i]), room.high[i])
     cost = residual(gate, kernel, lines, room, wrench, x, process)
     r_at, A_at = room.r_at, room.A_at
-    used, damping, ill = 1, 0.0, False
-    proposals = 0
+    if cost > gate.enough:
+        steepen(gate, kernel, room, process)
+    used, proposals, damping, ill = 1, 0, 0.0, False
     while used < gate.most and cost > gate.enough and proposals < 2 * gate.most:
         proposals += 1
         for i in range(count):
@@ -580,6 +690,8 @@ def newton(
                 x[i] = trial[i]
             if stalled:
                 break
+            if cost > gate.enough:
+                steepen(gate, kernel, room, process)
         else:
             damping = max(10.0 * damping, 1e-4 * trace)
             for i in range(count):
@@ -707,7 +819,12 @@ def finish(
 ) -> None:  # fmt: skip
     """From the optimum to the command that is sent, and what is remembered of it."""
     count = len(gate.rows)
-    gated(gate, kernel, room, memory, wrench, out)
+    for i in range(6):
+        room.xi[i] = wrench[i] + memory[OPTIMUM + i]
+        out[FOUND + i] = memory[OPTIMUM + i]
+    if gate.has_process:
+        spread(kernel, room.xi, room.r)
+    gated(gate, room.r, memory, wrench, out)
     if expects:
         expected(gate, kernel, lines, room, wrench, out[EXPECTED : EXPECTED + count])
         expected(gate, kernel, lines, room, out[:6], out[EXPECTED + count :])
@@ -719,17 +836,17 @@ def finish(
 
 
 @compiled
-def gated(gate: Gate, kernel: Kernel, room: Room, memory: Array, wrench: Array, out: Array) -> None:
-    """sigma, beta and the correction that the gate lets through (`compensate.uncertainty`)."""
+def gated(gate: Gate, std: Array, memory: Array, wrench: Array, out: Array) -> None:
+    """sigma, beta and the correction that the gate lets through (`compensate.uncertainty`).
+
+    `std` (L,) are the standard deviations at the optimum, which `out` has.
+    """
     count = len(gate.rows)
-    for i in range(6):
-        room.xi[i] = wrench[i] + memory[OPTIMUM + i]
     sigma = -np.inf
     if gate.has_process:
-        spread(kernel, room.xi, room.r)
         for i in range(count):
             if gate.watched[i]:
-                normal = (room.r[i] - gate.offset[i]) / gate.scale[i]
+                normal = (std[i] - gate.offset[i]) / gate.scale[i]
                 sigma = normal if not normal <= sigma else sigma
     else:
         for i in range(count):
@@ -739,12 +856,11 @@ def gated(gate: Gate, kernel: Kernel, room: Room, memory: Array, wrench: Array, 
     if not math.isfinite(sigma):
         beta = 1.0
     for i in range(6):
-        found = memory[OPTIMUM + i] - memory[KNOWN + i]
+        found = out[FOUND + i] - memory[KNOWN + i]
         kept = gate.decay * beta * memory[CORRECTION + i] + (1.0 - beta) * found
         memory[CORRECTION + i] = kept
         out[CORRECTED + i] = memory[KNOWN + i] + kept
         out[COMMAND + i] = wrench[i] + out[CORRECTED + i]
-        out[FOUND + i] = memory[OPTIMUM + i]
     out[SIGMA], out[BETA] = sigma, beta
 
 
@@ -770,7 +886,7 @@ def expected(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
     if gate.has_process:
         for i in range(6):
             room.xi[i] = wrench[i]
-        expand(kernel, room.xi, found, room.A, gate.rows, False)
+        mean_of(kernel, room.xi, found)
     if gate.has_physics:
         for i in range(6):
             lines.value[lines.inputs[i]] = wrench[i]
@@ -796,23 +912,23 @@ class Packed(NamedTuple):
     sent: NDArray[np.int32]
 
 
-@compiled
+@opening
 def _flat(numbers: Any, at: int, size: int) -> tuple[Any, int]:
     return numbers[at : at + size], at + size
 
 
-@compiled
+@opening
 def _square(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
     return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
 
 
-@compiled
+@opening
 def _cube(numbers: Array, at: int, layers: int, rows: int, columns: int) -> tuple[Array, int]:
     size = layers * rows * columns
     return numbers[at : at + size].reshape((layers, rows, columns)), at + size
 
 
-@compiled
+@opening
 def _as_gate(numbers: Array, counts: NDArray[np.int64], at: int, n: int) -> tuple[Gate, int, int]:
     count = counts[0]
     rows, n = _flat(counts, n, count)
@@ -831,7 +947,7 @@ def _as_gate(numbers: Array, counts: NDArray[np.int64], at: int, n: int) -> tupl
     return gate, at, n
 
 
-@compiled
+@opening
 def _as_kernel(numbers: Array, counts: NDArray[np.int64], at: int) -> tuple[Kernel, int]:
     count, dims, points = counts[0], counts[1], counts[2]
     input_mean, at = _flat(numbers, at, dims)
@@ -845,16 +961,20 @@ def _as_kernel(numbers: Array, counts: NDArray[np.int64], at: int) -> tuple[Kern
     signal, at = _flat(numbers, at, count)
     noise, at = _flat(numbers, at, count)
     sigma_scale, at = _flat(numbers, at, count)
-    row, at = _flat(numbers, at, points)
+    rows, at = _square(numbers, at, count, points)
+    inputs, at = _flat(numbers, at, dims)
+    scaled, at = _flat(numbers, at, dims)
     powers, at = _flat(numbers, at, points)
+    batch, at = _cube(numbers, at, BATCH, count, points)
+    explained, at = _square(numbers, at, BATCH, count)
     kernel = Kernel(
         input_mean, input_scale, output_scale, mean_coefficients, lengthscales, places, alpha, whitener, counts[3],
-        signal, noise, sigma_scale, row, powers,
+        signal, noise, sigma_scale, rows, inputs, scaled, powers, batch, explained,
     )  # fmt: skip
     return kernel, at
 
 
-@compiled
+@opening
 def _as_lines(
     numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], first: int, at: int, n: int
 ) -> tuple[Lines, int, int]:
@@ -867,7 +987,7 @@ def _as_lines(
     return Lines(code, split, inputs, free, results, value, tangent), at, n
 
 
-@compiled
+@opening
 def _as_room(numbers: Array, counts: NDArray[np.int64], at: int) -> Room:
     count = counts[0]
     xi, at = _flat(numbers, at, counts[1])
@@ -888,7 +1008,7 @@ def _as_room(numbers: Array, counts: NDArray[np.int64], at: int) -> Room:
     return Room(xi, inputs, r, A, trial, x, warm, start, low, high, square, best, r_at, A_at, saved)
 
 
-@compiled
+@opening
 def opened(
     numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent: NDArray[np.int32]
 ) -> tuple[Gate, Kernel, Lines, Lines, Room]:
@@ -901,16 +1021,56 @@ def opened(
 
 
 @compiled
-def advance(
-    numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent_code: NDArray[np.int32], memory: Array,
-    wrenches: Array, states: Array, out: Array, expects: bool,
+def advance_together(
+    gate: Gate, kernel: Kernel, lines: Lines, room: Room, memory: Array, wrenches: Array, states: Array, out: Array,
+    expects: bool,
 ) -> int:  # fmt: skip
-    """Steps through wrenches (K, 6) with states (K, 15) until the end, or the first that is handed back.
+    """As `advance`, for a process that depends on nothing that was sent: sigma and gate of `BATCH` steps at once.
 
-    Returns how many were done; `out` (K, 23 + 2 L) has their results, with the mismatch expected of desired and sent
-    command where `expects`. The memory is as it was before a step that is handed back.
+    No search looks at what the gate let through before, so that all searches of a batch may come first.
     """
-    gate, kernel, lines, sent, room = opened(numbers, counts, code, sent_code)
+    count = len(gate.rows)
+    for first in range(0, len(wrenches), BATCH):
+        last = min(first + BATCH, len(wrenches))
+        done = first
+        while done < last:
+            prepare(gate, lines, room, memory, wrenches[done], states[done])
+            if expects:
+                expected(gate, kernel, lines, room, wrenches[done], out[done, EXPECTED : EXPECTED + count])
+            if search(gate, kernel, lines, room, memory, wrenches[done], out[done]) != DONE:
+                break
+            for i in range(6):
+                out[done, FOUND + i] = memory[OPTIMUM + i]
+                room.xi[i] = wrenches[done, i] + memory[OPTIMUM + i]
+            near(kernel, room.xi)
+            for k in range(count):
+                for n in range(kernel.rows.shape[1]):
+                    kernel.batch[done - first, k, n] = kernel.rows[k, n]
+            done += 1
+        for k in range(count):
+            whiten(kernel, k, (done - first + 3) // 4 * 4)
+        for n in range(first, done):
+            for k in range(count):
+                room.r[k] = _deviation(kernel, k, kernel.explained[n - first, k])
+            gated(gate, room.r, memory, wrenches[n], out[n])
+            if expects:
+                prepare(gate, lines, room, memory, wrenches[n], states[n])
+                expected(gate, kernel, lines, room, out[n, :6], out[n, EXPECTED + count :])
+            memory[STAGE] = max(memory[STAGE], 1.0)
+            for i in range(6):
+                memory[SENT + i] = out[n, COMMAND + i]
+        if done < last:
+            return done
+    return len(wrenches)
+
+
+@compiled
+def _advance(
+    gate: Gate, kernel: Kernel, lines: Lines, sent: Lines, room: Room, memory: Array, wrenches: Array, states: Array,
+    out: Array, expects: bool,
+) -> int:  # fmt: skip
+    if len(wrenches) > 1 and gate.has_process and not gate.has_physics and gate.groups[3] == 0:
+        return advance_together(gate, kernel, lines, room, memory, wrenches, states, out, expects)
     saved = room.saved
     for k in range(len(wrenches)):
         for i in range(len(memory)):
@@ -922,3 +1082,17 @@ def advance(
             return k
         finish(gate, kernel, lines, sent, room, memory, wrenches[k], out[k], expects)
     return len(wrenches)
+
+
+@opening
+def advance(
+    numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent_code: NDArray[np.int32], memory: Array,
+    wrenches: Array, states: Array, out: Array, expects: bool,
+) -> int:  # fmt: skip
+    """Steps through wrenches (K, 6) with states (K, 15) until the end, or the first that is handed back.
+
+    Returns how many were done; `out` (K, 23 + 2 L) has their results, with the mismatch expected of desired and sent
+    command where `expects`. The memory is as it was before a step that is handed back.
+    """
+    gate, kernel, lines, sent, room = opened(numbers, counts, code, sent_code)
+    return _advance(gate, kernel, lines, sent, room, memory, wrenches, states, out, expects)

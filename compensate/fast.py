@@ -28,11 +28,11 @@ from wrenchgap.compensate.compiled import (
     packed,
     prepare,
     residual,
+    steepen,
 )
 from wrenchgap.compensate.optimiser import Optimiser, Optimum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, state_row, trace
-from wrenchgap.compensate.tracing import Untraceable
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -40,6 +40,7 @@ from wrenchgap.plant.expansion import Expands, Expansion
 from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
+from wrenchgap.plant.tracing import Untraceable
 
 ENOUGH = 1e-14
 """Newton stops where J is below this share of the acceptance threshold: a ten-millionth of its error."""
@@ -219,6 +220,7 @@ class _Linear:
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         room, count = self._room, len(self.outputs)
         residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process)
+        steepen(self._gate, self._kernel, room, self._process)
         jacobian = np.zeros((1, count, len(AXES)))
         jacobian[0][:, self._gate.rows] = room.A - np.eye(count)
         return room.r[None].copy(), jacobian

@@ -1,7 +1,7 @@
 """The physics of a compensation as programs: the mismatch of a command, and where a command brings the actuators.
 
 Nothing is written twice: `plant.wrench_model` and the effects' own `apply` run once on arrays that write down what is
-done with them (`compensate.tracing`). Only the allocation, which decides by values, has its single sample here.
+done with them (`plant.tracing`). Only the allocation, which decides by values, has its single sample here.
 
 Inputs, in this order (`Inputs`): the command (6,) [N, Nm]; the state (15,): position in E [m], quaternion B to E (w, x,
 y, z), velocity in E [m/s], body rates [rad/s], time [s], voltage [V]; whether nothing was sent yet (1 or 0); the tilt
@@ -11,21 +11,22 @@ angles sent last (A,) [rad]; what follows late remembers (M,), with a `lead` onl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wrenchgap.compensate.physics import PhysicsMismatch
-from wrenchgap.compensate.tape import Program, Tape, program
-from wrenchgap.compensate.tracing import Node, Traced, Untraceable
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
-from wrenchgap.plant.effects.effect import AnyEffect, CommandEffect
+from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
-from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_origin, measured_wrench
+from wrenchgap.plant.tape import Program, Tape, program
+from wrenchgap.plant.traced_effects import leaves, rebuilt, wrapped
+from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
 STATE = (
     *(f"position_{k}" for k in "xyz"),
@@ -72,7 +73,7 @@ def trace(physics: PhysicsMismatch, dt: float) -> PhysicsPrograms:
 
     Raises Untraceable, naming the effect, where one cannot be written down.
     """
-    model = WrenchModel(physics.model.vehicle, tuple(_wrapped(item) for item in physics.model.effects))
+    model = WrenchModel(physics.model.vehicle, tuple(wrapped(item) for item in physics.model.effects))
     tracer = _Tracer(physics, model, dt)
     tape, mean, after = tracer.run()
     inputs = tracer.inputs
@@ -97,76 +98,6 @@ def untraceable(physics: PhysicsMismatch, dt: float) -> dict[str, str]:
         except Untraceable as error:
             found[item.name] = str(error)
     return found
-
-
-def _wrapped(item: ModelEffect) -> ModelEffect:
-    """The effect, whose results are arrays that go on writing down, and whose name is in what it raises."""
-    effect = item.effect
-
-    def apply(_: Any, *given: Any) -> Any:
-        tape = _tape_of(given)
-        before = None if tape is None else tape.section
-        if tape is not None:
-            tape.section = item.name
-        try:
-            return _traced(effect.apply(*given))
-        except Untraceable as error:
-            raise Untraceable(f"effect {item.name} {error}") from None
-        except (TypeError, AttributeError, ValueError) as error:
-            said = " ".join(str(error).split())
-            raise Untraceable(f"effect {item.name} is not plain arithmetic: {said}") from None
-        finally:
-            if tape is not None:
-                tape.section = before or ""
-
-    kind: Any = type(f"Traced{type(effect).__name__}", (type(effect),), {"apply": apply})
-    made: AnyEffect = object.__new__(kind)
-    made.__dict__.update(getattr(effect, "__dict__", {}))
-    return ModelEffect(made, item.theta)
-
-
-def _tape_of(given: Sequence[Any]) -> Tape | None:
-    """The tape of the first node among arguments of an effect."""
-    for one in given:
-        for array in vars(one).values() if hasattr(one, "__dataclass_fields__") else (one,):
-            if isinstance(array, np.ndarray) and array.dtype == object:
-                for node in array.flat:
-                    if isinstance(node, Node):
-                        return node.tape
-    return None
-
-
-def _traced(result: Any) -> Any:
-    """Arrays of nodes among the results of an effect as `Traced`."""
-    if isinstance(result, np.ndarray) and result.dtype == object:
-        return Traced.of(result)
-    if isinstance(result, tuple):
-        return tuple(_traced(part) for part in result)
-    if isinstance(result, dict):
-        return {key: _traced(part) for key, part in result.items()}
-    return result
-
-
-def _leaves(memory: Any) -> Iterator[Any]:
-    """The arrays in what effects remember, in a fixed order."""
-    if isinstance(memory, dict):
-        for key in sorted(memory):
-            yield from _leaves(memory[key])
-    elif isinstance(memory, tuple):
-        for part in memory:
-            yield from _leaves(part)
-    elif memory is not None:
-        yield np.asarray(memory)
-
-
-def _rebuilt(memory: Any, make: Callable[[Any], Any]) -> Any:
-    """The same structure with other arrays, made one after the other in the order of `_leaves`."""
-    if isinstance(memory, dict):
-        made = {key: _rebuilt(memory[key], make) for key in sorted(memory)}
-        return {key: made[key] for key in memory}
-    if isinstance(memory, tuple):
-        return tuple(_rebuilt(part, make) for part in memory)
-    return None if memory is None else make(memory)
 
 
 class _Tracer:
@@ -195,7 +126,7 @@ class _Tracer:
         self.tape.section = "measured wrench"
         mean = Traced.of(measured_wrench(self.model.vehicle.body, made))[0] - wrench
         rows = output_indices(self.physics.outputs)
-        after = [node.line for leaf in _leaves(kept) for node in self._nodes(leaf)]
+        after = [node.line for leaf in leaves(kept) for node in self._nodes(leaf)]
         return self.tape, [node.line for node in self._nodes(mean[rows])], tilt + after
 
     def _inputs(self, kind: str, names: Sequence[str]) -> Traced:
@@ -247,7 +178,7 @@ class _Tracer:
             asked = Traced.of(np.full(np.shape(array), fresh))
             return Traced.of(np.where(asked, array, given.reshape(np.shape(array))))
 
-        return _rebuilt(equilibrium, leaf)
+        return rebuilt(equilibrium, leaf)
 
     def _effective(self, commands: Commands, state: State, memory: Any) -> tuple[Commands, Any]:
         """As `PhysicsHere._effective`, sample by sample; and what is remembered after the first."""

@@ -37,6 +37,8 @@ Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
 MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
+LEVEL = 1
+"""Of zstd. Its default, 3, takes twice the time on numbers that hardly repeat, and its files are not smaller."""
 CHUNK_SIZE = 1024 * 1024
 """A chunk ends with the message that brings it beyond this [bytes]."""
 HEAD = 31
@@ -45,13 +47,27 @@ HEAD = 31
 
 @dataclass(frozen=True)
 class Messages:
-    """One topic: CDR payloads (N, length) at `stamps` (N,) [ns], `definition` of their `type`."""
+    """One topic: N messages at `stamps` (N,) [ns] of one `type`, `definition` its text.
+
+    Every payload is `template` (length,), CDR, with bytes of its own in some places: `varying` (N, V), of which
+    `spans` (S, 3) say what goes where: first byte in `varying`, first byte in the payload, number of bytes.
+    """
 
     topic: str
     type: str
     definition: str
     stamps: Ints
-    payloads: Bytes
+    template: Bytes
+    varying: Bytes
+    spans: Ints
+
+    @property
+    def payloads(self) -> Bytes:
+        """All of them (N, length): what `placed` puts together, in plain numpy."""
+        rows = np.repeat(self.template[None], len(self.stamps), axis=0)
+        for source, target, size in self.spans.tolist():
+            rows[:, target : target + size] = self.varying[:, source : source + size]
+        return rows
 
 
 def write_messages(
@@ -75,19 +91,21 @@ class _File:
         self._stream, self._schemas, self._channels = stream, schemas, channels
         self._indices: list[ChunkIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._compressor = zstandard.ZstdCompressor()
+        self._counts: dict[int, int] = {}
+        self._compressor = zstandard.ZstdCompressor(level=LEVEL)
 
     def write(self, every: Sequence[Messages], library: str, metadata: tuple[str, Mapping[str, str]] | None) -> None:
         self._stream.write(MAGIC)
         self._put(Header(profile="ros2", library=library))
         number, index, stamps = _in_order([m.stamps for m in every])
-        sizes = HEAD + np.array([m.payloads.shape[1] for m in every], dtype=np.int64)
+        sizes = HEAD + np.array([len(m.template) for m in every], dtype=np.int64)
         records = RecordBuilder()
         for n, channel in enumerate(self._channels):
             if all(channel.schema_id != before.schema_id for before in self._channels[:n]):
                 self._schemas[channel.schema_id - 1].write(records)
             channel.write(records)
         before, whole, start = _bytes(records), True, 0
+        self._room = np.empty(len(before) + CHUNK_SIZE + int(sizes.max(initial=0)), dtype=np.uint8)
         ends = np.cumsum(sizes[number]) if len(number) else np.zeros(0, dtype=np.int64)
         while start < len(number):
             room = CHUNK_SIZE - len(before) + (int(ends[start - 1]) if start else 0)
@@ -102,7 +120,7 @@ class _File:
         if metadata is not None:
             self._remark(*metadata)
         self._put(DataEnd(data_section_crc=0))
-        self._summary(number, stamps)
+        self._summary(stamps)
 
     def _put(self, record: Header | Metadata | DataEnd) -> int:
         """Write one record; its length."""
@@ -122,11 +140,14 @@ class _File:
         """One chunk and the indices of its messages."""
         lengths = sizes[number]
         places = len(before) + np.cumsum(lengths) - lengths
-        records = np.empty(int(places[-1] + lengths[-1]), dtype=np.uint8)
+        records = self._room[: int(places[-1] + lengths[-1])]
         records[: len(before)] = np.frombuffer(before, dtype=np.uint8)
-        ours = {topic: np.flatnonzero(number == topic) for topic in _by_appearance(number)}
-        for topic, mine in ours.items():
-            placed(records, places[mine], every[topic].payloads, topic + 1, index[mine], stamps[mine])
+        topics, starts, entries, rows = by_topic(number, index, stamps, places, len(every))
+        ours = [(int(k), slice(int(a), int(b))) for k, a, b in zip(topics, starts[:-1], starts[1:], strict=True)]
+        for topic, mine in ours:
+            m = every[topic]
+            placed(records, entries[mine], rows[mine], topic + 1, m.template, m.varying, m.spans)
+            self._counts[topic + 1] = self._counts.get(topic + 1, 0) + mine.stop - mine.start
         data = self._compressor.compress(records.data)
         span = int(stamps.min()), int(stamps.max())
         start, builder = self._stream.tell(), RecordBuilder()
@@ -134,10 +155,11 @@ class _File:
         Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records.data), **said).write(builder)
         length = self._stream.write(_bytes(builder))
         offsets, indices = {}, bytearray()
-        for topic, mine in ours.items():
+        for topic, mine in ours:
             offsets[topic + 1] = start + length + len(indices)
-            entries = np.stack((stamps[mine], places[mine]), axis=1).astype("<u8").tobytes()
-            indices += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), topic + 1, len(entries)) + entries
+            packed = entries[mine].astype("<i8", copy=False).tobytes()
+            size = len(packed)
+            indices += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + size, topic + 1, size) + packed
         self._stream.write(indices)
         self._indices.append(
             ChunkIndex(
@@ -151,17 +173,16 @@ class _File:
             )
         )
 
-    def _summary(self, number: Ints, stamps: Ints) -> None:
+    def _summary(self, stamps: Ints) -> None:
         """Everything that a reader needs to find its way, and where it lies."""
         start, builder, offsets = self._stream.tell(), RecordBuilder(), []
-        counts = {topic + 1: int((number == topic).sum()) for topic in _by_appearance(number)}
         first, last = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
         about = Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
-            channel_message_counts=counts,
+            channel_message_counts=self._counts,
             chunk_count=len(self._indices),
-            message_count=len(number),
+            message_count=len(stamps),
             message_end_time=last,
             message_start_time=first,
             metadata_count=len(self._metadata),
@@ -200,36 +221,71 @@ def _in_order(stamps: Sequence[Ints]) -> tuple[Ints, Ints, Ints]:
     """Topic number, index and stamp of all messages, by time, then by topic."""
     if not stamps:
         return (np.zeros(0, dtype=np.int64),) * 3
-    number = np.concatenate([np.full(len(s), i) for i, s in enumerate(stamps)])
-    index = np.concatenate([np.arange(len(s)) for s in stamps])
     every = np.concatenate(stamps)
-    order = np.lexsort((number, every))
-    return number[order], index[order], every[order]
-
-
-def _by_appearance(number: Ints) -> list[int]:
-    """The different numbers, in the order in which they come."""
-    found, first = np.unique(number, return_index=True)
-    return [int(n) for n in found[np.argsort(first)]]
+    starts = np.cumsum([0, *map(len, stamps)])
+    order = np.argsort(every, kind="stable")  # topics come one after the other: equal stamps stay in their order
+    number = np.repeat(np.arange(len(stamps), dtype=np.int32), np.diff(starts))
+    return taken(order, number, starts, every)
 
 
 @njit(cache=True, nogil=True)
-def placed(records: Bytes, places: Ints, payloads: Bytes, channel: int, index: Ints, stamps: Ints) -> None:
-    """Message records of one topic into `records`, at `places` (N,): heads, and rows `index` (N,) of its payloads.
+def taken(order: Ints, number: NDArray[np.int32], starts: Ints, stamps: Ints) -> tuple[Ints, Ints, Ints]:
+    """Topic number, index in its topic and stamp of messages in this order; `starts` (T + 1,) of the topics."""
+    found, index, times = np.empty_like(order), np.empty_like(order), np.empty_like(order)
+    for k in range(len(order)):
+        n = order[k]
+        found[k], index[k], times[k] = number[n], n - starts[number[n]], stamps[n]
+    return found, index, times
 
-    Plain form: `mcap.records.Message.write`.
+
+@njit(cache=True, nogil=True)
+def by_topic(number: Ints, index: Ints, stamps: Ints, places: Ints, topics: int) -> tuple[Ints, Ints, Ints, Ints]:
+    """Messages grouped by topic: the topics as they appear (T,), where each begins (T + 1,), and in these groups stamps
+    and places (N, 2), and indices (N,). `number` (N,) has the topic of each.
+    """  # noqa: D205
+    count = np.zeros(topics, dtype=np.int64)
+    found, starts = np.empty(topics, dtype=np.int64), np.zeros(topics + 1, dtype=np.int64)
+    many = 0
+    for n in range(len(number)):
+        if count[number[n]] == 0:
+            found[many] = number[n]
+            many += 1
+        count[number[n]] += 1
+    at = np.zeros(topics, dtype=np.int64)
+    for k in range(many):
+        at[found[k]] = starts[k]
+        starts[k + 1] = starts[k] + count[found[k]]
+    entries, rows = np.empty((len(number), 2), dtype=np.int64), np.empty(len(number), dtype=np.int64)
+    for n in range(len(number)):
+        here = at[number[n]]
+        at[number[n]] += 1
+        entries[here, 0], entries[here, 1], rows[here] = stamps[n], places[n], index[n]
+    return found[:many], starts[: many + 1], entries, rows
+
+
+@njit(cache=True, nogil=True)
+def placed(
+    records: Bytes, entries: Ints, index: Ints, channel: int, template: Bytes, varying: Bytes, spans: Ints
+) -> None:
+    """Message records of one topic into `records`: stamps and places in `entries` (N, 2), rows `index` (N,).
+
+    Plain form: `mcap.records.Message.write`, of `Messages.payloads`.
     """
-    length = payloads.shape[1]
-    for n in range(len(places)):
-        at = places[n]
+    length = len(template)
+    for n in range(len(index)):
+        stamp, at, row = entries[n, 0], entries[n, 1], index[n]
         records[at] = 5
         for k in range(8):
             records[at + 1 + k] = ((22 + length) >> (8 * k)) & 255
-            records[at + 15 + k] = (stamps[n] >> (8 * k)) & 255
-            records[at + 23 + k] = (stamps[n] >> (8 * k)) & 255
+            records[at + 15 + k] = (stamp >> (8 * k)) & 255
+            records[at + 23 + k] = (stamp >> (8 * k)) & 255
         for k in range(2):
             records[at + 9 + k] = (channel >> (8 * k)) & 255
         for k in range(4):
-            records[at + 11 + k] = (index[n] >> (8 * k)) & 255
+            records[at + 11 + k] = (row >> (8 * k)) & 255
         for k in range(length):
-            records[at + 31 + k] = payloads[index[n], k]
+            records[at + 31 + k] = template[k]
+        for s in range(len(spans)):
+            source, target = spans[s, 0], at + 31 + spans[s, 1]
+            for k in range(spans[s, 2]):
+                records[target + k] = varying[row, source + k]

@@ -115,26 +115,43 @@ def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str,
     for topic in topics:
         stamps = np.asarray(start_ns + np.round(np.asarray(topic.time) * 1e9).astype(np.int64))
         definition = store.generate_msgdef(topic.type, ros_version=2)[0]
-        every.append(Messages(topic.name, topic.type, definition, stamps, _payloads(topic, stamps, store)))
+        every.append(Messages(topic.name, topic.type, definition, stamps, *_payloads(topic, stamps, store)))
     write_messages(stream, every, PROVENANCE, (PROVENANCE, metadata) if metadata else None)
 
 
-def _payloads(topic: _Topic, stamps: NDArray[np.int64], store: Typestore) -> NDArray[np.uint8]:
-    """CDR messages (N, length): one is serialised, the numbers of the others are put in its places."""
+def _payloads(
+    topic: _Topic, stamps: NDArray[np.int64], store: Typestore
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int64]]:
+    """CDR messages as `Messages` has them: one is serialised; numbers that all share go there, the others beside it."""
     lengths = {name: v.shape[1] for name, v in topic.fields.items() if isinstance(v, np.ndarray) and v.ndim == 2}
     blank = _blank(topic.type, store, topic.texts, lengths)
-    template = bytes(store.serialize_cdr(blank, topic.type))
-    rows = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
-    layout = layout_of(template, topic.type, store.fielddefs)
+    template = np.frombuffer(bytes(store.serialize_cdr(blank, topic.type)), dtype=np.uint8).copy()
+    layout = layout_of(template.tobytes(), topic.type, store.fielddefs)
     fields: dict[str, Any] = dict(topic.fields)
     if "header.stamp.sec" in layout:
         fields["header.stamp.sec"], fields["header.stamp.nanosec"] = np.divmod(stamps, 1_000_000_000)
-    for name, values in fields.items():
+    series = sorted((layout[name][0], name) for name, values in fields.items() if np.ndim(values) > 0)
+    for name in fields.keys() - {name for _, name in series}:
         offset, dtype, count = layout[name]
-        filled = np.empty((len(rows), count), dtype=dtype)
-        filled[:] = values if np.ndim(values) != 1 else values[:, None]
-        rows[:, offset : offset + dtype.itemsize * count] = filled.view(np.uint8).reshape(len(rows), -1)
-    return rows
+        template[offset : offset + dtype.itemsize * count] = np.full(count, fields[name], dtype=dtype).view(np.uint8)
+    kinds = [(name, dtype, (count,)) for _, name in series for _, dtype, count in [layout[name]]]
+    varying = np.empty(len(stamps), dtype=kinds)
+    for _, name in series:
+        varying[name] = fields[name] if np.ndim(fields[name]) > 1 else fields[name][:, None]
+    sizes = np.array([dtype.itemsize * shape[0] for _, dtype, shape in kinds], dtype=np.int64)
+    spans = np.stack((np.cumsum(sizes) - sizes, [offset for offset, _ in series], sizes), axis=1)
+    return template, varying.view(np.uint8).reshape(len(stamps), varying.dtype.itemsize), _joined(spans)
+
+
+def _joined(spans: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Spans (S, 3) as `Messages` has them, in order, those that lie side by side in one."""
+    found: list[list[int]] = []
+    for source, target, size in spans.tolist():
+        if found and found[-1][1] + found[-1][2] == target:
+            found[-1][2] += size
+        else:
+            found.append([source, target, size])
+    return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 
 def _blank(kind: str, store: Typestore, texts: dict[str, str], lengths: dict[str, int], prefix: str = "") -> object:

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
@@ -155,6 +156,14 @@ def loss_of_control(state: State, reference: Reference) -> Lost | None:
     # |<q, p>| = cos(angle / 2)
     angle = 2.0 * float(np.arccos(min(1.0, abs(float(np.sum(state.quat_EB * reference.quat_ED))))))
     return Lost(time, "attitude", angle) if angle > LOST_ATTITUDE else None
+
+
+def losses(state: State, reference: Reference) -> NDArray[np.bool_]:
+    """Where `loss_of_control` finds any, in K states beside K samples of the reference."""
+    far = np.linalg.norm(state.position_E - reference.position_E, axis=1)
+    finite = np.isfinite(far) & np.isfinite(state.omega_B).all(axis=1)
+    same = np.minimum(1.0, np.abs(np.sum(state.quat_EB * reference.quat_ED, axis=1)))
+    return np.asarray(~finite | (far > LOST_POSITION) | (2.0 * np.arccos(same) > LOST_ATTITUDE))
 
 
 def watch(reference: Reference, recorded: State | None = None) -> Callable[[int, State], Lost | None]:

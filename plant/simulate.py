@@ -18,9 +18,10 @@ import numpy as np
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.plant.closed_loop import Clock, Flown, fly, watch
+from wrenchgap.plant.closed_loop import Clock, fly, watch
 from wrenchgap.plant.flight_computer import Compensating, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
+from wrenchgap.plant.loop import Loop, Result
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.sensors import SensorNoise, imu_errors, read_pose
 from wrenchgap.plant.state import Commands, Motion, State, joined
@@ -95,6 +96,7 @@ def simulate(
     voltage: Callable[[float], float] | None = None,
     progress: Callable[[float], None] | None = None,
     name: str = "simulation",
+    compiled: bool = True,
 ) -> Flight:
     """Fly `truth` along `trajectory` for `duration` [s] (its own by default) with a controller that knows `believed`.
 
@@ -107,6 +109,7 @@ def simulate(
     sensors      noise and rates; the truth's by default
     physics_rate [Hz], a whole multiple of the controller's, IMU's and pose sensor's rates
     voltage      of the battery [V] as a function of time [s], logged at 10 Hz at most
+    compiled     False flies in plain numpy, which is also what flies where an effect of the truth cannot be compiled
 
     The simulation stops where control is lost and says so in `Flight.notes`. Raises UsageError for rates that do not
     divide, or vehicles that do not match.
@@ -118,21 +121,68 @@ def simulate(
     clock = _clock(length, physics_rate, believed.controller.rate_hz, voltage)
     sensing = _sensing(noise, clock, physics_rate, rng)
     reference = trajectory.at(clock.time[:: clock.per_command])
-    computer = FlightComputer(believed.controller, believed.vehicle, compensator, integral=integral)
     r = reference.sample(0)
-    avionics = _Avionics(truth.wrench_model, computer, reference, sensing, feedback)
+    start = State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial
+    asked = _Asked(truth, believed, reference, clock, sensing, feedback, compensator, integral, gravity, disturbance)
+    flown = None
+    if compiled:
+        flown = _compiled(asked, start, progress)
+    if flown is None:
+        flown = _plain(asked, start, progress)
+    return _logged(name, asked, flown)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What flies, as in `simulate`."""
+
+    truth: Model
+    believed: Model
+    reference: Reference
+    clock: Clock
+    sensing: _Sensing
+    feedback: Feedback
+    compensator: Compensating | None
+    integral: Array | None
+    gravity: float
+    disturbance: Callable[[float], Array] | None
+
+
+def _plain(asked: _Asked, start: State, progress: Callable[[float], None] | None) -> Result:
+    """The flight in plain numpy: the specification."""
+    a, shake = asked, asked.disturbance
+    computer = FlightComputer(a.believed.controller, a.believed.vehicle, a.compensator, integral=a.integral)
+    avionics = _Avionics(a.truth.wrench_model, computer, a.reference, a.sensing, a.feedback)
     flown = fly(
-        truth.wrench_model,
-        State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial,
-        clock,
+        a.truth.wrench_model,
+        start,
+        a.clock,
         avionics.command,
-        disturbance=None if disturbance is None else lambda n, now: disturbance(float(now.time[0])),
+        disturbance=None if shake is None else lambda n, now: shake(float(now.time[0])),
         observe=avionics.observe,
-        lost=watch(reference),
-        gravity=gravity,
+        lost=watch(a.reference),
+        gravity=a.gravity,
         progress=progress,
     )
-    return _logged(name, truth, flown, avionics)
+    return Result(flown, joined(avionics.poses), np.array(computer.desired), computer.limited)
+
+
+def _compiled(asked: _Asked, start: State, progress: Callable[[float], None] | None) -> Result | None:
+    """The same in compiled code; None where an effect cannot be compiled."""
+    a, s = asked, asked.sensing
+    own = a.believed
+    shake = None if a.disturbance is None else np.array([a.disturbance(t) for t in a.clock.time.tolist()])
+    loop = Loop(
+        a.clock, own.controller, own.vehicle, a.reference, s.noise, s.per_imu, s.per_pose, s.errors,
+        a.feedback == "measured", a.integral, a.compensator, a.gravity, shake,
+    )  # fmt: skip
+    from wrenchgap.plant import compiled_loop
+    from wrenchgap.plant.tracing import Untraceable
+
+    try:
+        return compiled_loop.fly(a.truth.wrench_model, start, loop, s.rng, progress)
+    except Untraceable:
+        return None
 
 
 def _clock(length: float, physics_rate: float, control_rate: float, voltage: Callable[[float], float] | None) -> Clock:
@@ -150,22 +200,22 @@ def _sensing(noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.rand
     return _Sensing(noise, per_imu, per_pose, clock.period, errors, rng)
 
 
-def _logged(name: str, truth: Model, flown: Flown, avionics: _Avionics) -> Flight:
-    computer, sensing = avionics.computer, avionics.sensing
+def _logged(name: str, asked: _Asked, result: Result) -> Flight:
+    sensing, flown = asked.sensing, result.flown
     lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
     limits = [
-        f"{what.replace('_', ' ')} was limited in {number} of {len(computer.desired)} commands"
-        for what, number in computer.limited.items()
+        f"{what.replace('_', ' ')} was limited in {number} of {len(result.desired)} commands"
+        for what, number in result.limited.items()
         if number
     ]
     logged = as_flight(
         name,
         flown,
-        truth,
-        np.array(computer.desired),
-        avionics.reference,
+        asked.truth,
+        result.desired,
+        asked.reference,
         start_ns=START_NS,
-        pose=joined(avionics.poses),
+        pose=result.poses,
         imu_every=sensing.per_imu,
         imu_errors=sensing.errors,
         battery_every=max(round(0.1 / sensing.period), 1),

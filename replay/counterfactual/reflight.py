@@ -18,11 +18,15 @@ from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.recording import Recording
 from wrenchgap.learn.identify.disturbance import Inference
 from wrenchgap.plant import Model, Vehicle
-from wrenchgap.plant.closed_loop import Flown, fly, watch
+from wrenchgap.plant.closed_loop import Flown, fly, losses, watch
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.flight_computer import Compensating, Correction, FlightComputer
 from wrenchgap.plant.flight_log import as_flight
+from wrenchgap.plant.loop import Loop, Result
+from wrenchgap.plant.sensors import SensorNoise
+from wrenchgap.plant.tracing import Untraceable
 from wrenchgap.plant.tracking import Deviation, Tracking, TrackingErrors, deviation, tracking_errors
+from wrenchgap.plant.vehicle import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,7 @@ def refly(
     believed: Vehicle | None = None,
     compensator: Compensating | None = None,
     progress: Callable[[float], None] | None = None,
+    compiled: bool = True,
 ) -> Reflight:
     """Re-simulate the recorded flight; with nothing but the inference this is the null run.
 
@@ -88,18 +93,18 @@ def refly(
     gains        of the control law; the model's by default
     believed     vehicle that controller and allocation assume; the model's by default
     compensator  in the loop instead of the recorded correction
+    compiled     False flies in plain numpy, which is also what flies where an effect of the plant cannot be compiled
 
     Raises FitError where an effect of the plant needs what the log lacks.
     """
     r, known = inference.recording, inference.model
     model = known if plant is None else plant
     check_effects(model.effects, model, [r.record])
-    computer = FlightComputer(
-        known.controller if gains is None else gains,
-        known.vehicle if believed is None else believed,
-        compensator,
-        recorded=inference.pilot,
-    )
+    law, vehicle = known.controller if gains is None else gains, known.vehicle if believed is None else believed
+    found = _compiled(inference, model, law, vehicle, compensator, progress) if compiled else None
+    if found is not None:
+        return Reflight(r, found.flown, found.desired, found.steps, model)
+    computer = FlightComputer(law, vehicle, compensator, recorded=inference.pilot)
     reference = r.reference.take(r.window)
     flown = fly(
         model.wrench_model,
@@ -112,3 +117,40 @@ def refly(
         progress=progress,
     )
     return Reflight(r, flown, np.array(computer.desired).reshape(-1, 6), tuple(computer.steps), model)
+
+
+def _compiled(
+    inference: Inference,
+    model: Model,
+    gains: ControllerGains,
+    believed: Vehicle,
+    compensator: Compensating | None,
+    progress: Callable[[float], None] | None,
+) -> Result | None:
+    """The same in compiled code, a loop without sensors; None where an effect cannot be."""
+    from wrenchgap.plant import compiled_loop
+
+    r = inference.recording
+    reference, steps = r.reference.take(r.window), len(r.clock.time)
+    loop = Loop(
+        clock=r.clock,
+        gains=gains,
+        believed=believed,
+        reference=reference,
+        noise=SensorNoise().silent,
+        per_imu=steps,
+        per_pose=steps,
+        errors=np.zeros((1, 6)),
+        measured=False,
+        integral=None,
+        compensator=compensator,
+        gravity=GRAVITY,
+        disturbance=inference.disturbance[:steps],
+        recorded=inference.pilot,
+        forgiven=losses(r.motion.state.take(r.window), reference),
+        memory=inference.memory,
+    )
+    try:
+        return compiled_loop.fly(model.wrench_model, r.start, loop, None, progress)
+    except Untraceable:
+        return None

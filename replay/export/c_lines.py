@@ -1,4 +1,4 @@
-"""A program (`compensate.tape`) as C: one statement a line, its tangents beside it, nothing that is zero or unused.
+"""A program (`plant.tape`) as C: one statement a line, its tangents beside it, nothing that is zero or unused.
 
 Statements and their order are those of the compiled loop in `compensate.compiled`, so that both round alike.
 """
@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
-from wrenchgap.compensate.tape import ARITY, Op, Program
+from wrenchgap.plant.tape import ARITY, Op, Program
 
 FREE_OF_CHARGE = (Op.INPUT, Op.CONSTANT)
 FLAT = (Op.FLOOR, Op.SIGN, Op.LESS, Op.LESS_EQUAL)

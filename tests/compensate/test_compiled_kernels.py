@@ -54,6 +54,35 @@ def test_mean_slope_and_sigma_are_those_of_the_process(points, dense):
         assert np.array_equal(std, mean)
 
 
+@pytest.mark.parametrize("points", [1, 3, 4, 5, 100, 203])
+@pytest.mark.parametrize("dense", [False, True])
+def test_sigma_of_many_steps_at_once_is_that_of_each(points, dense):
+    gp = process(points, dense)
+    kernel = compiled.as_kernel(gp.expansion())
+    steps = gp.input_mean + np.random.default_rng(2).normal(size=(compiled.BATCH, 6)) * 2.0
+    for b, xi in enumerate(steps):
+        compiled.near(kernel, xi)
+        kernel.batch[b] = kernel.rows
+    for k in range(3):
+        compiled.whiten(kernel, k, compiled.BATCH)
+    for k in range(3):
+        each = [compiled._whitened(kernel.whitener[k], row, kernel.triangular) for row in kernel.batch[:, k]]
+        assert kernel.explained[:, k] == pytest.approx(each, rel=1e-12)
+        plain = (kernel.batch[:, k] @ kernel.whitener[k].T) ** 2
+        assert kernel.explained[:, k] == pytest.approx(plain.sum(axis=1), rel=1e-12)
+
+
+def test_kernel_values_are_taken_again_where_an_input_changes():
+    gp = process(50)
+    kernel, std = compiled.as_kernel(gp.expansion()), np.zeros(3)
+    xi = gp.input_mean.copy()
+    for d in range(6):
+        compiled.spread(kernel, xi, std)
+        xi[d] += 0.7 * gp.input_scale[d]
+        compiled.spread(kernel, xi, std)
+        assert std == pytest.approx(gp.std(xi[None])[0], rel=1e-9)
+
+
 def test_hills_are_exp_to_the_last_bit_but_one():
     square = np.concatenate([[0.0, 1e-300], np.geomspace(1e-12, 1415.0, 20_000)])
     found = square.copy()

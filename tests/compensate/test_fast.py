@@ -179,6 +179,27 @@ def test_equal_sequences_give_equal_results_and_expectations():
     assert compensator.expected(last.wrench_cmd) + last.optimum[3:] == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("bound", [None, (0.0, 0.0, 0.0, 0.06, 0.06, 0.06)])
+def test_sigma_and_gate_of_many_steps_are_those_of_single_steps(bound):
+    """A process alone, whose sigma is taken for many steps together; with bounds, L-BFGS decides steps in between."""
+    model = process(groups=("velocity", "rates"))
+    settings = Settings(dt=DT, correction_max=bound)
+    wrenches, every = flight(150)
+    many = run(Compensator(model, settings), wrenches, every)
+    single = Compensator(model, settings)
+    for k, wrench in enumerate(wrenches):
+        one = single.step(wrench, every.take(slice(k, k + 1)))
+        assert many.wrench_cmd[k] == pytest.approx(one.wrench_cmd, abs=1e-12)
+        assert many.optimum[k] == pytest.approx(one.optimum, abs=1e-12)
+        assert many.sigma[k] == pytest.approx(one.sigma, rel=1e-12)
+        assert many.beta[k] == pytest.approx(one.beta, rel=1e-9)
+        assert many.accepted[k] == one.accepted
+        assert many.before[k] == pytest.approx(single.expected(wrench), abs=1e-12)
+        assert many.after[k] == pytest.approx(single.expected(one.wrench_cmd), abs=1e-12)
+    assert many.accepted.all() == (bound is None)
+    assert many.accepted.any()
+
+
 def test_many_steps_at_once_are_single_steps():
     model, known = process(groups=("past",)), physics(0.05, servo_lag=[0.06], **WRONG)
     wrenches, every = flight(50)

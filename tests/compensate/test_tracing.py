@@ -8,8 +8,6 @@ import pytest
 from wrenchgap.compensate import PhysicsMismatch
 from wrenchgap.compensate.compiled import as_lines, differentiate, evaluate
 from wrenchgap.compensate.physics_program import rows_of, trace, untraceable
-from wrenchgap.compensate.tape import Op, Tape, program
-from wrenchgap.compensate.tracing import Node, Traced, Untraceable
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import model_file
@@ -17,6 +15,8 @@ from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.effects.effect import SensorEffect
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.state import State
+from wrenchgap.plant.tape import Op, Tape, program
+from wrenchgap.plant.tracing import Node, Traced, Untraceable
 
 MODEL = model_file.load("voliro_x")
 WEIGHT = MODEL.vehicle.body.mass * 9.80665

@@ -1,15 +1,27 @@
 """A file out of arrays has the bytes of the mcap package's own writer, which is given the messages one by one."""
 
+from dataclasses import replace
+from functools import partial
 from io import BytesIO
+from types import SimpleNamespace
 
+import mcap.writer
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import CompressionType, Writer
 
 from wrenchgap.flight import mcap_messages
 from wrenchgap.flight.mcap_messages import Messages, write_messages
 
 SECOND = 1_000_000_000
+
+
+@pytest.fixture(autouse=True)
+def our_level(monkeypatch):
+    """The package's writer has no argument for the level of compression."""
+    compress = partial(zstandard.compress, level=mcap_messages.LEVEL)
+    monkeypatch.setattr(mcap.writer, "zstandard", SimpleNamespace(compress=compress))
 
 
 def message_by_message(every, metadata):
@@ -32,7 +44,10 @@ def message_by_message(every, metadata):
 def topic(name, count, length, period, seed, kind="std_msgs/msg/Float64"):
     rng = np.random.default_rng(seed)
     stamps = 1_700_000_000 * SECOND + (np.arange(count) * period * SECOND).astype(np.int64)
-    return Messages(name, kind, f"# {kind}\nfloat64 data\n", stamps, rng.integers(0, 8, (count, length), np.uint8))
+    template, varying = (rng.integers(0, 8, shape, np.uint8) for shape in (length, (count, length // 2)))
+    first = length // 2 - length // 4
+    spans = np.array([[0, 1, length // 4], [length // 4, 2 + length // 4, first - 2]])
+    return Messages(name, kind, f"# {kind}\nfloat64 data\n", stamps, template, varying, spans)
 
 
 SOME = (topic("/a", 4000, 340, 0.005, 0), topic("/late", 30, 12, 0.2, 1), topic("/b", 2000, 76, 0.01, 2, "pkg/msg/B"))
@@ -61,7 +76,7 @@ def test_also_where_a_message_fills_the_chunk_exactly(count):
 
 def test_stamps_that_go_backwards_are_put_in_order():
     given = topic("/a", 50, 20, 0.1, 5)
-    back = Messages(given.topic, given.type, given.definition, given.stamps[::-1].copy(), given.payloads)
+    back = replace(given, stamps=given.stamps[::-1].copy())
     stream = BytesIO()
     write_messages(stream, (back,), "wrenchgap", None)
     assert stream.getvalue() == message_by_message((back,), None)

@@ -194,6 +194,44 @@ def test_starting_later_knows_the_integral_and_the_lag_of_before(hidden):
     assert np.abs(same - result.inference.disturbance)[20:].max() < 0.02
 
 
+def shifting(torque=0.1):
+    mismatch = LinearMismatch(("torque_x",), np.array([torque]), np.zeros((1, 6)), np.array([1e-3]))
+    return Compensator(mismatch, Settings(dt=0.005))
+
+
+@pytest.mark.parametrize("start", [{}, {"start": 3.0}])
+@pytest.mark.parametrize("changed", [{}, {"compensator": True}, {"gains": True}, {"plant": True}])
+def test_compiled_code_flies_again_what_plain_numpy_flies(hidden, start, changed):
+    other = replace(hidden, actuators=replace(hidden.actuators, tilt=hidden.actuators.tilt + 0.03))
+    inference = infer(record(other, KNOWN, duration=2.0, **start), KNOWN)
+    lag = make_effect(MODEL.vehicle, "motor_lag", {"tau": 0.02})
+    possible = {"gains": replace(MODEL.controller, integral=0.1), "plant": KNOWN.with_effects([COM, lag])}
+    options = {name: possible[name] for name in changed if name in possible}
+    one, plain_one = (
+        refly(inference, compiled=c, **options, **({"compensator": shifting()} if "compensator" in changed else {}))
+        for c in (True, False)
+    )
+    for name in ("position_E", "quat_EB", "velocity_E", "omega_B"):
+        assert getattr(one.flown.state, name) == pytest.approx(getattr(plain_one.flown.state, name), abs=1e-10)
+    assert one.desired == pytest.approx(plain_one.desired, abs=1e-9)
+    for name in ("wrench_B", "tilt", "rotor_speed"):
+        assert getattr(one.flown.commands, name) == pytest.approx(getattr(plain_one.flown.commands, name), abs=1e-8)
+    assert [s.sigma for s in one.steps] == pytest.approx([s.sigma for s in plain_one.steps], rel=1e-9)
+
+
+def test_compiled_code_forgives_losing_control_where_the_recording_had_lost_it(hidden):
+    inference = infer(record(hidden, KNOWN, duration=2.0), KNOWN)
+    r = inference.recording
+    far = replace(r, reference=replace(r.reference, position_E=r.reference.position_E + 50.0))
+    far = replace(inference, recording=far)  # lost from the first period on, as the recording then is
+    same, pushed = (refly(far, compiled=c).flown for c in (True, False))
+    assert same.lost is pushed.lost is None
+    astray = replace(inference, disturbance=inference.disturbance + np.array([0, 0, -200.0, 0, 0, 0]))
+    same, pushed = (refly(astray, compiled=c).flown for c in (True, False))
+    assert same.lost is not None
+    assert str(same.lost) == str(pushed.lost)
+
+
 def test_time_on_the_ground_is_left_out(hidden, grounded):
     late = grounded(hidden, 2.5)
     r = read_recording(opened(late, MODEL, keep=["take-off"]), MODEL.vehicle)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchgap.compensate.tape import Op, Tape
+from wrenchgap.plant.tape import Op, Tape
 
 
 class Untraceable(Exception):

@@ -1,0 +1,147 @@
+"""Processor time of a simulated flight at 1 kHz, beside plain numpy and the same plant in solve_ivp, in one run.
+
+    python -m benchmarks.loop_speed                     # a table; nothing is written
+    python -m benchmarks.loop_speed --page              # and docs/performance.md
+    python -m benchmarks.loop_speed --seconds 20 --json rows.json
+
+The flight is `multi_axis` with excitation, by tilt_hexarotor: controller and IMU at 200 Hz, pose sensor at 100 Hz, the
+wrench of rotors and effects at 1 kHz, log included. With solve_ivp (RK45) the same law and allocation hold a command
+for 5 ms, in which it integrates the plant to a relative 1e-6; it has no sensors, and no effects that remember.
+"""
+
+import argparse
+import json
+import os
+import re
+from functools import partial
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from wrenchgap.plant import model_file
+from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.flight_computer import FlightComputer
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.rigid_body import RigidBody, pack, unpack
+from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.state import State
+from wrenchgap.plant.trajectory import named
+
+PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
+MODEL = model_file.load("tilt_hexarotor")
+RATE = 1000.0
+STATELESS = ("com_offset", "body_drag", "rotor_drag", "wind")
+PLANTS = {
+    "nominal": (),
+    ", ".join(STATELESS): STATELESS,
+    "the same, servo_lag, motor_lag, command_delay, arm_reaction": (
+        *STATELESS, "servo_lag", "motor_lag", "command_delay", "arm_reaction",
+    ),
+}  # fmt: skip
+
+
+def truth(names):
+    """The vehicle with these effects, at half their typical size, or where a search begins."""
+    made = []
+    for name in names:
+        parameters = catalogue()[name].parameters(MODEL.vehicle)
+        made.append(make_effect(MODEL.vehicle, name, tuple(p.start or 0.5 * p.scale for p in parameters)))
+    return MODEL.with_effects(made)
+
+
+def timed(act):
+    """Processor time of an act [s], and what it gave."""
+    start = process_time()
+    found = act()
+    return process_time() - start, found
+
+
+def by_solve_ivp(model, trajectory, seconds):
+    """Positions (K, 3) of a flight whose commands are held for a period, the plant integrated by scipy."""
+    gains = MODEL.controller
+    dt, plant = 1.0 / gains.rate_hz, model.wrench_model
+    time = np.arange(round(seconds * gains.rate_hz)) * dt
+    reference, body = trajectory.at(time), RigidBody(plant.body)
+    r = reference.sample(0)
+    y = pack(State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D))
+    computer, found = FlightComputer(gains, MODEL.vehicle), []
+    for k, begin in enumerate(time.tolist()):
+        found.append(y[:3])
+        sent = computer.step(k, unpack(begin, y), reference.sample(k), dt)
+
+        def slopes(t, now, sent=sent):
+            wrench = plant.wrench(sent, unpack(t, tuple(now)))
+            return body.derivative(wrench[0])(tuple(now))
+
+        y = solve_ivp(slopes, (begin, begin + dt), y, rtol=1e-6, atol=1e-9).y[:, -1]
+        y[3:7] /= np.linalg.norm(y[3:7])
+    return np.array(found)
+
+
+def rows(seconds):
+    """What was measured, as it comes."""
+    trajectory, silent = named("multi_axis", seconds, 1.0, 3), MODEL.sensors.silent
+    for label, names in PLANTS.items():
+        model = truth(names)
+
+        def flown(compiled, sensors=None, feedback="measured", model=model):
+            rng = np.random.default_rng(7)
+            return simulate(
+                model, MODEL, trajectory, seconds, rng=rng, physics_rate=RATE, compiled=compiled, sensors=sensors,
+                feedback=feedback,
+            )  # fmt: skip
+
+        flown(True)  # compiles, or loads what is compiled
+        ours, one = timed(lambda: flown(True))
+        plain, other = timed(lambda: flown(False))
+        row = {"plant": label, "effects": len(names), "seconds": seconds, "compiled_s": ours, "plain_s": plain}
+        row["apart_from_plain_m"] = float(np.abs(one.odometry.position_E - other.odometry.position_E).max())
+        if not set(names) - set(STATELESS):
+            theirs, positions = timed(partial(by_solve_ivp, model, trajectory, seconds))
+            exact = flown(True, silent, "true").odometry.position_E
+            every = round(MODEL.controller.rate_hz / silent.pose_rate_hz)
+            row |= {"solve_ivp_s": theirs, "apart_from_solve_ivp_m": float(np.abs(exact - positions[::every]).max())}
+        yield row
+
+
+def table(found, load):
+    """In Markdown."""
+    heads = ("plant", "compiled, x real time", "plain numpy", "solve_ivp", "ratio to plain", "ratio to solve_ivp")
+    heads = (*heads, "apart from plain [m]", "from solve_ivp [m]")
+    lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    for row in found:
+        ours, plain, theirs = row["compiled_s"], row["plain_s"], row.get("solve_ivp_s")
+        cells = [row["plant"], f"{row['seconds'] / ours:.0f}", f"{row['seconds'] / plain:.1f}"]
+        cells += ["-" if theirs is None else f"{row['seconds'] / theirs:.1f}", f"{plain / ours:.0f}"]
+        cells += ["-" if theirs is None else f"{theirs / ours:.0f}", f"{row['apart_from_plain_m']:.0e}"]
+        cells.append("-" if theirs is None else f"{row['apart_from_solve_ivp_m']:.0e}")
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join([*lines, "", load])
+
+
+def main():
+    """Measure; with --page, renew the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=20.0, help="of flight")
+    parser.add_argument("--json", type=Path, help="write the rows, as they come")
+    parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
+    asked = parser.parse_args()
+    found, before = [], os.getloadavg()[0]
+    for row in rows(asked.seconds):
+        found.append(row)
+        print(json.dumps(row), flush=True)
+        if asked.json:
+            asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
+    text = table(found, load)
+    print(text)
+    if asked.page:
+        page = PAGE.read_text(encoding="utf-8")
+        mark = re.compile(r"(<!-- loop -->\n).*?(\n<!-- /loop -->)", re.DOTALL)
+        PAGE.write_text(mark.sub(lambda m: m[1] + text + m[2], page), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

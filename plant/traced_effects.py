@@ -1,0 +1,83 @@
+"""Effects as a tape sees them: their own `apply` on arrays that write down what is done with them (`plant.tracing`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.plant.effects.effect import AnyEffect
+from wrenchgap.plant.tape import Tape
+from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.wrench_model import ModelEffect
+
+
+def wrapped(item: ModelEffect) -> ModelEffect:
+    """The effect, whose results are arrays that go on writing down, and whose name is in what it raises."""
+    effect = item.effect
+
+    def apply(_: Any, *given: Any) -> Any:
+        tape = _tape_of(given)
+        before = None if tape is None else tape.section
+        if tape is not None:
+            tape.section = item.name
+        try:
+            return _traced(effect.apply(*given))
+        except Untraceable as error:
+            raise Untraceable(f"effect {item.name} {error}") from None
+        except (TypeError, AttributeError, ValueError) as error:
+            said = " ".join(str(error).split())
+            raise Untraceable(f"effect {item.name} is not plain arithmetic: {said}") from None
+        finally:
+            if tape is not None:
+                tape.section = before or ""
+
+    kind: Any = type(f"Traced{type(effect).__name__}", (type(effect),), {"apply": apply})
+    made: AnyEffect = object.__new__(kind)
+    made.__dict__.update(getattr(effect, "__dict__", {}))
+    return ModelEffect(made, item.theta)
+
+
+def _tape_of(given: Sequence[Any]) -> Tape | None:
+    """The tape of the first node among arguments of an effect."""
+    for one in given:
+        for array in vars(one).values() if hasattr(one, "__dataclass_fields__") else (one,):
+            if isinstance(array, np.ndarray) and array.dtype == object:
+                for node in array.flat:
+                    if isinstance(node, Node):
+                        return node.tape
+    return None
+
+
+def _traced(result: Any) -> Any:
+    """Arrays of nodes among the results of an effect as `Traced`."""
+    if isinstance(result, np.ndarray) and result.dtype == object:
+        return Traced.of(result)
+    if isinstance(result, tuple):
+        return tuple(_traced(part) for part in result)
+    if isinstance(result, dict):
+        return {key: _traced(part) for key, part in result.items()}
+    return result
+
+
+def leaves(memory: Any) -> Iterator[Any]:
+    """The arrays in what effects remember, in a fixed order."""
+    if isinstance(memory, dict):
+        for key in sorted(memory):
+            yield from leaves(memory[key])
+    elif isinstance(memory, tuple):
+        for part in memory:
+            yield from leaves(part)
+    elif memory is not None:
+        yield np.asarray(memory)
+
+
+def rebuilt(memory: Any, make: Callable[[Any], Any]) -> Any:
+    """The same structure with other arrays, made one after the other in the order of `leaves`."""
+    if isinstance(memory, dict):
+        made = {key: rebuilt(memory[key], make) for key in sorted(memory)}
+        return {key: made[key] for key in memory}
+    if isinstance(memory, tuple):
+        return tuple(rebuilt(part, make) for part in memory)
+    return None if memory is None else make(memory)
