@@ -256,7 +256,9 @@ def lines(found, load):
     out += ["| --- |" + " ---: |" * 5]
     for row in (row for row in found if "inspect_s" in row):
         times = (f"{row[k]:.2f}" for k in ("reading_s", "load_s", "inspect_s"))
-        out.append(f"| {row['log']} | {row['minutes']:g} | {' | '.join(times)} | {row['inspect_s'] / row['reading_s']:.1f} |")
+        out.append(
+            f"| {row['log']} | {row['minutes']:g} | {' | '.join(times)} | {row['inspect_s'] / row['reading_s']:.1f} |"
+        )
     return "\n".join([*out, "", load])
 
 
