@@ -100,7 +100,14 @@ def measured(opened, model):
 
 def lines(row, minutes, load):
     """The table in Markdown."""
-    head = ["minutes", *STAGES.values(), "learn, whole, s", "its fit alone, s", "GPy's own fit, s", "whole / GPy's fit"]
+    head = [
+        "minutes",
+        *(f"{told}, s" for told in STAGES.values()),
+        "learn, whole, s",
+        "its fit alone, s",
+        "GPy's own fit, s",
+        "whole / GPy's fit",
+    ]
     times = [f"{row['stages_s'].get(told, 0.0):.2f}" for told in STAGES.values()]
     cells = [f"{minutes:g}", *times, f"{row['whole_s']:.2f}", f"{row['ours_s']:.2f}", f"{row['gpy_s']:.2f}"]
     out = ["| " + " | ".join(head) + " |", "|" + " ---: |" * len(head)]

@@ -2,7 +2,7 @@
 
     python -m benchmarks.memory                           # a table; nothing is written
     python -m benchmarks.memory --page                    # and docs/performance.md
-    python -m benchmarks.memory --command inspect where --json rows.json             # some of them, and the others later
+    python -m benchmarks.memory --command inspect where --json rows.json  # some of them, and the others later
     python -m benchmarks.memory --command compare learn --with-rows rows.json --page
 
 The log is that of benchmarks/explain_speed.py. Each command runs in a process of its own, as a user types it, on ten
@@ -117,7 +117,7 @@ def main():
     """Measure; with --page, renew the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=int, default=10, help="of log")
-    parser.add_argument("--command", nargs="+", choices=list(COMMANDS), default=list(COMMANDS))
+    parser.add_argument("--command", nargs="*", choices=list(COMMANDS), default=list(COMMANDS))
     parser.add_argument("--json", type=Path, help="write the rows, as they come")
     parser.add_argument(
         "--with-rows", type=Path, metavar="JSON", help="rows of an earlier run, in front of the new ones"
@@ -126,7 +126,7 @@ def main():
     asked = parser.parse_args()
     found = json.loads(asked.with_rows.read_text(encoding="utf-8")) if asked.with_rows else []
     with tempfile.TemporaryDirectory() as folder:
-        for row in rows(Path(folder), asked.command, asked.minutes):
+        for row in rows(Path(folder), asked.command, asked.minutes) if asked.command else ():
             found.append(row)
             print(json.dumps(row), flush=True)
             if asked.json:

@@ -162,10 +162,10 @@ def varying(values: Array) -> NDArray[np.bool_]:
         found |= np.any(values[start : start + 1024] != values[0], axis=0)
         if found.all():
             break
-    return found & ~np.isnan(values[0])
+    return np.asarray(found & ~np.isnan(values[0]))
 
 
 def empty(values: Array) -> NDArray[np.bool_]:
     """Which columns (C,) of values (N, C) are no number throughout."""
-    found = np.isnan(values[:1]).all(axis=0)
-    return np.isnan(values).all(axis=0) if found.any() else found
+    found = np.asarray(np.isnan(values[:1]).all(axis=0))
+    return np.asarray(np.isnan(values).all(axis=0)) if found.any() else found

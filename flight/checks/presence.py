@@ -91,7 +91,7 @@ def unmeasured(flight: Flight) -> Iterator[Check]:
 
 def _still(values: Array) -> NDArray[np.bool_]:
     """Columns (C,) of numbers (N, C) that never change."""
-    return ~varying(values) & ~np.isnan(values[0])
+    return np.asarray(~varying(values) & ~np.isnan(values[0]))
 
 
 def constant(flight: Flight) -> Iterator[Check]:

@@ -100,11 +100,11 @@ def opened(
             raise
         why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
         return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
-    sent = _sent(resampled.samples, model.vehicle)
-    phases = phases_of(sent, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
+    known = _sent(resampled.samples, model.vehicle)
+    phases = phases_of(known, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
     asked.pass_(against_model(played, model, _flown(resampled.samples, phases)))
     within = kept_within(resampled.samples, between, found)
-    parts, left_out = _parts(within, resampled.samples, phases, model.vehicle, sent)
+    parts, left_out = _parts(within, resampled.samples, phases, model.vehicle, known)
     flown, records, short = [], [], []
     for rows, sent, source in parts:
         try:

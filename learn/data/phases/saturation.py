@@ -68,8 +68,8 @@ def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
     within, missing = np.clip(commands.rotor_speed, 0.0, rotors.speed_max), np.zeros((len(commands.rotor_speed), 6))
     beyond = np.flatnonzero((within != commands.rotor_speed).any(axis=1))
     if len(beyond):
-        asked = commands.take(beyond)
-        limited = replace(asked, rotor_speed=within[beyond])
-        made = (about_com(vehicle.body, nominal_wrench(vehicle, one)) for one in (asked, limited))
+        sent = commands.take(beyond)
+        limited = replace(sent, rotor_speed=within[beyond])
+        made = (about_com(vehicle.body, nominal_wrench(vehicle, one)) for one in (sent, limited))
         missing[beyond] = np.subtract(*made)
     return missing
