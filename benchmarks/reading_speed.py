@@ -39,6 +39,8 @@ from wrenchgap.flight.formats.decode import ACTUATORS
 
 PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 RATE = 200.0
+LONGER = 10.0
+"""Minutes of a second log for `inspect`."""
 BAG_MESSAGES = 60_000
 """Messages of the sqlite3 and ROS 1 bags: rosbags takes long to write them."""
 TIMES = 3
@@ -215,22 +217,25 @@ def rows(folder, minutes):
             "values": values,
             "differing": apart,
         }
-    for with_model in (False, True):
-        yield inspected(mcap, with_model)
+    longer = flight.write(recorded(LONGER), folder / "longer.mcap")
+    for path, length in ((mcap, minutes), (longer, LONGER)):
+        for with_model in (False, True):
+            yield inspected(path, length, with_model)
 
 
-def inspected(path, with_model):
+def inspected(path, minutes, with_model):
     """`inspect` beside reading alone."""
     from wrenchgap.plant import model_file
     from wrenchgap.replay import api
 
     model = model_file.load("voliro_x") if with_model else None
     api.inspect(path, model)
-    alone, _ = seconds(lambda: flight.load(path), 1)
+    alone, _ = seconds(lambda: flight.load(path), TIMES)
     reading, log = seconds(lambda: read_log(path, everything), TIMES)
     whole, _ = seconds(lambda: api.inspect(path, model), TIMES)
     return {
         "log": "inspect with a model" if with_model else "inspect",
+        "minutes": minutes,
         "messages": sum(map(len, log.tables.values())),
         "reading_s": reading,
         "load_s": alone,
@@ -247,10 +252,13 @@ def lines(found, load):
         floor = f"{row['decompression_s']:.2f}" if row["decompression_s"] else "-"
         cells = (row["log"], f"{row['messages']:,}", f"{row['MB']:.0f}", f"{row['ours_s']:.2f}", floor, *ratio)
         out.append("| " + " | ".join([*cells, f"{row['values']:,}", f"{row['differing']:,}"]) + " |")
-    out += ["", "| command | reading, s | load, s | whole, s | whole / reading |", "| --- |" + " ---: |" * 4]
+    out += ["", "| command | minutes | reading, s | load, s | whole, s | whole / reading |"]
+    out += ["| --- |" + " ---: |" * 5]
     for row in (row for row in found if "inspect_s" in row):
         times = (f"{row[k]:.2f}" for k in ("reading_s", "load_s", "inspect_s"))
-        out.append(f"| {row['log']} | {' | '.join(times)} | {row['inspect_s'] / row['reading_s']:.1f} |")
+        out.append(
+            f"| {row['log']} | {row['minutes']:g} | {' | '.join(times)} | {row['inspect_s'] / row['reading_s']:.1f} |"
+        )
     return "\n".join([*out, "", load])
 
 

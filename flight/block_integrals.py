@@ -52,16 +52,36 @@ def without_trend(x: Array, values: Array, weight: Array) -> Array:
     return np.asarray(values - mean - np.outer(lever, slope))
 
 
+_FACTORIALS = np.cumprod(np.concatenate(([1.0], np.arange(1.0, 26.0))))
+_SINE = np.array([(-1) ** k * np.pi ** (2 * k + 1) / _FACTORIALS[2 * k + 1] for k in range(12)])
+_COSINE = np.array([(-1) ** k * np.pi ** (2 * k) / _FACTORIALS[2 * k] for k in range(12)])
+"""Of sin(pi y) / y and cos(pi y) in powers of y^2: exact to rounding for |y| <= 1/2, and without a branch."""
+
+
+@njit(cache=True, fastmath={"contract"})
+def _waves(x: Array, hann: Array, turn_re: Array, turn_im: Array) -> None:
+    """Hann's window sin^2(pi x) and exp(-2 pi i x) at places `x` (n,) in [0, 1]."""
+    for i in range(len(x)):
+        y = x[i] - 0.5
+        square = y * y
+        sine, cosine = _SINE[11], _COSINE[11]
+        for k in range(10, -1, -1):
+            sine = sine * square + _SINE[k]
+            cosine = cosine * square + _COSINE[k]
+        sine *= y
+        hann[i] = cosine * cosine
+        turn_re[i] = 2.0 * sine * sine - 1.0
+        turn_im[i] = 2.0 * sine * cosine
+
+
 @njit(cache=True)
-def _tapered(time: Array, values: Array, start: float, length: float, x: Array, tapered: Array) -> None:
-    """Times `x` (n,) in the block and values `tapered` (C, n), their line taken out."""
+def _tapered(x: Array, values: Array, hann: Array, tapered: Array) -> None:
+    """Values `tapered` (C, n) at places `x` (n,) in the block, their line taken out."""
     n, columns = values.shape
     weight, total, middle = np.empty(n), 0.0, 0.0
     for i in range(n):
-        x[i] = (time[i] - start) / length
-    for i in range(n):
         low, high = max(i - 1, 0), min(i + 1, n - 1)
-        weight[i] = np.sin(np.pi * x[i]) ** 2 * (x[high] - x[low]) / (high - low)
+        weight[i] = hann[i] * (x[high] - x[low]) / (high - low)
         total += weight[i]
         middle += weight[i] * x[i]
     middle /= total
@@ -80,14 +100,15 @@ def _tapered(time: Array, values: Array, start: float, length: float, x: Array, 
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
-def _sums(x: Array, tapered: Array, lowest: int, out: Complex) -> None:
+def _sums(turn_re: Array, turn_im: Array, tapered: Array, lowest: int, out: Complex) -> None:
     """Sums over the samples, harmonic by harmonic (C, F); the wave of one is the last one's turned on."""
-    n = len(x)
-    turn_re, turn_im, wave_re, wave_im = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for i in range(n):
-        angle = -2.0 * np.pi * x[i]
-        turn_re[i], turn_im[i] = np.cos(angle), np.sin(angle)
-        wave_re[i], wave_im[i] = np.cos(lowest * angle), np.sin(lowest * angle)
+    n = len(turn_re)
+    wave_re, wave_im = turn_re.copy(), turn_im.copy()
+    for _ in range(1, lowest):
+        for i in range(n):
+            re = wave_re[i] * turn_re[i] - wave_im[i] * turn_im[i]
+            wave_im[i] = wave_re[i] * turn_im[i] + wave_im[i] * turn_re[i]
+            wave_re[i] = re
     for k in range(out.shape[1]):
         for c in range(len(tapered)):
             re, im = 0.0, 0.0
@@ -117,9 +138,14 @@ def _integrals(
     for b in range(len(starts)):
         i, j = first[b], last[b]
         if j - i >= FEWEST:
-            x, tapered = np.empty(j - i), np.empty((columns, j - i))
-            _tapered(time[i:j], values[i:j], starts[b], length, x, tapered)
-            _sums(x, tapered, lowest, out[b])
+            n = j - i
+            x, hann, turn_re, turn_im = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+            tapered = np.empty((columns, n))
+            for k in range(n):
+                x[k] = (time[i + k] - starts[b]) / length
+            _waves(x, hann, turn_re, turn_im)
+            _tapered(x, values[i:j], hann, tapered)
+            _sums(turn_re, turn_im, tapered, lowest, out[b])
 
 
 def integrals(time: Array, values: Array, starts: Array, length: float, lowest: int, count: int) -> Complex:

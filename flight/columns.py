@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight import row_kernels
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.roles import PART_QUANTITY, Source
+from wrenchgap.flight.row_kernels import empty
 
 VECTORS: dict[str, tuple[str, ...]] = {
     "wrench": ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
@@ -19,6 +24,10 @@ VECTORS: dict[str, tuple[str, ...]] = {
     "acceleration": tuple(f"{name}.{axis}" for name in ("linear", "angular") for axis in "xyz"),
 }
 """Fields of a quantity, in the order of its columns."""
+
+
+ABSURD = 1e12
+"""No quantity of a flight is larger in SI: a damaged sample."""
 
 
 def vector(table: Table, source: Source, quantity: str, where: str = "log") -> Array:
@@ -44,7 +53,19 @@ def vector(table: Table, source: Source, quantity: str, where: str = "log") -> A
 def empty_columns(values: Array, name: str) -> list[int]:
     """Columns that the log leaves empty (all NaN): of a twist or acceleration a half, of an IMU any axis."""
     if PART_QUANTITY[name] == "imu":
-        return np.flatnonzero(np.isnan(values).all(axis=0)).tolist()
+        return np.flatnonzero(empty(values)).tolist()
     if PART_QUANTITY[name] not in ("twist", "acceleration"):
         return []
-    return [i for half in (range(3), range(3, 6)) if np.isnan(values[:, list(half)]).all() for i in half]
+    none = empty(values)
+    return [i for half in (range(3), range(3, 6)) if none[list(half)].all() for i in half]
+
+
+def sound(values: Array, absent: Sequence[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows (N,) of values (N, K) that are numbers but for `absent` columns, and those that are absurd numbers."""
+    finite, absurd = np.ones(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
+    if absent or row_kernels.beyond(np.ascontiguousarray(values), ABSURD):
+        for column in (values[:, k] for k in range(values.shape[1]) if k not in absent):  # hours are long
+            finite &= np.isfinite(column)
+            absurd |= np.abs(column) > ABSURD
+        absurd &= finite
+    return finite, absurd

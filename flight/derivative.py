@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.signal import savgol_filter
+from functools import lru_cache
 
-from wrenchgap.flight import so3
+import numpy as np
+
+from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.flight import Array
 
 
@@ -18,11 +19,36 @@ def smooth(time: Array, values: Array, window: float = 0.15, derivative: int = 0
     points = min(odd, len(time) - 1 + len(time) % 2)
     if points < 5:
         return np.gradient(values, time, axis=0) if derivative else values
-    smoothed = savgol_filter(values, points, 3, deriv=derivative, axis=0)
+    smoothed = local_cubics(values, points, derivative)
     if not derivative:
-        return np.asarray(smoothed)
-    step = savgol_filter(time, points, 3, deriv=1)
+        return smoothed
+    step = local_cubics(time, points, 1)
     return np.asarray(smoothed / step.reshape(-1, *[1] * (values.ndim - 1)))
+
+
+def local_cubics(values: Array, points: int, derivative: int) -> Array:
+    """Values (N, ...) or their derivative by the index from a cubic through the `points` around each, N >= points.
+
+    At the ends it is the cubic through the first and last `points`: scipy.signal.savgol_filter, but for rounding.
+    """
+    weights = _weights(points, derivative)
+    rows = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
+    half = points // 2
+    out = np.empty_like(rows)
+    out[half : len(rows) - half] = row_kernels.correlated(rows, weights[half])
+    out[:half] = weights[:half] @ rows[:points]
+    out[len(rows) - half :] = weights[half + 1 :] @ rows[-points:]
+    return out.reshape(np.shape(values))
+
+
+@lru_cache(maxsize=64)
+def _weights(points: int, derivative: int) -> Array:
+    """What the cubic through equally spaced points is (derivative 0), or how steep it is (1), at each: (n, n)."""
+    x = np.linspace(-1.0, 1.0, points)
+    basis, slopes = np.polynomial.legendre.legvander(x, 3), np.empty((points, 4))
+    for k in range(4):
+        slopes[:, k] = np.polynomial.legendre.legval(x, np.polynomial.legendre.legder(np.eye(4)[k])) * 2 / (points - 1)
+    return np.asarray((slopes if derivative else basis) @ np.linalg.pinv(basis))
 
 
 def angular_velocity(time: Array, quat_EB: Array, window: float = 0.15) -> Array:
@@ -32,6 +58,6 @@ def angular_velocity(time: Array, quat_EB: Array, window: float = 0.15) -> Array
     """
     q = so3.continuous(quat_EB)
     path = np.zeros((len(q), 3))
-    path[1:] = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
+    path[1:] = so3.turned(q[:-1], q[1:])
     np.cumsum(path[1:], axis=0, out=path[1:])
     return smooth(time, path, window, derivative=1)

@@ -8,6 +8,7 @@ role. Times are seconds since `Flight.start_ns`, strictly increasing within a se
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -48,7 +49,7 @@ class Series:
     gaps: tuple[Gap, ...] = field(default=(), kw_only=True)
     dropped: dict[str, int] = field(default_factory=dict, kw_only=True)
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Median interval between samples [s]."""
         return float(np.median(np.diff(self.time)))

@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.load import assigned, build
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment, Source
-from wrenchgap.flight.stamps import gaps_of, jitter, nominal_period
+from wrenchgap.flight.stamps import Steps
 
 
 @dataclass(frozen=True)
@@ -116,16 +116,18 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: M
     time = np.sort(
         (table.log_time_ns if table.header_ns is None else table.header_ns) * 1e-9 - table.log_time_ns[0] * 1e-9
     )
-    gaps = gaps_of(time)
-    several = len(time) > 2 and nominal_period(time) > 0.0  # damaged logs repeat one stamp
+    steps = Steps(time)
+    gaps = steps.gaps
+    period = steps.nominal_period if len(time) > 2 else 0.0
+    several = period > 0.0  # damaged logs repeat one stamp
     clock = known.get(table.topic) or _relation(table)
     series = [] if flight is None else flight.series().values()
     return TopicReport(
         topic=table.topic,
         type=table.type,
         count=len(table),
-        rate=1.0 / nominal_period(time) if several else None,
-        jitter=jitter(time) if several else None,
+        rate=1.0 / period if several else None,
+        jitter=steps.jitter if several else None,
         gaps=len(gaps),
         longest_gap=max((gap.stop - gap.start for gap in gaps), default=0.0),
         header_offset=None if clock is None else clock.offset,

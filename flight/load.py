@@ -13,7 +13,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
-from wrenchgap.flight.columns import empty_columns, vector
+from wrenchgap.flight.columns import empty_columns, sound, vector
 from wrenchgap.flight.command_units import with_units
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError
@@ -30,14 +30,12 @@ from wrenchgap.flight.flight import (
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
-from wrenchgap.flight.stamps import away_from_gaps, gaps_of, increasing, interpolated, nearest
+from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
+from wrenchgap.flight.twist_frames import Rows, Slope, fitting, slope_of, turned
 from wrenchgap.flight.unmeasured import Why, axis_names, not_estimated, unmeasured_axes, without_axes
 
 AnySeries = TypeVar("AnySeries", bound=Series)
-
-ABSURD = 1e12
-"""No quantity of a flight is larger in SI: a damaged sample."""
 
 
 def load(
@@ -156,23 +154,20 @@ class _Builder:
                 )  # the gyroscope comes first
         if table.problem:
             self._note(f"{source.topic}: {table.problem}.")
-        if not np.isfinite(values).any():
+        if not np.isfinite(values[:1]).any() and not np.isfinite(values).any():
             self._note(f"{source.topic} plays {name}, but none of its values is a number: left out.")
             return None
         absent = empty_columns(values, name)
         stamps = self.timing.stamps[source.topic]
         unset = (stamps == 0) & (np.count_nonzero(stamps == 0) > 1)  # one zero may be the start of a simulation
-        finite, absurd = np.ones(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
-        for column in (values[:, k] for k in range(values.shape[1]) if k not in absent):  # hours are long
-            finite &= np.isfinite(column)
-            absurd |= np.abs(column) > ABSURD
-        absurd &= finite
+        finite, absurd = sound(values, absent)
         dropped: Counter[str] = Counter(
             {"not finite": int((~finite).sum()), "absurd": int(absurd.sum()), "no stamp": int(unset.sum())}
         )
         keep = np.flatnonzero(finite & ~absurd & ~unset)
         if name in ("pose", "reference_pose"):
-            norm = np.linalg.norm(values[keep, 3:7], axis=1)
+            quat = values[:, 3:7] if len(keep) == len(values) else values[keep, 3:7]
+            norm = np.sqrt(np.einsum("ij,ij->i", quat, quat))
             dropped["zero quaternion"] = int((norm < 0.5).sum())
             repaired = int(((np.abs(norm - 1.0) > 1e-3) & (norm >= 0.5)).sum())
             if repaired:
@@ -285,15 +280,22 @@ class _Builder:
         linear, angular = values[:, :3], values[:, 3:]
         velocity_E = omega = None
         if np.isfinite(linear).all():
-            truth = smooth(time, pose.values[:, :3], derivative=1)
-            readings = {frame: so3.rotate(quat, linear @ meant.body("velocity").T), "E": linear @ meant.world.T}
-            velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, frame if in_body else "E")
-            del readings, truth
+            readings: dict[str, Rows] = {
+                frame: lambda rows: so3.rotate(quat[rows], turned(linear[rows], meant.body("velocity"))),
+                "E": lambda rows: turned(linear[rows], meant.world),
+            }
+            default = frame if in_body else "E"
+            truth = slope_of(pose.values[:, :3])
+            velocity_E = self._in_frame(topic, "linear velocity", readings, truth, time, default)
         if np.isfinite(angular).all():
-            truth = angular_velocity(time, quat)
-            readings = {frame: angular @ meant.body("rate").T, "E": so3.rotate_inverse(quat, angular @ meant.world.T)}
+            readings = {
+                frame: lambda rows: turned(angular[rows], meant.body("rate")),
+                "E": lambda rows: so3.rotate_inverse(quat[rows], turned(angular[rows], meant.world)),
+            }
             # a stamped twist of a body is in its own frame more often than not, as far as the rate goes
-            omega = self._in_frame(topic, "angular velocity", readings, truth, time, frame)
+            omega = self._in_frame(
+                topic, "angular velocity", readings, lambda time, rows: angular_velocity(time, quat[rows]), time, frame
+            )
         return velocity_E, omega
 
     def _acceleration(self, pose: _Part, quat_ED: Array, velocity_E: Array | None) -> tuple[Array | None, Array | None]:
@@ -306,31 +308,28 @@ class _Builder:
         time = self._seconds(pose.stamps)
         acceleration_E = None
         if np.isfinite(linear).all():
-            readings = {"D": so3.rotate(quat_ED, linear), "E": linear}
+            readings: dict[str, Rows] = {
+                "D": lambda rows: so3.rotate(quat_ED[rows], linear[rows]),
+                "E": lambda rows: linear[rows],
+            }
             default = "D" if in_body else "E"
             velocity = smooth(time, pose.values[:, :3], derivative=1) if velocity_E is None else velocity_E
-            truth = smooth(time, velocity, derivative=1)
-            acceleration_E = self._in_frame(part.source.topic, "acceleration", readings, truth, time, default)
+            acceleration_E = self._in_frame(
+                part.source.topic, "acceleration", readings, slope_of(velocity), time, default
+            )
         return acceleration_E, angular if np.isfinite(angular).all() else None
 
     def _in_frame(
-        self, topic: str, what: str, readings: dict[str, Array], truth: Array, time: Array, default: str
+        self, topic: str, what: str, readings: Mapping[str, Rows], truth: Slope, time: Array, default: str
     ) -> Array:
-        """The reading that fits the derivative of the pose; the convention's unless another is clearly better."""
-        inside = away_from_gaps(time)
-        misfit = {
-            frame: float(np.sqrt(np.mean((smooth(time, values)[inside] - truth[inside]) ** 2)))
-            for frame, values in readings.items()
-        }
-        best = min(misfit, key=lambda frame: misfit[frame])
-        scale = float(np.sqrt(np.mean(truth[inside] ** 2)))
-        if misfit[best] < 0.5 * misfit[default] and misfit[default] > 0.03 * scale:
+        """The reading that fits the derivative of the pose, with a note where it is not the convention's."""
+        frame, misfit = fitting(readings, truth, time, default)
+        if frame != default:
             self._note(
-                f"{topic}: its {what} is in frame {best}, not {default} as its type suggests (rms difference from "
-                f"the differentiated pose {misfit[best]:.2g} against {misfit[default]:.2g}); read as {best}."
+                f"{topic}: its {what} is in frame {frame}, not {default} as its type suggests (rms difference from "
+                f"the differentiated pose {misfit[frame]:.2g} against {misfit[default]:.2g}); read as {frame}."
             )
-            return readings[best]
-        return readings[default]
+        return np.ascontiguousarray(readings[frame](slice(None)))
 
     def _at(self, pose: _Part, other: _Part) -> Array:
         """Values of another topic at the pose's stamps: the same rows, or interpolated (no further than its ends)."""

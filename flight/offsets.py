@@ -35,6 +35,7 @@ from scipy.stats import t as student
 
 from wrenchgap.flight.block_integrals import Complex, integrals
 from wrenchgap.flight.flight import Array, Gap
+from wrenchgap.flight.row_kernels import varying
 from wrenchgap.flight.stamps import nominal_period
 
 Intervals = Sequence[tuple[float, float]]
@@ -178,17 +179,19 @@ def offset(
     to a quarter of a block (0.5 s) are searched, twice that with alignment. Both signals have the same axes.
     """
     none = Offset(first.name, second.name)
-    moving = (np.ptp(first.values, axis=0) > 0) & (np.ptp(second.values, axis=0) > 0)
+    moves = varying(first.values)
+    moving = moves & varying(second.values)
     if not moving.any():
-        still = second if (np.ptp(first.values, axis=0) > 0).any() else first
+        still = second if moves.any() else first
         return replace(none, problem=Problem.STILL, about=still.name)
-    first, second = (
-        replace(s, values=s.values[:, moving], axes=tuple(np.array(s.axes)[moving])) for s in (first, second)
-    )
-    slower = max((first, second), key=lambda s: nominal_period(s.time))
-    top = min(band[1], OF_NYQUIST * 0.5 / nominal_period(slower.time))
+    if not moving.all():
+        first, second = (
+            replace(s, values=s.values[:, moving], axes=tuple(np.array(s.axes)[moving])) for s in (first, second)
+        )
+    period, slower = max(((nominal_period(s.time), s) for s in (first, second)), key=lambda pair: pair[0])
+    top = min(band[1], OF_NYQUIST * 0.5 / period)
     if top < max(2.0, 2.0 * band[0]):
-        about = f"{slower.name}, {1.0 / nominal_period(slower.time):.1f} Hz"
+        about = f"{slower.name}, {1.0 / period:.1f} Hz"
         return replace(none, problem=Problem.SLOW, about=about)
     pair = _Pair(first, second, (band[0], top), within, gains, coherent)
     if len(pair.starts) < FEWEST_BLOCKS:
@@ -219,8 +222,8 @@ class Correlated:
         """R (D,) at remaining delays (D,) [s]."""
         total = self.u.sum(axis=0)
         used = total != 0
-        turned = total[used][:, None] * np.exp(1j * np.outer(self.heard[used], delays))
-        return np.asarray(turned.real.sum(axis=0))
+        phase = np.outer(self.heard[used], delays)
+        return np.asarray(total[used].real @ np.cos(phase) - total[used].imag @ np.sin(phase))
 
     def by_block(self, delay: float) -> Array:
         """R (B,) at a remaining delay [s]."""
@@ -229,15 +232,20 @@ class Correlated:
     def newton(self, u: Complex | None = None, rounds: int = 4) -> tuple[float, Array, Array]:
         """Remaining delay (NaN where R has no top), and by block scores (B,) and curvatures (B,) of R at it."""
         chosen = self.u if u is None else u
-        delay = 0.0
-        for _ in range(rounds):
-            turned = chosen * np.exp(1j * self.heard * delay)
-            score = -np.sum(turned.imag * self.heard, axis=(1, 2))
-            curvature = np.sum(turned.real * self.heard**2, axis=(1, 2))
-            if not curvature.sum() > 0:
-                return np.nan, score, curvature
-            delay += score.sum() / curvature.sum()
-        return float(delay), score - curvature * (score.sum() / curvature.sum()), curvature
+        total, before, delay = chosen.sum(axis=0), 0.0, 0.0
+        for _ in range(rounds):  # on all blocks together, which turn alike
+            turned = total * np.exp(1j * self.heard * delay)
+            curvature = float(np.sum(turned.real * self.heard**2))
+            before = delay
+            if not curvature > 0:
+                delay = np.nan
+                break
+            delay -= float(np.sum(turned.imag * self.heard)) / curvature
+        turn = np.exp(1j * self.heard * before) * self.heard
+        count = len(chosen)
+        score = -(chosen.reshape(count, -1) @ turn.reshape(-1)).imag
+        curvatures = (chosen.reshape(count, -1) @ (turn * self.heard).reshape(-1)).real
+        return delay, score - curvatures * (delay - before) if delay == delay else score, curvatures
 
     def part(self, name: str, u: Complex) -> Part:
         """The delay of some axes or frequencies alone."""
@@ -308,8 +316,9 @@ class _Pair:
             spread = scatter(score) / float(curvature.sum())
             seconds += step
             turn, turn_std = _slope(found.when, score, curvature)
-            slope += turn if len(self.starts) >= 2 * FEWEST_BLOCKS and abs(turn) > CERTAIN * turn_std else 0.0
-            if abs(step) < max(0.05 * spread, 1e-9) and abs(turn) < max(turn_std, 1e-9):
+            drifts = len(self.starts) >= 2 * FEWEST_BLOCKS and abs(turn) > CERTAIN * turn_std
+            slope += turn if drifts else 0.0
+            if abs(step) < max(0.05 * spread, 1e-9) and not (drifts and abs(turn) > 1e-9):
                 break
         assert found is not None
         return self._told(none, found, seconds, slope, spread)
@@ -380,12 +389,14 @@ class _Pair:
 
     def _correlate(self, x: Complex, y: Complex, nudged: Complex, seconds: float) -> Correlated | None:
         """Weighted cross-spectra, or None where nothing is in common; `nudged` is y with stamps `NUDGE` earlier."""
-        loud = np.abs(x) * np.abs(y)
+        sizes = [z.real**2 + z.imag**2 for z in (x, y)]
+        loud = np.sqrt(sizes[0] * sizes[1])
         usual = np.median(loud, axis=0) * LOUDEST**2
         down = np.minimum(1.0, np.divide(usual, loud, out=np.ones_like(loud), where=loud > usual))
-        cross = down * np.conj(x) * y
+        weighted = down * np.conj(x)
+        cross = weighted * y
         total = cross.sum(axis=0)
-        first, second = (np.sum(down * np.abs(z) ** 2, axis=0) for z in (x, y))
+        first, second = (np.sum(down * size, axis=0) for size in sizes)
         power = first * second
         coherence: Array = np.divide(np.abs(total) ** 2, power, out=np.zeros_like(power), where=power > 0)
         least = max(_chance(len(x), coherence.size), self.coherent)
@@ -395,7 +406,7 @@ class _Pair:
         if not w.any():
             return None
         u = cross * np.divide(w, np.abs(total), out=np.zeros_like(w), where=w > 0)
-        turn = np.angle(np.sum(down * np.conj(x) * nudged, axis=0) * np.conj(total)) / NUDGE
+        turn = np.angle(np.sum(weighted * nudged, axis=0) * np.conj(total)) / NUDGE
         heard = np.clip(turn, HEARD[0] * self.omega, HEARD[1] * self.omega)
         return Correlated(u, self.omega, heard, self.starts + 0.5 * self.length, coherence, gain, seconds)
 

@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from wrenchgap.flight import rotation_kernels
 from wrenchgap.flight.flight import Array
 
-PIECE = 2**16
-"""Rows that are computed at once: of hours of log, what is needed on the way would be larger than the result."""
+
+def _many(*rows: Array) -> bool:
+    """Whether one compiled pass over these rows (N, K) pays (`flight.rotation_kernels`)."""
+    return all(type(r) is np.ndarray and r.ndim == 2 and r.dtype == float for r in rows) and (
+        min(map(len, rows)) >= rotation_kernels.MANY and len({len(r) for r in rows}) == 1
+    )
 
 
-def _pieces(count: int) -> list[slice]:
-    return [slice(start, start + PIECE) for start in range(0, count, PIECE)]
+def _whole(rows: Array) -> Array:
+    return np.ascontiguousarray(rows)
 
 
 def normalise(quat_wxyz: Array) -> Array:
@@ -25,6 +30,8 @@ def normalise(quat_wxyz: Array) -> Array:
 
 def continuous(quat_wxyz: Array) -> Array:
     """The same rotations, shape (N, 4), with signs chosen so that neighbours never jump to the antipode."""
+    if _many(quat_wxyz):
+        return np.asarray(rotation_kernels.continuous(_whole(quat_wxyz)))
     flips = np.sum(quat_wxyz[1:] * quat_wxyz[:-1], axis=-1) < 0
     sign = np.concatenate(([1.0], np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)))
     return np.asarray(quat_wxyz * sign[:, None])
@@ -60,13 +67,20 @@ def exp(rotation_vector: Array) -> Array:
 
 def log(quat_wxyz: Array) -> Array:
     """Rotation vector [rad] of unit quaternion(s), shape (..., 4) to (..., 3); norm at most pi."""
-    if quat_wxyz.ndim == 2 and len(quat_wxyz) > PIECE:
-        return np.concatenate([log(quat_wxyz[rows]) for rows in _pieces(len(quat_wxyz))])
+    if _many(quat_wxyz):
+        return np.asarray(rotation_kernels.log(_whole(quat_wxyz)))
     q = np.where(quat_wxyz[..., :1] < 0, -quat_wxyz, quat_wxyz)
     norm = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(norm, q[..., :1])
     safe = np.where(norm > 1e-12, norm, 1.0)
     return np.asarray(np.where(norm > 1e-12, angle / safe, 2.0) * q[..., 1:])
+
+
+def turned(before_wxyz: Array, after_wxyz: Array) -> Array:
+    """Rotation vector(s) [rad] from one attitude to another, log(p^-1 q), shapes (..., 4) to (..., 3)."""
+    if _many(before_wxyz, after_wxyz):
+        return np.asarray(rotation_kernels.turned(_whole(before_wxyz), _whole(after_wxyz)))
+    return log(multiply(conjugate(before_wxyz), after_wxyz))
 
 
 def matrix(quat_wxyz: Array) -> Array:
@@ -113,8 +127,8 @@ def from_matrix(R: Array) -> Array:
 
 def rotate(quat_wxyz: Array, vector: Array) -> Array:
     """v_E = R_EB v_B for quat_EB, shapes (..., 4) and (..., 3)."""
-    if quat_wxyz.ndim == vector.ndim == 2 and len(quat_wxyz) == len(vector) > PIECE:
-        return np.concatenate([rotate(quat_wxyz[rows], vector[rows]) for rows in _pieces(len(vector))])
+    if _many(quat_wxyz, vector):
+        return np.asarray(rotation_kernels.rotate(_whole(quat_wxyz), _whole(vector), 1.0))
     w, u = quat_wxyz[..., :1], quat_wxyz[..., 1:]
     t = 2.0 * np.cross(u, vector)
     return np.asanyarray(vector + w * t + np.cross(u, t))
@@ -122,15 +136,19 @@ def rotate(quat_wxyz: Array, vector: Array) -> Array:
 
 def rotate_inverse(quat_wxyz: Array, vector: Array) -> Array:
     """v_B = R_EB^T v_E for quat_EB, shapes (..., 4) and (..., 3)."""
+    if _many(quat_wxyz, vector):
+        return np.asarray(rotation_kernels.rotate(_whole(quat_wxyz), _whole(vector), -1.0))
     return rotate(conjugate(quat_wxyz), vector)
 
 
 def interpolate(time: Array, knots: Array, quat_wxyz: Array) -> Array:
     """Constant-rate (slerp) interpolation of attitudes at `knots` (K,), quat (K, 4), to `time` (N,)."""
+    if len(time) >= rotation_kernels.MANY and len(knots) > 1 and _many(quat_wxyz):
+        return np.asarray(rotation_kernels.interpolate(*map(_whole, (time, knots, quat_wxyz))))
     index = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     fraction = np.clip((time - knots[index]) / (knots[index + 1] - knots[index]), 0.0, 1.0)
     start = quat_wxyz[index]
-    return multiply(start, exp(fraction[:, None] * log(multiply(conjugate(start), quat_wxyz[index + 1]))))
+    return multiply(start, exp(fraction[:, None] * turned(start, quat_wxyz[index + 1])))
 
 
 def hat(vector: Array) -> Array:

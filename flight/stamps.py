@@ -3,44 +3,84 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight import row_kernels
 from wrenchgap.flight.flight import Array, Gap
+from wrenchgap.flight.row_kernels import plain_interpolated
 
 Stamps = NDArray[np.int64]
 
+MANY = 4096
+"""Places from which on a compiled pass is sooner done than numpy's."""
 GAP_FACTOR = 2.5
 """An interval longer than this many usual periods is a gap."""
 
 
-def nominal_period(time: Array) -> float:
-    """Usual interval between samples [s]: the median, or the mean where samples arrive in bursts.
+@dataclass(frozen=True)
+class Steps:
+    """What the intervals between samples at `time` (N,) [s] are like; sorted once for all that is asked."""
 
-    The longest hundredth of the intervals does not count, so that gaps do not.
-    """
-    steps = np.diff(time)
-    usual = steps[steps <= np.quantile(steps, 0.99)]
-    return float(max(np.median(steps), np.mean(usual)))
+    time: Array
+
+    @cached_property
+    def ordered(self) -> Array:
+        """Intervals (N - 1,) [s], the shortest first."""
+        return np.sort(np.diff(self.time))
+
+    def quantile(self, share: float) -> float:
+        """Of the intervals [s], straight between neighbours, as numpy's."""
+        place = share * (len(self.ordered) - 1)
+        low = int(place)
+        high = min(low + 1, len(self.ordered) - 1)
+        return float(self.ordered[low] + (place - low) * (self.ordered[high] - self.ordered[low]))
+
+    @property
+    def nominal_period(self) -> float:
+        """Usual interval [s]: the median, or the mean where samples arrive in bursts.
+
+        The longest hundredth of the intervals does not count, so that gaps do not.
+        """
+        usual = self.ordered[: np.searchsorted(self.ordered, self.quantile(0.99), side="right")]
+        return max(self.quantile(0.5), float(np.mean(usual)))
+
+    @property
+    def jitter(self) -> float:
+        """Robust spread of the intervals [s]: half of the central 68 %."""
+        return 0.5 * (self.quantile(0.84) - self.quantile(0.16))
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Intervals longer than `GAP_FACTOR` usual periods.
+
+        Where more than a tenth of the intervals are long, as in bursts, long is usual.
+        """
+        if len(self.time) < 3:
+            return ()
+        longest = GAP_FACTOR * max(self.nominal_period, self.quantile(0.9))
+        if not self.ordered[-1] > longest:
+            return ()
+        found = np.flatnonzero(np.diff(self.time) > longest)
+        return tuple(Gap(float(self.time[i]), float(self.time[i + 1])) for i in found)
+
+
+def nominal_period(time: Array) -> float:
+    """Usual interval between samples [s]: `Steps.nominal_period`."""
+    return Steps(time).nominal_period
 
 
 def gaps_of(time: Array) -> tuple[Gap, ...]:
-    """Intervals longer than `GAP_FACTOR` usual periods.
-
-    Where more than a tenth of the intervals are long, as in bursts, long is usual.
-    """
-    if len(time) < 3:
-        return ()
-    steps = np.diff(time)
-    usual = max(nominal_period(time), float(np.quantile(steps, 0.9)))
-    return tuple(Gap(float(time[i]), float(time[i + 1])) for i in np.flatnonzero(steps > GAP_FACTOR * usual))
+    """Intervals that are too long to be bridged: `Steps.gaps`."""
+    return Steps(time).gaps
 
 
 def jitter(time: Array) -> float:
-    """Robust spread of the intervals between samples [s]: half of the central 68 %."""
-    low, high = np.percentile(np.diff(time), [16, 84])
-    return float(0.5 * (high - low))
+    """Robust spread of the intervals between samples [s]: `Steps.jitter`."""
+    return Steps(time).jitter
 
 
 def increasing(stamps: Stamps) -> tuple[NDArray[np.intp], dict[str, int]]:
@@ -80,8 +120,26 @@ def nearest(wanted: Stamps, stamps: Stamps) -> NDArray[np.intp]:
 
 def interpolated(time: Array, knots: Array, values: Array) -> Array:
     """Columns (K, C) at `knots` (K,), linear in between, at `time` (N,); held beyond the ends."""
-    columns = [np.interp(time, knots, column) for column in values.T]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(time), 0))
+    if len(time) < MANY or len(knots) < 2:
+        return plain_interpolated(time, knots, values)
+    whole = (np.ascontiguousarray(item, dtype=float) for item in (time, knots, values))
+    return np.asarray(row_kernels.interpolated(*whole))
+
+
+def spread(count: int, most: int, run: int) -> list[slice]:
+    """Runs of `run` rows, evenly spread over `count`, in which some `most` rows lie; all of them where that is enough.
+
+    What is asked of a flight as a whole is answered by a part of hours of it.
+    """
+    runs = max(most // run, 1)
+    if count <= most or count <= runs * run:
+        return [slice(0, count)]
+    return [slice(start, start + run) for start in np.linspace(0, count - run, runs).astype(int).tolist()]
+
+
+def thinned(count: int, most: int) -> slice | NDArray[np.intp]:
+    """At most `most` of `count` rows, evenly spread."""
+    return slice(None) if count <= most else np.linspace(0, count - 1, most).astype(np.intp)
 
 
 def away_from_gaps(time: Array, margin: float = 0.3) -> NDArray[np.bool_]:

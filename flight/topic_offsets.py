@@ -14,6 +14,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES, Array, Flight, Gap, OdometrySeries, ReferenceSeries
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.offsets import ALIKE, EVERYWHERE, Intervals, Offset, Signal, offset
+from wrenchgap.flight.row_kernels import empty
 
 ONE_MOTION = 0.85
 """Coherence of two sensors below which what they have in common may be the noise of one of them, which has moved the
@@ -35,7 +36,7 @@ def sensor_offsets(flight: Flight, within: Intervals = EVERYWHERE) -> tuple[Offs
 
 def _measured(pair: tuple[Signal, Signal]) -> tuple[Signal, Signal]:
     """Both signals on the axes that were measured."""
-    known = ~np.any([np.isnan(s.values).all(axis=0) for s in pair], axis=0)
+    known = ~np.any([empty(s.values) for s in pair], axis=0)
     if known.all():
         return pair
     first, second = (replace(s, values=s.values[:, known], axes=tuple(np.array(s.axes)[known])) for s in pair)
@@ -103,7 +104,7 @@ def odometry_motion(odometry: OdometrySeries) -> tuple[Signal, Signal]:
 def _rate(name: str, series: OdometrySeries | ReferenceSeries, quat: Array) -> Signal:
     """Mean body rates between neighbouring attitudes, log(q_k^-1 q_k+1) / dt."""
     q = so3.continuous(quat)
-    turned = so3.log(so3.multiply(so3.conjugate(q[:-1]), q[1:]))
+    turned = so3.turned(q[:-1], q[1:])
     return differences(name, series.time, turned, series.gaps)
 
 
@@ -123,6 +124,8 @@ def differences(name: str, time: Array, steps: Array, gaps: tuple[Gap, ...]) -> 
     """Steps (N-1, C) between samples at `time` (N,) as rates at the middles of the intervals, none over a gap."""
     interval = np.diff(time)
     middle = 0.5 * (time[1:] + time[:-1])
+    if not gaps:
+        return Signal(name, middle, steps / interval[:, None], gaps=gaps)
     keep = np.ones(len(middle), dtype=bool)
     for gap in gaps:
         keep &= (middle < gap.start) | (middle > gap.stop)

@@ -67,7 +67,11 @@ def unmeasured_axes(flight: Flight) -> dict[str, Why]:
     found = {axis: Why(why) for axis, why in flight.unmeasured.items()}
     if flight.imu is not None:
         readings = (*flight.imu.specific_force_B.T, *flight.imu.omega_B.T)
-        absent = {axis: Why.NAN for axis, values in zip(AXES, readings, strict=True) if np.isnan(values).all()}
+        absent = {
+            axis: Why.NAN
+            for axis, values in zip(AXES, readings, strict=True)
+            if np.isnan(values[:1]).all() and np.isnan(values).all()
+        }
         found = {**absent, **found}
     return {axis: found[axis] for axis in AXES if axis in found}
 

@@ -16,9 +16,10 @@ from pathlib import Path
 import wrenchgap as wg
 
 model = wg.load_model("tilt_hexarotor")
-flown = wg.simulate(model, "multi_axis", duration=3.0, excitation=1.0, hide=["com_offset=x:0.004"])
+flown = wg.simulate(model, "multi_axis", duration=30.0, excitation=1.0, hide=["com_offset=x:0.004"])
 with tempfile.TemporaryDirectory() as folder:
     path = wg.save_log(flown, Path(folder) / "flight.mcap")
+    wg.inspect(path, model)
     wg.explain(wg.open_flights(path, model), model, names=("com_offset", "rotor_thrust"), jobs=1)
 """
 

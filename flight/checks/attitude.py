@@ -16,9 +16,13 @@ from wrenchgap.flight.derivative import smooth
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.meaning import FRD, NED
+from wrenchgap.flight.row_kernels import empty
+from wrenchgap.flight.stamps import spread
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
 DEGREES = 180.0 / np.pi
+COMPARED, RUN = 12_000, 4_000
+"""Rows of an IMU from which its unit is told, and of each run of them, spread over the flight."""
 STILL = 0.03
 """[rad/s] Rates below which an attitude tells nothing of a gyroscope."""
 UPRIGHT = 15.0
@@ -34,8 +38,10 @@ def accelerometer_unit(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     imu = flight.imu
     if imu is None or "force_z" in unmeasured_axes(flight):
         return
-    values = imu.specific_force_B[:, ~np.isnan(imu.specific_force_B).all(axis=0)]
-    size = np.linalg.norm(smooth(imu.time, values), axis=1)
+    absent = empty(imu.specific_force_B)
+    values = imu.specific_force_B[:, ~absent] if absent.any() else imu.specific_force_B
+    parts = spread(len(values), COMPARED, RUN)
+    size = np.concatenate([np.linalg.norm(smooth(imu.time[rows], values[rows]), axis=1) for rows in parts])
     median = float(np.median(size))
     described = f"Median specific force is {median:.2f} m/s^2"
     expected = GRAVITY if seen is None else float(np.median(np.linalg.norm(seen.force(), axis=1)))
@@ -178,7 +184,7 @@ def _rates_of(seen: Seen, quat: Array) -> Array:
     """Rates (K, 3) of other attitudes at the middles of the intervals, in proportion, over as many of them."""
     q, rows = so3.continuous(quat), np.arange(len(quat))
     before, after = np.maximum(rows - seen.apart, 0), np.minimum(rows + seen.apart, len(quat) - 1)
-    turned = so3.log(so3.multiply(so3.conjugate(q[before]), q[after]))
+    turned = so3.turned(q[before], q[after])
     usual = np.median(np.linalg.norm(turned, axis=1))
     turned[np.linalg.norm(turned, axis=1) > 20.0 * usual + 1e-12] = 0.0  # over a pause
     return np.asarray(turned)

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight import row_kernels
 from wrenchgap.flight.check import Check, TimeLeftOut
 from wrenchgap.flight.flight import Array, Flight, Series
 from wrenchgap.flight.stamps import gaps_of
@@ -83,10 +84,9 @@ def spikes(series: Series) -> NDArray[np.bool_]:
         if values is None:
             continue
         beyond = np.zeros(len(values), dtype=bool)
-        for column in values.T:  # hours are long
-            size = np.nan_to_num(np.abs(column))
-            if np.max(size, initial=0.0) > limit:
-                beyond |= (size > limit) & (size > BEYOND * np.percentile(size, 95))
+        for k in np.flatnonzero(row_kernels.largest(values) > limit):
+            size = np.nan_to_num(np.abs(values[:, k]))
+            beyond |= (size > limit) & (size > BEYOND * np.percentile(size, 95))
         if beyond.any() and beyond.mean() <= RARE:
             bad |= beyond
     return bad
@@ -114,7 +114,9 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     series = {role: s for role, s in flight.series().items() if role in WATCHED}
     lively = {role: _lively(s, WATCHED[role]) for role, s in series.items()}
     for role, channels in lively.items():
-        for name, values in channels:
+        for name, values, longest in channels:
+            if longest < FROZEN_SAMPLES:
+                continue
             for start, stop in _runs(series[role].time, values, limited=role in LIMITED):
                 if role in LIMITED and _saturated(series[role].time, channels, start, stop):
                     continue
@@ -125,7 +127,7 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                 others = [
                     moving
                     for other, kept in lively.items()
-                    for label, column in kept
+                    for label, column, _ in kept
                     if (other, label) != (role, name) and other in (witnesses | {role})
                     for moving in [_moves(series[other].time, column, start, stop)]
                     if moving is not None
@@ -134,30 +136,31 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                     yield role, start, stop, name
 
 
-def _saturated(time: Array, channels: list[tuple[str, Array]], start: float, stop: float) -> bool:
+def _saturated(time: Array, channels: list[_Channel], start: float, stop: float) -> bool:
     """Whether one of the commands rests at its limit: all rotors at full speed hold every torque."""
     a, b = np.searchsorted(time, (start, stop))
-    return any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c in channels if b > a)
+    return any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in channels if b > a)
 
 
-def _lively(series: Series, names: tuple[str, ...]) -> list[tuple[str, Array]]:
+class _Channel(NamedTuple):
+    """A channel, its samples (N,), and how often it repeats itself in a row at most."""
+
+    name: str
+    values: Array
+    longest: int
+
+
+def _lively(series: Series, names: tuple[str, ...]) -> list[_Channel]:
     """Channels that change with nearly every sample, but for one stretch."""
     found = []
     for name in names:
         values = getattr(series, name)
-        for k, column in enumerate(values.T):
-            if len(column) < 4 * FROZEN_SAMPLES:
-                continue
-            same = np.diff(column) == 0.0
-            longest = _longest(same)
-            if (same.sum() - longest) <= LIVELY * max(len(same) - longest, 1):
-                found.append((f"{name} {k}", column))
+        if len(values) < 4 * FROZEN_SAMPLES:
+            continue
+        for k, (count, longest) in enumerate(row_kernels.repeats(values).T.tolist()):
+            if (count - longest) <= LIVELY * max(len(values) - 1 - longest, 1):
+                found.append(_Channel(f"{name} {k}", values[:, k], longest))
     return found
-
-
-def _longest(same: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 def _runs(time: Array, column: Array, *, limited: bool) -> Iterator[tuple[float, float]]:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight import so3
+from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.flight import Array, Flight, Series
 from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.stamps import interpolated
 
 INTERVAL = 0.1
 """[s]"""
@@ -21,6 +22,8 @@ SLOWEST = 0.2
 """Period of an odometry [s] beyond which its differences show nothing of the motion in between."""
 FEWEST = 20
 """Intervals below which nothing is said."""
+MOST = 8_000
+"""Intervals that are compared of a flight of many; they overlap."""
 BLOCKS = 8
 
 
@@ -62,7 +65,7 @@ def seen(flight: Flight) -> Seen | None:
     time, quat = odometry.time, so3.continuous(odometry.quat_EB)
     m = max(1, round(INTERVAL / odometry.period))
     first = np.arange(0, len(time) - 2 * m)
-    thinned = max(1, len(first) // 20_000)
+    thinned = 1 if len(first) < 5 * MOST else len(first) // MOST
     first = first[::thinned]
     middle, last = first + m, first + 2 * m
     usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period
@@ -77,7 +80,7 @@ def seen(flight: Flight) -> Seen | None:
     slopes = (p[middle] - p[first]) / before, (p[last] - p[middle]) / after
     imu = flight.imu
     return Seen(
-        rate=so3.log(so3.multiply(so3.conjugate(quat[first]), quat[last])) / span,
+        rate=so3.turned(quat[first], quat[last]) / span,
         attitude=quat[middle],
         moved=(p[last] - p[first]) / span,
         curve=(slopes[1] - slopes[0]) / (0.5 * span),
@@ -92,11 +95,9 @@ def seen(flight: Flight) -> Seen | None:
 
 def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:
     """Means (K, C) of a signal, straight between its samples, over intervals."""
-    intervals, means = np.diff(series.time), np.empty((len(start), values.shape[1]))
-    for column, mean in zip(values.T, means.T, strict=True):  # one by one: hours are long
-        integral = np.concatenate(([0.0], np.cumsum(0.5 * (column[1:] + column[:-1]) * intervals)))
-        mean[:] = (np.interp(stop, series.time, integral) - np.interp(start, series.time, integral)) / (stop - start)
-    return means
+    integral = row_kernels.integral(series.time, np.ascontiguousarray(values))
+    until, since = (interpolated(at, series.time, integral) for at in (stop, start))
+    return np.asarray((until - since) / (stop - start)[:, None])
 
 
 def _covered(series: Series, start: Array, stop: Array) -> NDArray[np.bool_]:

@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.flight import AXES, Array, Flight
+from wrenchgap.flight.row_kernels import varying
+from wrenchgap.flight.stamps import thinned
 from wrenchgap.flight.unmeasured import sentence, unmeasured_axes
+
+ROWS = 20_000
+"""Of a flight, evenly spread, by which the size of a command is told."""
 
 
 def roles(flight: Flight) -> Iterator[Check]:
@@ -45,7 +51,8 @@ def units(flight: Flight) -> Iterator[Check]:
     """Rotor speeds and tilt angles, by their sizes."""
     if flight.actuators is None or flight.actuators.unit != "rad/s":
         return
-    speeds, tilts = np.abs(flight.actuators.rotor_speed), np.abs(flight.actuators.tilt)
+    rows = thinned(len(flight.actuators.time), ROWS)
+    speeds, tilts = np.abs(flight.actuators.rotor_speed[rows]), np.abs(flight.actuators.tilt[rows])
     if speeds.size and float(np.median(speeds)) > 3500.0:
         yield Check(
             "rotor-speed-unit",
@@ -53,7 +60,7 @@ def units(flight: Flight) -> Iterator[Check]:
             f"Median rotor speed is {np.median(speeds):.0f}: rpm? Expected rad/s (rpm / 9.549).",
             option(flight, "rpm", "rotor_speed"),
         )
-    if speeds.size and float(np.max(speeds)) <= 1.0 and float(np.max(speeds)) > 0:
+    if speeds.size and float(np.max(speeds)) <= 1.0 and 0.0 < np.max(np.abs(flight.actuators.rotor_speed)) <= 1.0:
         yield Check("rotor-speed-unit", "warn", "Rotor speeds never exceed 1: normalised commands? Expected rad/s.")
     if tilts.size and float(np.percentile(tilts, 90)) > 4 * np.pi:
         words = f"Tilt reaches {np.max(tilts):.0f}: degrees, expected rad"
@@ -82,6 +89,11 @@ def unmeasured(flight: Flight) -> Iterator[Check]:
         )
 
 
+def _still(values: Array) -> NDArray[np.bool_]:
+    """Columns (C,) of numbers (N, C) that never change."""
+    return np.asarray(~varying(values) & ~np.isnan(values[0]))
+
+
 def constant(flight: Flight) -> Iterator[Check]:
     """Channels that never change; an IMU of which nothing does is none."""
     columns: list[tuple[str, Array]] = []
@@ -91,15 +103,15 @@ def constant(flight: Flight) -> Iterator[Check]:
         columns += [("position", flight.odometry.position_E), ("attitude", flight.odometry.quat_EB[:, 1:])]
     if flight.actuators is not None and flight.actuators.rotor_speed.size:
         columns.append(("rotor speed", flight.actuators.rotor_speed))
-    if flight.imu is not None and not any(np.nanmax(np.ptp(v, axis=0), initial=0.0) for _, v in columns[:2]):
+    if flight.imu is not None and not any(varying(v).any() for _, v in columns[:2]):
         mend = "--topic imu=none" if flight.odometry is not None else None
         yield Check("constant-channel", "bad", "The IMU never changes at all: it is stuck, or no IMU", mend)
         columns = columns[2:]
     for name, values in columns:
-        flat = [str(i) for i in range(values.shape[1]) if np.ptp(values[:, i]) == 0.0]
+        flat = [str(i) for i in np.flatnonzero(_still(values))]
         if flat:
             yield Check("constant-channel", "warn", f"{name}: component(s) {', '.join(flat)} never change.")
     if flight.commanded is not None:
-        flat = [str(i) for i in range(6) if np.ptp(flight.commanded.wrench_B[:, i]) == 0.0]
+        flat = [str(i) for i in np.flatnonzero(_still(flight.commanded.wrench_B))]
         if len(flat) > 3:
             yield Check("constant-channel", "warn", f"commanded wrench: components {', '.join(flat)} never change.")

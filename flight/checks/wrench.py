@@ -10,9 +10,12 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import Seen
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.stamps import interpolated, thinned
 
 OPPOSITE = -0.5
 """Median cosine below which force and specific force are opposite."""
+ROWS = 20_000
+"""Of a flight, evenly spread, on which the two are compared."""
 LIFTED = 0.3
 """Of the 90th percentile of the commanded force: less is the ground."""
 
@@ -22,13 +25,14 @@ def wrench_frame(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     sent, imu = flight.commanded, flight.imu
     if sent is None:
         return
+    rows = thinned(len(sent.time), ROWS)
+    time, force = sent.time[rows], sent.wrench_B[rows, :3]
     if imu is not None and not np.isnan(imu.specific_force_B).any():
-        felt = np.stack([np.interp(sent.time, imu.time, column) for column in imu.specific_force_B.T], axis=1)
+        felt = interpolated(time, imu.time, imu.specific_force_B)
     elif seen is not None and len(seen.attitude) > 1 and flight.odometry is not None:
-        felt = np.tile(np.median(seen.force(), axis=0), (len(sent.time), 1))
+        felt = np.tile(np.median(seen.force(), axis=0), (len(time), 1))
     else:
         return
-    force = sent.wrench_B[:, :3]
     size = np.linalg.norm(force, axis=1)
     flying = size > LIFTED * np.percentile(size, 90)
     if not flying.any():

@@ -93,19 +93,18 @@ def opened(
     found, unlikely = possible(checked(found), model)
     asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz)))
     played, notes = _commanded(found, incomplete)
-    # Without commands there is no clock, nor without the IMU where there is one.
-    needed = ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))
     try:
-        resampled = flight.resample(played, require=needed)
+        resampled = flight.resample(played, require=_needed(played))
     except LogError as error:
         if not incomplete:
             raise
         why = (*found.notes, *notes, f"no measured wrench: {error}", *asked.findings(found))
         return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
-    phases = _phases(resampled.samples, model.vehicle, cutoff_hz, keep)
+    known = _sent(resampled.samples, model.vehicle)
+    phases = phases_of(known, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
     asked.pass_(against_model(played, model, _flown(resampled.samples, phases)))
     within = kept_within(resampled.samples, between, found)
-    parts, left_out = _parts(within, resampled.samples, phases, model.vehicle)
+    parts, left_out = _parts(within, resampled.samples, phases, model.vehicle, known)
     flown, records, short = [], [], []
     for rows, sent, source in parts:
         try:
@@ -150,6 +149,11 @@ class _Asked:
         return [Finding(found.name, check) for check in self.checks]
 
 
+def _needed(played: Flight) -> tuple[str, ...]:
+    """Without commands there is no clock, nor without the IMU where there is one."""
+    return ("actuators" if played.commanded is None else "commanded", *(() if played.imu is None else ("imu",)))
+
+
 def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
     """The flight with something that was commanded, and a note where that is an assumption."""
     if found.commanded is not None or found.actuators is not None:
@@ -163,13 +167,12 @@ def _commanded(found: Flight, incomplete: bool) -> tuple[Flight, list[str]]:
     )
 
 
-def _phases(stretches: Sequence[Samples], vehicle: Vehicle, cutoff_hz: float, keep: Sequence[str]) -> tuple[Phase, ...]:
-    """Phases of a flight; none where its commands are not those of the vehicle, which is said where it is prepared."""
+def _sent(stretches: Sequence[Samples], vehicle: Vehicle) -> list[Part]:
+    """Stretches with their commands; none where these are not the vehicle's, which is said where it is prepared."""
     try:
-        parts = [(samples, *commands_of(samples, vehicle)) for samples in stretches]
+        return [(samples, *commands_of(samples, vehicle)) for samples in stretches]
     except FitError:
-        return ()
-    return phases_of(parts, vehicle, cutoff_hz, phase_names(keep, "keep"))
+        return []
 
 
 def _span(stretches: Sequence[Samples]) -> tuple[float, float]:
@@ -192,15 +195,21 @@ def _flown(stretches: Sequence[Samples], phases: Sequence[Phase]) -> list[Sample
 
 
 def _parts(
-    stretches: Sequence[Samples], every: Sequence[Samples], phases: Sequence[Phase], vehicle: Vehicle
+    stretches: Sequence[Samples],
+    every: Sequence[Samples],
+    phases: Sequence[Phase],
+    vehicle: Vehicle,
+    sent: Sequence[Part],
 ) -> tuple[list[Part], list[Gap]]:
     """Stretches cut to the flight that an analysis uses, for `MINIMUM_FLIGHT` at least, and the times in between.
 
-    `every` are all stretches of the flight. The parts come with their commands and `Record.source`.
+    `every` are all stretches of the flight, `sent` those whose commands are known. The parts come with their commands
+    and `Record.source`.
     """
     flown, left_out = [], []
     for samples in stretches:
-        commands, source = commands_of(samples, vehicle)
+        known = next((one[1:] for one in sent if one[0] is samples), None)
+        commands, source = commands_of(samples, vehicle) if known is None else known
         rows = [slice(a, b) for a, b in runs(used(samples.time, phases))]
         if rows == [slice(0, len(samples))]:
             flown.append((samples, commands, source))

@@ -46,11 +46,13 @@ def white_noise(samples: Samples, imu: ImuSeries | None, cutoff_hz: float) -> tu
     f = np.linspace(0.0, 0.5 / samples.dt, FREQUENCIES)
     rate, seen, left = 1.0 / samples.dt, np.ones((FREQUENCIES, 6)), np.ones((FREQUENCIES, 6))
     if imu is not None:
-        near = (imu.time >= samples.time[0] - samples.dt) & (imu.time <= samples.time[-1] + samples.dt)
+        ends = np.searchsorted(imu.time, samples.time[0] - samples.dt), samples.time[-1] + samples.dt
+        near = slice(int(ends[0]), int(np.searchsorted(imu.time, ends[1], side="right")))
         stamps = imu.time[near]
         if len(stamps) >= FEWEST:
             rate = min(rate, (len(stamps) - 1) / float(stamps[-1] - stamps[0]))
-            own = np.isfinite(np.hstack((imu.omega_B, imu.specific_force_B))[near]).all(axis=0)
+            readings = (*imu.omega_B[near].T, *imu.specific_force_B[near].T)
+            own = np.array([bool(np.isfinite(column).all()) for column in readings])
             left[:, own] = left_by_resampling(samples.time, stamps, f)[:, None]
             seen[:, own] = left_by_resampling(samples.time, stamps, f, _looked_at(len(samples), samples.dt))[:, None]
     upper = 0.4 * rate

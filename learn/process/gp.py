@@ -17,7 +17,7 @@ A sparse posterior (Titsias 2009, `learn.process.sparse`) brings its own `weight
 `whitener` in place of C^-1; its X are the inducing inputs.
 
 Inputs are the six components of the command, and where `settings.inputs` says so the groups of
-`plant.mismatch_inputs` behind them. GPy estimates the hyperparameters (`learn.process.train`); nothing here needs it.
+`plant.mismatch_inputs` behind them. The hyperparameters come from `learn.process.train`.
 """
 
 # Long because the closed forms of mean, standard deviation and Jacobian share the factors that one class keeps.

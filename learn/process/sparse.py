@@ -1,27 +1,24 @@
 """All samples of a log behind a prediction that costs as much as one on a hundred of them.
 
 Variational sparse Gaussian process (Titsias, "Variational learning of inducing variables in sparse Gaussian
-processes", AISTATS 2009), by GPy. With inducing inputs Z (M, D), all inputs X (N, D) and
+processes", AISTATS 2009). With inducing inputs Z (M, D), all inputs X (N, D) and
 
     A = K_zz + s_n^-2 K_zx K_xz,        mean(x) = k(x, Z) s_n^-2 A^-1 K_zx z
                                         var(x)  = k(x, x) - k(x, Z) (K_zz^-1 - A^-1) k(Z, x)
 
-the bound on the likelihood of all N samples is maximised over the hyperparameters; Z stays where it is. The time to
-predict depends on M alone.
+the bound on the likelihood of all N samples (`learn.process.likelihood`) is maximised over the hyperparameters; Z stays
+where it is. The time to predict depends on M alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wrenchgap.flight.flight import Array
 
-ITERATIONS = 120
-"""Of L-BFGS for a sparse process, from hyperparameters that an exact one on a few samples has found."""
 JITTER = 1e-6
 """Added to the diagonal of K_zz, relative to the signal's variance."""
 
@@ -39,31 +36,6 @@ class Kernel:
         p, q = a / self.lengthscales, b / self.lengthscales
         square = (p * p).sum(axis=1)[:, None] + (q * q).sum(axis=1) - 2.0 * p @ q.T
         return np.asarray(self.signal_variance * np.exp(-0.5 * np.maximum(square, 0.0)))
-
-
-def maximise(
-    gpy: Any, x: Array, z: Array, start: Kernel, bounds: dict[str, Any], inducing: Array | None = None
-) -> tuple[float, Kernel]:
-    """Hyperparameters that maximise GPy's likelihood of samples x (N, D), z (N,), from `start`, within `bounds`.
-
-    With `inducing` inputs it is the bound of the sparse process. Its logarithm, -inf where that failed, and the kernel.
-    """
-    kernel = gpy.kern.RBF(x.shape[1], variance=start.signal_variance, lengthscale=start.lengthscales, ARD=True)
-    if inducing is None:
-        model = gpy.models.GPRegression(x, z[:, None], kernel, noise_var=start.noise_variance)
-    else:
-        model = gpy.models.SparseGPRegression(x, z[:, None], kernel, Z=inducing)
-        model.likelihood.variance[:] = start.noise_variance
-        model.inducing_inputs.fix(warning=False)
-    noise = model.likelihood.variance
-    for parameter, name in ((kernel.lengthscale, "lengthscale"), (kernel.variance, "signal"), (noise, "noise")):
-        parameter.constrain_bounded(*bounds[name], warning=False)
-    try:
-        model.optimize("lbfgsb", max_iters=500 if inducing is None else ITERATIONS)
-        likelihood = float(np.squeeze(model.log_likelihood()))
-    except (np.linalg.LinAlgError, FloatingPointError):
-        likelihood = -np.inf
-    return likelihood, Kernel(np.array(kernel.lengthscale, dtype=float), float(kernel.variance[0]), float(noise[0]))
 
 
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Fit mismatch models to samples of commands and mismatches: Gaussian processes with GPy, and straight lines.
+"""Fit mismatch models to samples of commands and mismatches: Gaussian processes, and straight lines.
 
 Hyperparameters maximise the marginal likelihood (ML-II) by L-BFGS from a sensible start and from random ones. They
 are bounded, in units of the standardised data, so that no start ends in a degenerate corner: lengthscales short
@@ -7,10 +7,7 @@ enough that the GP notices when it leaves its data, and a noise that keeps the k
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
 from typing import Any, get_args
@@ -20,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.process import calibration, sparse
+from wrenchgap.learn.process import calibration, likelihood, sparse
 from wrenchgap.learn.process.calibration import Mask
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance
 from wrenchgap.learn.process.sparse import Kernel
@@ -168,9 +165,9 @@ class _Posterior:
         x, z = self.x[:, looks], self.residuals[:, index]
         kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
         if self.settings.inference == "sparse":
-            with _quiet_gpy() as gpy:
-                likelihood, found = sparse.maximise(gpy, x[self.seen], z[self.seen], kernel, BOUNDS, x[self.kept])
-            kernel = found if np.isfinite(likelihood) else kernel
+            with threadpool_limits(1), np.errstate(all="ignore"):
+                bound, found = likelihood.maximise(x[self.seen], z[self.seen], kernel, BOUNDS, x[self.kept])
+            kernel = found if np.isfinite(bound) else kernel
         lengthscales = np.full(len(looks), BLIND)
         lengthscales[looks] = kernel.lengthscales
         self.kernels.append(replace(kernel, lengthscales=lengthscales))
@@ -262,29 +259,11 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
     for _ in range(settings.restarts):
         lengthscales = np.exp(rng.uniform(np.log(0.5), np.log(8.0), x.shape[1]))
         starts.append(Kernel(lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
-    with _quiet_gpy() as gpy:
-        found = [sparse.maximise(gpy, x, z, start, BOUNDS) for start in starts]
+    with np.errstate(all="ignore"), threadpool_limits(1):  # one BLAS thread: the matrices are small
+        found = [likelihood.maximise(x, z, start, BOUNDS) for start in starts]
     usable = [one for one in found if np.isfinite(one[0])]
     if not usable:
         raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
-    best = max(likelihood for likelihood, _ in usable)
-    equal = [kernel for likelihood, kernel in usable if likelihood > best - TIE]
+    best = max(value for value, _ in usable)
+    equal = [kernel for value, kernel in usable if value > best - TIE]
     return max(equal, key=lambda kernel: kernel.noise_variance)
-
-
-@contextmanager
-def _quiet_gpy() -> Iterator[Any]:
-    """GPy, imported late (it takes seconds), with one BLAS thread (thirty times faster) and without its chatter."""
-    loggers = [logging.getLogger(name) for name in ("GP", "GPy", "paramz", "root")]
-    levels = [logger.level for logger in loggers]
-    with warnings.catch_warnings(), np.errstate(all="ignore"), threadpool_limits(1):
-        warnings.simplefilter("ignore")
-        for logger in loggers:
-            logger.setLevel(logging.ERROR)
-        try:
-            import GPy
-
-            yield GPy
-        finally:
-            for logger, level in zip(loggers, levels, strict=True):
-                logger.setLevel(level)

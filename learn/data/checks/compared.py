@@ -10,7 +10,9 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.stamps import spread
 from wrenchgap.learn.data.answering import lagged
+from wrenchgap.learn.data.between import part
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.measurement import derivative, from_actuators, low_pass
 from wrenchgap.plant.state import Commands, Motion
@@ -26,6 +28,8 @@ LAGS = (0.0, 0.03, 0.08)
 """Time constants [s] of the actuators that are tried."""
 LIFTED = 0.3
 """Share of the usual command's size, and of the weight, above which a vehicle flies."""
+ENOUGH, PIECE = 120.0, 20.0
+"""Of a flight that are looked at [s], and of what lies together there."""
 SHORTEST, SLOWEST = 2.0, 0.1
 """Of a stretch, and of its clock's period [s]."""
 
@@ -52,7 +56,8 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     if not stretches or stretches[0].dt > SLOWEST:
         return None
     try:
-        rows = [_row(samples, vehicle) for samples in stretches if len(samples) * samples.dt >= SHORTEST]
+        pieces = looked_at([one for one in stretches if len(one) * one.dt >= SHORTEST])
+        rows = [_row(samples, vehicle) for samples in pieces]
     except FitError:
         return None  # said where the flight is prepared: these are not the rotors of this vehicle
     if not rows or not measured_axes(vehicle, stretches[0].unmeasured).all():
@@ -83,6 +88,19 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     return Compared(measured, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
 
 
+def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
+    """Of hours of flight, `ENOUGH` in pieces of `PIECE` that are evenly spread over each stretch."""
+    total = sum(len(one) * one.dt for one in stretches)
+    if total <= ENOUGH:
+        return list(stretches)
+    out = []
+    for one in stretches:
+        run = round(PIECE / one.dt)
+        most = max(round(len(one) * ENOUGH / total), min(run, len(one)))
+        out += [part(one, rows) for rows in spread(len(one), most, run)]
+    return out
+
+
 Row = tuple[Array, Array | None, Array | None, Array | None, Array | None]
 
 
@@ -109,12 +127,12 @@ def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:
 def moving(seen: Compared, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
     """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C). `fast`: above `FAST_HZ`."""
     out = []
-    for part in seen.parts:
-        late = np.stack([lagged(column[part], tau / seen.dt) for column in values.T], axis=1)
+    for rows in seen.parts:
+        late = np.stack([lagged(column[rows], tau / seen.dt) for column in values.T], axis=1)
         out.append(late - (low_pass(late, seen.dt, FAST_HZ) if fast else late.mean(axis=0)))
     return np.concatenate(out)
 
 
 def flown(seen: Compared, values: Array) -> Array:
     """Values (N, C) of the parts in the air: (K, C)."""
-    return np.concatenate([values[part] for part in seen.parts])
+    return np.concatenate([values[rows] for rows in seen.parts])

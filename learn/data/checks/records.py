@@ -8,12 +8,16 @@ import numpy as np
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.stamps import thinned
 from wrenchgap.learn.data.errors import force_and_torque, length, rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import about_com
+
+ROWS = 20_000
+"""Of a record, evenly spread, on which logged actuators are compared with the logged wrench."""
 
 
 def of_records(flight: Flight, records: Sequence[Record], model: Model) -> tuple[Check, ...]:
@@ -62,8 +66,9 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model) -> list[
     if flight.commanded is None or any(r.source != "logged" for r in records):
         return []
     vehicle = model.vehicle
-    made = np.concatenate([about_com(vehicle.body, nominal_wrench(vehicle, r.commands)) for r in records])
-    logged = np.concatenate([r.commands.wrench_B for r in records])
+    sent = [r.commands.take(thinned(len(r.commands.wrench_B), ROWS)) for r in records]
+    made = np.concatenate([about_com(vehicle.body, nominal_wrench(vehicle, commands)) for commands in sent])
+    logged = np.concatenate([commands.wrench_B for commands in sent])
     (force, torque), (whole, turn) = (force_and_torque(rms(wrench)) for wrench in (made - logged, logged))
     words = f"h(u) of the logged actuators differs from the logged W_cmd by {force:.3g} N and {torque:.3g} Nm rms"
     if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):

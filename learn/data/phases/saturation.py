@@ -41,7 +41,9 @@ def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehi
     _, rotors = vehicle.geometry()
     at = np.any(commands.rotor_speed >= AT * rotors.speed_max, axis=1)
     join = max(1, round(JOINED / samples.dt))
-    missing = low_pass(_missing(commands, source, vehicle), samples.dt, min(cutoff_hz, 0.3 / samples.dt))
+    missing = _missing(commands, source, vehicle)
+    if missing.any():
+        missing = low_pass(missing, samples.dt, min(cutoff_hz, 0.3 / samples.dt))
     weight = vehicle.body.mass * GRAVITY
     arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
     force, torque = np.linalg.norm(missing[:, :3], axis=1), np.linalg.norm(missing[:, 3:], axis=1)
@@ -63,8 +65,11 @@ def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
     if source == "allocated":
         asked = Allocation(vehicle).achievable(about_origin(vehicle.body, commands.wrench_B))
         return np.asarray(asked - nominal_wrench(vehicle, commands))
-    within = np.clip(commands.rotor_speed, 0.0, rotors.speed_max)
-    limited = replace(commands, rotor_speed=within)
-    made = (about_com(vehicle.body, nominal_wrench(vehicle, one)) for one in (commands, limited))
-    asked, given = made
-    return np.asarray(asked - given)
+    within, missing = np.clip(commands.rotor_speed, 0.0, rotors.speed_max), np.zeros((len(commands.rotor_speed), 6))
+    beyond = np.flatnonzero((within != commands.rotor_speed).any(axis=1))
+    if len(beyond):
+        sent = commands.take(beyond)
+        limited = replace(sent, rotor_speed=within[beyond])
+        made = (about_com(vehicle.body, nominal_wrench(vehicle, one)) for one in (sent, limited))
+        missing[beyond] = np.subtract(*made)
+    return missing

@@ -1,0 +1,171 @@
+"""Passes over the rows of a series, compiled, without an array for each step; plain forms stand beside them.
+
+What is asked of hours of log is often one number a column: its largest size, how often it repeats itself. Numpy needs
+an array of the same size for each comparison, and goes down the columns of a matrix in strides
+(tests/flight/test_row_kernels.py compares).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+
+TILE = 1024
+"""Numbers that are gone through at a time: they stay in the nearest cache."""
+
+
+def plain_largest(values: Array) -> Array:
+    """Largest size in each column (C,) of values (N, C); what is not a number counts as nothing."""
+    return np.asarray(np.max(np.nan_to_num(np.abs(values), posinf=np.inf), axis=0, initial=0.0))
+
+
+@njit(cache=True)
+def largest(values: Array) -> Array:
+    """As `plain_largest`."""
+    found = np.zeros(values.shape[1])
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            size = abs(values[i, k])
+            if size > found[k]:
+                found[k] = size
+    return found
+
+
+def plain_beyond(values: Array, limit: float) -> bool:
+    """Whether any of the values (N, C) is larger than a limit, or no number."""
+    return not bool(np.all(np.abs(values) <= limit))
+
+
+@njit(cache=True)
+def beyond(values: Array, limit: float) -> bool:
+    """As `plain_beyond`."""
+    flat = values.reshape(-1)
+    for start in range(0, len(flat), TILE):
+        tile, wrong = flat[start : start + TILE], 0
+        for i in range(len(tile)):
+            wrong += not abs(tile[i]) <= limit
+        if wrong:
+            return True
+    return False
+
+
+def plain_repeats(values: Array) -> Counts:
+    """How often a column repeats its last value, and how often in a row at most: (2, C) of values (N, C)."""
+    out = np.zeros((2, values.shape[1]), dtype=np.int64)
+    for k, column in enumerate(values.T):
+        same = np.diff(column) == 0.0
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
+        out[:, k] = same.sum(), np.max(edges[1::2] - edges[::2], initial=0)
+    return out
+
+
+@njit(cache=True)
+def repeats(values: Array) -> Counts:
+    """As `plain_repeats`."""
+    out = np.zeros((2, values.shape[1]), dtype=np.int64)
+    run = np.zeros(values.shape[1], dtype=np.int64)
+    for i in range(1, values.shape[0]):
+        for k in range(values.shape[1]):
+            if values[i, k] - values[i - 1, k] == 0.0:
+                out[0, k] += 1
+                run[k] += 1
+                if run[k] > out[1, k]:
+                    out[1, k] = run[k]
+            else:
+                run[k] = 0
+    return out
+
+
+def plain_interpolated(time: Array, knots: Array, values: Array) -> Array:
+    """Columns of values (K, C) at increasing `knots` (K,), linear in between, at `time` (N,); held beyond the ends."""
+    columns = [np.interp(time, knots, column) for column in values.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(time), 0))
+
+
+@njit(cache=True)
+def interpolated(time: Array, knots: Array, values: Array) -> Array:
+    """As `plain_interpolated`; each place is looked for from the last one on."""
+    out = np.empty((len(time), values.shape[1]))
+    last, j = len(knots) - 1, 0
+    for i in range(len(time)):
+        t = time[i]
+        if j > 0 and t < knots[j]:
+            j = max(np.searchsorted(knots, t, side="right") - 1, 0)
+        while j < last and knots[j + 1] <= t:
+            j += 1
+        for k in range(values.shape[1]):
+            if np.isnan(t):
+                out[i, k] = np.nan
+            elif j == last or t <= knots[0]:
+                out[i, k] = values[0 if t <= knots[0] else last, k]
+            else:
+                slope = (values[j + 1, k] - values[j, k]) / (knots[j + 1] - knots[j])
+                out[i, k] = slope * (t - knots[j]) + values[j, k]
+    return out
+
+
+def plain_integral(time: Array, values: Array) -> Array:
+    """Integrals (N, C) of values (N, C), straight between their `time` (N,), from the first on."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
+    return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
+
+
+@njit(cache=True)
+def integral(time: Array, values: Array) -> Array:
+    """As `plain_integral`."""
+    out = np.zeros(values.shape)
+    for i in range(1, len(values)):
+        step = time[i] - time[i - 1]
+        for k in range(values.shape[1]):
+            out[i, k] = out[i - 1, k] + 0.5 * (values[i, k] + values[i - 1, k]) * step
+    return out
+
+
+def plain_correlated(values: Array, weights: Array) -> Array:
+    """Weighted sums of the n rows of values (N, C) around each row, (N - n + 1, C); `weights` (n,)."""
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0) @ weights)
+
+
+@njit(cache=True, fastmath={"contract"})
+def correlated(values: Array, weights: Array) -> Array:
+    """As `plain_correlated`, but for rounding; neighbouring rows are a fixed number of places apart."""
+    columns = values.shape[1]
+    out = np.zeros((len(values) - len(weights) + 1, columns))
+    flat, sums = values.reshape(-1), out.reshape(-1)
+    for start in range(0, len(sums), TILE):
+        tile = sums[start : start + TILE]
+        n = len(weights) - len(weights) % 4
+        for k in range(0, n, 4):
+            a, b, c, d = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
+            f, g = flat[start + k * columns :], flat[start + (k + 1) * columns :]
+            h, m = flat[start + (k + 2) * columns :], flat[start + (k + 3) * columns :]
+            for i in range(len(tile)):
+                tile[i] += (a * f[i] + b * g[i]) + (c * h[i] + d * m[i])
+        for k in range(n, len(weights)):
+            a, f = weights[k], flat[start + k * columns :]
+            for i in range(len(tile)):
+                tile[i] += a * f[i]
+    return out
+
+
+def varying(values: Array) -> NDArray[np.bool_]:
+    """Which columns (C,) of values (N, C) are numbers that change; most do within the first rows."""
+    if not len(values):
+        return np.zeros(values.shape[1], dtype=bool)
+    found = np.zeros(values.shape[1], dtype=bool)
+    for start in range(0, len(values), 1024):
+        found |= np.any(values[start : start + 1024] != values[0], axis=0)
+        if found.all():
+            break
+    return np.asarray(found & ~np.isnan(values[0]))
+
+
+def empty(values: Array) -> NDArray[np.bool_]:
+    """Which columns (C,) of values (N, C) are no number throughout."""
+    found = np.asarray(np.isnan(values[:1]).all(axis=0))
+    return np.asarray(np.isnan(values).all(axis=0)) if found.any() else found

@@ -1,0 +1,85 @@
+"""Likelihood, bound and their gradients against GPy's and against differences, and the same searches."""
+
+import logging
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from wrenchgap.learn.process.likelihood import bound, log_likelihood, maximise
+from wrenchgap.learn.process.sparse import Kernel
+from wrenchgap.learn.process.train import BOUNDS
+
+
+def samples(count):
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(count, 3))
+    return x, np.sin(x[:, 0]) + 0.5 * x[:, 1] + 0.1 * rng.normal(size=count)
+
+
+def by_gpy(x, z, kernel, inducing=None):
+    """GPy's model of the same process, within the same bounds."""
+    import GPy
+
+    logging.getLogger("GP").setLevel(logging.ERROR)
+    rbf = GPy.kern.RBF(x.shape[1], variance=kernel.signal_variance, lengthscale=kernel.lengthscales, ARD=True)
+    if inducing is None:
+        model = GPy.models.GPRegression(x, z[:, None], rbf, noise_var=kernel.noise_variance)
+    else:
+        model = GPy.models.SparseGPRegression(x, z[:, None], rbf, Z=inducing)
+        model.likelihood.variance[:] = kernel.noise_variance
+        model.inducing_inputs.fix(warning=False)
+    noise = model.likelihood.variance
+    for parameter, name in ((rbf.lengthscale, "lengthscale"), (rbf.variance, "signal"), (noise, "noise")):
+        parameter.constrain_bounded(*BOUNDS[name], warning=False)
+    return model
+
+
+START = Kernel(np.array([1.5, 2.5, 4.0]), 0.8, 0.05)
+
+
+@pytest.mark.parametrize("sparsely", [False, True])
+def test_value_and_gradient_are_gpys(sparsely):
+    x, z = samples(60)
+    inducing = x[::4] if sparsely else None
+    value, gradient = log_likelihood(x, z, START) if inducing is None else bound(x, z, START, inducing)
+    model = by_gpy(x, z, START, inducing)
+    assert value == pytest.approx(float(np.squeeze(model.log_likelihood())), rel=1e-9)
+    own = [model.kern.variance.gradient, model.kern.lengthscale.gradient, model.likelihood.variance.gradient]
+    np.testing.assert_allclose(gradient, np.concatenate([np.atleast_1d(part) for part in own]), rtol=1e-6)
+
+
+@pytest.mark.parametrize("sparsely", [False, True])
+def test_the_gradient_is_that_of_differences(sparsely):
+    x, z = samples(40)
+
+    def value(theta):
+        kernel = Kernel(theta[1:-1], theta[0], theta[-1])
+        return log_likelihood(x, z, kernel) if not sparsely else bound(x, z, kernel, x[::3])
+
+    theta = np.array([0.8, 1.5, 2.5, 4.0, 0.05])
+    steps = 1e-5 * theta * np.eye(5)
+    slopes = [(value(theta + d)[0] - value(theta - d)[0]) / (2e-5 * t) for d, t in zip(steps, theta, strict=True)]
+    np.testing.assert_allclose(value(theta)[1], slopes, rtol=1e-5, atol=1e-5)
+
+
+def test_the_bound_is_below_the_likelihood_and_reaches_it_with_all_samples():
+    x, z = samples(40)
+    exact, _ = log_likelihood(x, z, START)
+    assert bound(x, z, START, x[::4])[0] < bound(x, z, START, x[::2])[0] < exact
+    assert bound(x, z, START, x)[0] == pytest.approx(exact, abs=1e-4)
+
+
+@pytest.mark.parametrize("sparsely", [False, True])
+def test_the_search_ends_where_gpys_ends(sparsely):
+    x, z = samples(80)
+    inducing = x[::4] if sparsely else None
+    with threadpool_limits(1):
+        likelihood, found = maximise(x, z, START, BOUNDS, inducing)
+        model = by_gpy(x, z, START, inducing)
+        model.optimize("lbfgsb", max_iters=120 if sparsely else 500)
+    assert likelihood == pytest.approx(float(np.squeeze(model.log_likelihood())), abs=1e-4)
+    np.testing.assert_allclose(found.noise_variance, model.likelihood.variance[0], rtol=1e-2)
+    for name, bounds in (("lengthscales", "lengthscale"), ("signal_variance", "signal")):
+        low, high = BOUNDS[bounds]
+        assert np.all((getattr(found, name) >= low) & (getattr(found, name) <= high))
