@@ -10,6 +10,8 @@ export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 export NUMBA_NUM_THREADS = 1
 export MPLBACKEND = Agg
+# Bytecode is kept even where the environment forbids it: pytest rewrites 200 files otherwise, for 8 s in every worker.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: help setup demo test readme slow check format bench golden fuzz faults paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
@@ -49,7 +51,7 @@ SPEED := reading_speed compensation_speed replay_speed loop_speed learn_speed me
 bench: setup ## the tables of docs/performance.md, their rows as JSON in build/bench; then the other benchmarks/*.py
 	@mkdir -p build/bench; set -e; for name in $(SPEED); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name --page --json build/bench/$$name.json; done
-	@set -e; for name in $(filter-out __init__ $(SPEED),$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
+	@set -e; for name in $(filter-out __init__ pages $(SPEED),$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
 
 golden: setup ## keep the golden results of tests/golden anew, after a change that was meant

@@ -9,15 +9,11 @@ flight about all axes. Processor time, not the clock on the wall, because the ma
 that two share is slower in processor time too. So the ratio of two rows of one run is what counts; the load is stated.
 """
 
-import argparse
-import json
-import os
-import re
-from pathlib import Path
 from time import process_time_ns
 
 import numpy as np
 
+from benchmarks import pages
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import warm
 from wrenchgap.compensate.run import run
@@ -27,7 +23,6 @@ from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.state import State
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 DT, TORQUES, POINTS = 0.005, ("torque_x", "torque_y", "torque_z"), 100
 MODEL = model_file.load("voliro_x")
 HOVER = np.array([0.0, 0.0, MODEL.vehicle.body.mass * 9.80665, 0.0, 0.0, 0.0])
@@ -120,33 +115,17 @@ HEADS = ("step of 5 ms", "Newton, mean", "99th percentile", "in blocks", "L-BFGS
 HEADS = (*HEADS, "apart [Nm]")
 
 
-def table(file=None):
-    """The table in Markdown, with the load before and after; its rows into a JSON `file` as they come."""
+def table(found, load):
+    """In Markdown."""
     lines = ["| " + " | ".join(HEADS) + " |", "| --- |" + " ---: |" * (len(HEADS) - 1)]
-    found, before = [], os.getloadavg()[0]
-    for row in rows():
-        found.append(dict(zip(HEADS, row, strict=True)))
-        lines.append("| " + " | ".join(row) + " |")
-        print(lines[-1], flush=True)
-        if file is not None:
-            file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    return "\n".join([*lines, "", load])
+    return "\n".join([*lines, *("| " + " | ".join(row.values()) + " |" for row in found), "", load])
 
 
 def main():
     """Measure; with --page, renew the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
-    parser.add_argument("--json", type=Path, help="write the rows, as they come")
-    asked = parser.parse_args()
+    asked = pages.options(__doc__).parse_args()
     warm()
-    text = table(asked.json)
-    print(text)
-    if asked.page:
-        page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- speed -->\n).*?(\n<!-- /speed -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + m[2], page), encoding="utf-8")
+    pages.measure(asked, "speed", (dict(zip(HEADS, row, strict=True)) for row in rows()), table)
 
 
 if __name__ == "__main__":

@@ -10,11 +10,7 @@ has; the others give one object for each message. All columns are compared with 
 Processor time, because the machine may be busy; the ratio of rows of one run is what counts, and the load is stated.
 """
 
-import argparse
 import hashlib
-import json
-import os
-import re
 import struct
 import tempfile
 import zlib
@@ -32,12 +28,12 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from benchmarks import pages
 from wrenchgap import flight
 from wrenchgap.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries, so3
 from wrenchgap.flight.formats import read_log
 from wrenchgap.flight.formats.decode import ACTUATORS
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 RATE = 200.0
 LONGER = 10.0
 """Minutes of a second log for `inspect`."""
@@ -264,25 +260,11 @@ def lines(found, load):
 
 def main():
     """Measure; with --page, renew the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = pages.options(__doc__)
     parser.add_argument("--minutes", type=float, default=2.0, help="of log")
-    parser.add_argument("--json", type=Path, help="write the rows, as they come")
-    parser.add_argument("--page", action="store_true", help="write the tables into docs/performance.md")
     asked = parser.parse_args()
-    found, before = [], os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
-        for row in rows(Path(folder), asked.minutes):
-            found.append(row)
-            print(json.dumps(row), flush=True)
-            if asked.json:
-                asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    text = lines(found, load)
-    print(text)
-    if asked.page:
-        page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- reading -->\n).*?(<!-- /reading -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + "\n" + m[2], page), encoding="utf-8")
+        pages.measure(asked, "reading", rows(Path(folder), asked.minutes), lines)
 
 
 if __name__ == "__main__":

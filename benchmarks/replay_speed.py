@@ -9,16 +9,13 @@ The log is that of benchmarks/explain_speed.py (tilt_hexarotor at 200 Hz), the p
 derivative in nlopt's L-BFGS, on the first steps of the same log. Processor time, because the machine may be busy.
 """
 
-import argparse
-import json
-import os
-import re
 import tempfile
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 
+from benchmarks import pages
 from benchmarks.explain_speed import HIDDEN, long_flight
 from wrenchgap import flight
 from wrenchgap.compensate import Compensator, Settings
@@ -29,7 +26,6 @@ from wrenchgap.replay import api
 from wrenchgap.replay.compensation.replay import step_through
 from wrenchgap.replay.present.replay import write_log
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 MODEL = model_file.load("tilt_hexarotor")
 POINTS, STEPS = 200, 40
 """Points of the process; steps of the reference."""
@@ -126,26 +122,12 @@ def table(found, load):
 
 def main():
     """Measure; with --page, renew the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = pages.options(__doc__)
     parser.add_argument("--minutes", type=int, default=10, help="of log")
-    parser.add_argument("--json", type=Path, help="write the rows, as they come")
-    parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
     asked = parser.parse_args()
     warm()
-    found, before = [], os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
-        for row in rows(Path(folder), asked.minutes):
-            found.append(row)
-            print(json.dumps(row), flush=True)
-            if asked.json:
-                asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    text = table(found, load)
-    print(text)
-    if asked.page:
-        page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- replay -->\n).*?(\n<!-- /replay -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + m[2], page), encoding="utf-8")
+        pages.measure(asked, "replay", rows(Path(folder), asked.minutes), table)
 
 
 if __name__ == "__main__":

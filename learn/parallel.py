@@ -20,8 +20,9 @@ from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass, replace
+from functools import wraps
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, Any, ParamSpec, TypeVar
 
 import cloudpickle
 from joblib.externals import loky
@@ -32,6 +33,7 @@ from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
 from wrenchgap.plant import own_effects
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 IDLE_SECONDS = 300
 """A worker that has had nothing to do for so long ends."""
@@ -53,6 +55,17 @@ warnings.filterwarnings("ignore", "A worker stopped", UserWarning)  # one that h
 def cores() -> int:
     """Cores that this process may use: affinity, the limits of a container and LOKY_MAX_CPU_COUNT count."""
     return int(loky.cpu_count())
+
+
+def one_thread(work: Callable[P, T]) -> Callable[P, T]:
+    """`work` with one BLAS thread: the last digits of a sum depend on how many it is shared out to."""
+
+    @wraps(work)
+    def limited(*args: P.args, **options: P.kwargs) -> T:
+        with threadpool_limits(1, user_api="blas"):
+            return work(*args, **options)
+
+    return limited
 
 
 def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: Sequence[object] = ()) -> Iterator[T]:

@@ -34,8 +34,14 @@ LONG_FIRST = (
     "test_explain",
     "test_autopilot_pages",
     "test_where",
+    "test_analysis_panels",
+    "test_viewer_page",
+    "test_view_command",
 )
 """Files that take longest: begun last, one worker would be left alone with one of them."""
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # it has one core: a search starts no further processes unless a test says so
+    os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 
 def pytest_collection_modifyitems(items):

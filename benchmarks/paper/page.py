@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
+from benchmarks import pages
 from benchmarks.paper.running import EXPERIMENTS, PAGE, Output, experiment
 
 
@@ -15,14 +15,8 @@ def renew(page: Path, out: Output) -> None:
 
 def renewed(text: str, out: Output) -> str:
     """The text with the tables of every experiment that has results."""
-    for name in EXPERIMENTS:
-        body = out.read(name)
-        if body is None:
-            continue
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        tables = experiment(name).tables(body)
-        text = pattern.sub(lambda m, tables=tables: f"{m.group(1)}{tables}\n{m.group(2)}", text)  # type: ignore[misc]
-    return text
+    bodies = {name: out.read(name) for name in EXPERIMENTS}
+    return pages.renewed(text, {n: experiment(n).tables(body) for n, body in bodies.items() if body is not None})
 
 
 if __name__ == "__main__":

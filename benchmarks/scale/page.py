@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
+from benchmarks import pages
 from benchmarks.harm.rows import kept
 from benchmarks.paper.running import table
 
@@ -158,16 +158,12 @@ def _largest(found: dict[str, dict[str, Any]], kind: str) -> str | None:
 def renew(page: Path = PAGE) -> None:
     """Write the page with the tables of the runs that are kept."""
     found = kept(RESULTS)
-    text = page.read_text(encoding="utf-8")
     tables = {
         "runs": of_runs,
         "memory": of_memory,
         "difference": of_difference,
         "rankings": of_rankings,
         "course": of_course,
+        "estimate": of_estimate,
     }
-    for name, make in {**tables, "estimate": of_estimate}.items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        made = make(found)
-        text = pattern.sub(lambda m, made=made: f"{m.group(1)}{made}\n{m.group(2)}", text)
-    page.write_text(text, encoding="utf-8")
+    pages.renew(page, {name: make(found) for name, make in tables.items()})

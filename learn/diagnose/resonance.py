@@ -23,13 +23,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.signal import bilinear, lfilter, lfilter_zi
+from scipy.signal import lfilter
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.so3 import rotate
 from wrenchgap.learn.data.blocks import UNSTEADY, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.data.measurement import Record
 
 Frame = Literal["E", "B"]
 
@@ -81,9 +80,10 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
     if not loud.any():
         return None
     target, noise, excess = target[:, loud], noise[loud], float(np.sum((excess / noise**2)[loud]))
+    levers = _levers(inputs[:, :3]) if frame == "B" else []
 
     def left(f: float, zeta: float) -> Array:
-        return _left(data, inputs, target, f, zeta, frame)
+        return _left(data, inputs, levers, target, f, zeta)
 
     def cost(f: float, zeta: float) -> float:
         return float(np.mean(np.sum((left(f, zeta) / noise) ** 2, axis=1)))
@@ -117,15 +117,22 @@ def _signals(data: Dataset, predicted: Array, residual: Array, frame: Frame) -> 
     return force - force.mean(axis=0), rotate(quat, residual[:, :3]), np.full(3, mean)
 
 
-def _left(data: Dataset, inputs: Array, target: Array, f: float, zeta: float, frame: Frame) -> Array:
-    """What of the target (K, n) held-out blocks keep, regressed on the oscillator's answer."""
+def _levers(force: Array) -> list[Array]:
+    """The torques (K, 3) of a force (K, 3) that acts at a unit's distance along x, y and z: e_i x F."""
+    x, y, z = force.T
+    none = np.zeros_like(x)
+    return [np.stack(torque, axis=1) for torque in ((none, -z, y), (z, none, -x), (-y, x, none))]
+
+
+def _left(data: Dataset, inputs: Array, levers: list[Array], target: Array, f: float, zeta: float) -> Array:
+    """What of the target (K, n) held-out blocks keep, regressed on the oscillator's answer.
+
+    `levers` are those of the force, for a mass that moves in the frame; none in E.
+    """
     parts = np.split(inputs, np.cumsum([len(r) for r in data.records])[:-1])
-    moved = np.concatenate([_answer(r, part, f, zeta) for r, part in zip(data.records, parts, strict=True)])
-    features = [inputs, moved, np.ones((len(inputs), 1))]
-    if frame == "B":
-        place, force = moved[:, :3], inputs[:, :3]
-        features += [np.cross(np.eye(3)[i] * place[:, i : i + 1], force) for i in range(3)]
-    X = np.hstack(features)
+    moved = np.concatenate([answer(part, r.dt_kept, f, zeta) for r, part in zip(data.records, parts, strict=True)])
+    places = [moved[:, i : i + 1] * lever for i, lever in enumerate(levers)]
+    X = np.hstack([inputs, moved, np.ones((len(inputs), 1)), *places])
     X = X / (np.sqrt(np.mean(X**2, axis=0)) + 1e-30)
     out = np.empty_like(target)
     fold = data.block % 4
@@ -137,12 +144,17 @@ def _left(data: Dataset, inputs: Array, target: Array, f: float, zeta: float, fr
     return out
 
 
-def _answer(record: Record, inputs: Array, f: float, zeta: float) -> Array:
-    """H u and dH u / dt (K, 2n), from rest at the first sample."""
-    w, fs = 2 * np.pi * f, 1.0 / record.dt_kept
+def answer(inputs: Array, dt: float, f: float, zeta: float) -> Array:
+    """H u and dH u / dt (K, 2n) of inputs (K, n) every dt [s], from rest at the first sample.
+
+    The bilinear transform s = c (z - 1) / (z + 1), c = 2 / dt, of w^2 and of w s over s^2 + 2 zeta w s + w^2.
+    """
+    w, c = 2 * np.pi * f, 2.0 / dt
+    scale = c**2 + 2 * zeta * w * c + w**2
+    poles = np.array([1.0, 2 * (w**2 - c**2) / scale, (c**2 - 2 * zeta * w * c + w**2) / scale])
+    position, velocity = w**2 / scale * np.array([1.0, 2.0, 1.0]), w * c / scale * np.array([1.0, 0.0, -1.0])
     out = []
-    for numerator in ([w**2], [w, 0.0]):
-        b, a = bilinear(numerator, [1.0, 2 * zeta * w, w**2], fs)
-        start = lfilter_zi(b, a)[:, None] * inputs[:1]
-        out.append(lfilter(b, a, inputs, axis=0, zi=start)[0])
+    for b, gain in ((position, 1.0), (velocity, 0.0)):  # and what a constant input gives for ever
+        start = np.outer((gain - b[0], b[2] - poles[2] * gain), inputs[0])
+        out.append(lfilter(b, poles, inputs, axis=0, zi=start)[0])
     return np.hstack(out)

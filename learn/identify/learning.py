@@ -24,6 +24,7 @@ from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
 from wrenchgap.learn.identify.guarding import guarded_process
 from wrenchgap.learn.identify.samples import samples
+from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.alternatives import Alternatives, compare_alternatives
 from wrenchgap.learn.process.calibration import Coverage
 from wrenchgap.learn.process.gp import (
@@ -123,6 +124,7 @@ def absorption(
     return absorbed(dataset([r for f in flights for r in f.records], model), model, gp, progress=progress)
 
 
+@one_thread
 def learn(
     flights: Sequence[OpenFlight],
     model: Model,

@@ -29,6 +29,7 @@ from wrenchgap.learn import GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import check_effects
 from wrenchgap.learn.data.held import commanded_otherwise
 from wrenchgap.learn.data.inputs import check
+from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
 from wrenchgap.plant.allocation import Allocation, Saturation
 from wrenchgap.plant.mismatch import Conditioning, conditioning, output_indices
@@ -128,6 +129,7 @@ class Replay(Result):
         return len(self.time)
 
 
+@one_thread
 def replay(
     opened: OpenFlight,
     model: Model,

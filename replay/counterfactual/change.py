@@ -8,6 +8,7 @@ from typing import Any
 
 from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.controller import ControllerGains
@@ -51,6 +52,7 @@ def believed_vehicle(model: Model, believed: Model) -> Vehicle:
     return replace(model.vehicle, body=believed.wrench_model.body)
 
 
+@one_thread
 def change(
     model: Model,
     *,

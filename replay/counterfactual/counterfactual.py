@@ -27,6 +27,7 @@ from wrenchgap.learn.data.recorded_motion import CUTOFF_HZ
 from wrenchgap.learn.data.recording import Recording, read_recording
 from wrenchgap.learn.identify.disturbance import Inference, infer
 from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant import Model, Vehicle
 from wrenchgap.plant.closed_loop import Lost
@@ -191,6 +192,7 @@ class Counterfactual(Result):
         return tuple(named)
 
 
+@one_thread
 def counterfactual(
     recording: Recording,
     model: Model,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, cont2discrete, lfilter
 from scipy.spatial.transform import Rotation
 
-from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, oscillation
+from wrenchgap.learn.diagnose.resonance import LEAST_SHARE, answer, oscillation
 
 G = 9.81
 
@@ -85,6 +85,20 @@ def tumbling(plain, hexarotor):
 def shaken(fly, hexarotor):
     """Steps, which excite up to some hertz."""
     return Hull(fly("none", None, "steps", seed=23, seconds=25)[0], hexarotor)
+
+
+def test_the_answer_is_the_oscillators_from_rest():
+    """H u and s H u of another library's bilinear transform; a constant input is answered by itself and by nothing."""
+    dt, zeta, w = 0.02, 0.1, 2 * np.pi * 1.3
+    inputs = np.random.default_rng(4).normal(size=(300, 2)) + 5.0
+    inputs[0] = 0.0
+    expected = []
+    for numerator in ([w**2], [w, 0.0]):
+        (b,), a, _ = cont2discrete((numerator, [1.0, 2 * zeta * w, w**2]), dt, "bilinear")
+        expected.append(lfilter(b, a, inputs, axis=0))
+    np.testing.assert_allclose(answer(inputs, dt, 1.3, zeta), np.hstack(expected), atol=1e-10)
+    still = answer(np.tile([2.0, -3.0], (50, 1)), dt, 1.3, zeta)
+    np.testing.assert_allclose(still, np.tile([2.0, -3.0, 0.0, 0.0], (50, 1)), atol=1e-10)
 
 
 @pytest.mark.parametrize("length", [0.3, 0.7])

@@ -16,7 +16,7 @@ from wrenchgap.plant.model import make_effect
 COMPILER = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler: sudo apt-get install gcc libc6-dev")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
-SANITISED = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITISED = ("-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 MODEL = wg.load_model("voliro_x")
 TORQUES = ("torque_x", "torque_y", "torque_z")
 OFFSET = np.array([0.004, -0.007, 0.005])

@@ -13,6 +13,12 @@ from wrenchgap.viewer.panels.effects import EffectsPanel
 pytestmark = pytest.mark.browser
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_to_reflect(page):
+    """Surroundings that surfaces mirror take a CPU half of a page's time; test_page_in_browser has them."""
+    page.server.scene.configure_environment_map(hdri=None)
+
+
 @pytest.fixture(autouse=True)
 def as_opened(page):
     """Every test begins with the model as it was opened, the first flight at its start."""
