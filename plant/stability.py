@@ -63,7 +63,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Observer:
-    """A momentum observer (`compensate.Combined`): bandwidth [Hz], lag and delay [s] that it takes the vehicle to have."""
+    """A momentum observer (`compensate.Combined`): bandwidth [Hz], lag and delay [s] that it is told of the vehicle."""
 
     hz: float = 0.0
     lag: float = 0.0
@@ -96,8 +96,8 @@ def open_loop(loop: Loop, observer: Observer = NO_OBSERVER) -> Array:
 def growing_modes(L: Array, at_zero: int) -> NDArray[np.int_]:
     """How many closed-loop poles (R,) are to the right of the imaginary axis, of loops L(j w) (R, F).
 
-    `at_zero` poles of L are at s = 0, none to the right. Nyquist: 1 + L turns by (at_zero / 2 - that number) pi from low to
-    high frequencies.
+    `at_zero` poles of L are at s = 0, none to the right. Nyquist: 1 + L turns by (at_zero / 2 - that number) pi from
+    low to high frequencies.
     """
     phase = np.unwrap(np.angle(1.0 + L), axis=1)
     return np.asarray(np.rint(at_zero / 2.0 - (phase[:, -1] - phase[:, 0]) / np.pi), dtype=int)
@@ -120,8 +120,8 @@ def sensitivity_peak(loop: Loop, observer: Observer = NO_OBSERVER) -> float:
     """Largest |S(j w)|, S = 1 / (1 + L), of the three attitude loops: M_s; infinite where one is unstable.
 
     1 / M_s is the distance of L from -1: a gain margin of at least M_s / (M_s - 1) and a phase margin of at least
-    2 arcsin(1 / (2 M_s)). Between 1.2 and 2 is usual (Astrom and Hagglund, Advanced PID Control, 2006, 4.6; Astrom and Murray,
-    Feedback Systems, 2008, 11.3; Skogestad and Postlethwaite, 2.4: below 2).
+    2 arcsin(1 / (2 M_s)). Between 1.2 and 2 is usual (Astrom and Hagglund, Advanced PID Control, 2006, 4.6; Astrom and
+    Murray, Feedback Systems, 2008, 11.3; Skogestad and Postlethwaite, 2.4: below 2).
     """
     return _peak(loop, observer, lambda L: 1.0 / (1.0 + L))
 

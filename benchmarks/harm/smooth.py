@@ -1,7 +1,8 @@
 """A figure-8 after 20 s of smooth training: what the flight does not show, left to physics or learnt all the same.
 
-Of vehicles of the paper's experiments two processes are learnt from one log: as fitted, like the paper's, and as `learn`
-judges it. A figure-8 to 63 deg is flown without integral, without compensation, with both, and with the judged one and its observer.
+Of vehicles of the paper's experiments two processes are learnt from one log: as fitted, like the paper's, and as
+`learn` judges it. A figure-8 to 63 deg is flown without integral, without compensation, with both, and with the
+judged one and its observer.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@ The law of `plant.controller` is linear in its gains once the torque of the rigi
 
     J^-1 (M_des - omega x J omega) = -2 zeta w e_omega - w^2 e_R - w^2 k_i q + a_k R_BD domega_D + b
 
-axis by axis, with e_R and e_omega from the logged attitude and reference, q the integral of e_R, clamped where the model clamps it, and least squares for the
-coefficients. The controller computes M_des from measured values, so that sensor noise is in regressors and result alike and
-does not bias them; one filter (`learn.data.measurement`) is on both, since they are not of the same instants to a fraction of a
-period. What is not of this form leaves a residual. Gains count where e_R and e_omega explain at least `EXPLAINED` of the
-variance that the other regressors leave, on every axis, and both coefficients are positive: a vehicle that follows without
-error shows none.
+axis by axis, with e_R and e_omega from the logged attitude and reference, q the integral of e_R, clamped where the
+model clamps it, and least squares for the coefficients. The controller computes M_des from measured values, so that
+sensor noise is in regressors and result alike and does not bias them; one filter (`learn.data.measurement`) is on
+both, since they are not of the same instants to a fraction of a period. What is not of this form leaves a residual.
+Gains count where e_R and e_omega explain at least `EXPLAINED` of the variance that the other regressors leave, on
+every axis, and both coefficients are positive: a vehicle that follows without error shows none.
 """
 
 from __future__ import annotations

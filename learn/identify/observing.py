@@ -1,30 +1,31 @@
 """The observer beside a process, from the log that the process was learnt from and a margin of the whole loop.
 
-A vehicle follows with the lag tau (delay included). An observer of bandwidth k that takes it to follow with tau_o makes, of a
-disturbance d and of noise n in the measured rates,
+A vehicle follows with the lag tau (delay included). An observer of bandwidth k that takes it to follow with tau_o
+makes, of a disturbance d and of noise n in the measured rates,
 
     correction = -H Q / (1 + Q (H - H_o)) d,        torque = k J n          above its bandwidth
     Q = k / (s + k),        H = 1 / (1 + tau s),        H_o = 1 / (1 + tau_o s)
 
-**The loop.** Told nothing, the observer works against the lag, tau s^2 + s + k, and with the attitude controller around it
-rings at a third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller, lag, delay and
-observer: M_s <= `MOST_SENSITIVE` (`plant.stability.sensitivity_peak`). With M_s <= 2 the gain may double, the phase margin
-is 29 deg, and since |T| <= 1 + M_s = 3 no error of H below a third of it can make the loop unstable (small gain).
-A feed-forward beside the observer multiplies L by up to 1 + |D| where its slope is wrong: |T| |D| <= 1 is wanted too.
+**The loop.** Told nothing, the observer works against the lag, tau s^2 + s + k, and with the attitude controller
+around it rings at a third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller,
+lag, delay and observer: M_s <= `MOST_SENSITIVE` (`plant.stability.sensitivity_peak`). With M_s <= 2 the gain may
+double, the phase margin is 29 deg, and since |T| <= 1 + M_s = 3 no error of H below a third of it can make the loop
+unstable (small gain). A feed-forward beside the observer multiplies L by up to 1 + |D| where its slope is wrong: |T|
+|D| <= 1 is wanted too.
 
-**What it is told.** Behind a lag that held-out time shows (`learn.identify.lag`), or that has a name, an observer that does not
-know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s, and leaves
-the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is judged with the longest
-that held-out time does not rule out (`longest_lag`), `UNKNOWN` where it rules out none.
+**What it is told.** Behind a lag that held-out time shows (`learn.identify.lag`), or that has a name, an observer
+that does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s,
+and leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is
+judged with the longest that held-out time does not rule out (`longest_lag`), `UNKNOWN` where it rules out none.
 
-**The log.** Among those k the one is chosen that would have left least on the training log, with d the residual that the effects
-and the lag leave, and n the gyroscope above the filter's cut-off, noise and vibration alike:
+**The log.** Among those k the one is chosen that would have left least on the training log, with d the residual that
+the effects and the lag leave, and n the gyroscope above the filter's cut-off, noise and vibration alike:
 
     E(k)^2 = sum over axes of [rms(d - H Q / (1 + Q (H - H_o)) d)^2 + (k J rms(n))^2] / J^2
 
-or rather the smallest whose E is within a tenth of that: faster than the vehicle there is little to gain, and more to amplify.
-d is all of the residual and not what the process leaves of it: of flights that the process has not seen nobody knows
-what it will leave, and where it is distrusted it leaves all.
+or rather the smallest whose E is within a tenth of that: faster than the vehicle there is little to gain, and more to
+amplify. d is all of the residual and not what the process leaves of it: of flights that the process has not seen
+nobody knows what it will leave, and where it is distrusted it leaves all.
 """
 
 from __future__ import annotations
@@ -69,8 +70,8 @@ class Choice:
 def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unseen: float, steepest: float) -> Choice:
     """The observer for these flights (`compensate.Combined`), on a vehicle with the lag of `loop`.
 
-    `late` (6,) [s] are the lags of the outputs that `base` does not know, `unseen` [s] is the lag that may be there where `loop`
-    has none, `steepest` the largest |T| that the feed-forward bears (infinite without one).
+    `late` (6,) [s] are the lags of the outputs that `base` does not know, `unseen` [s] is the lag that may be there
+    where `loop` has none, `steepest` the largest |T| that the feed-forward bears (infinite without one).
     """
     told = loop.lag
     loop = loop if told > 0 else replace(loop, lag=unseen)
@@ -91,8 +92,8 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
 def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:
     """The longest lag [s] that held-out time does not rule out on every one of `outputs` (places in a wrench).
 
-    Ruled out is what predicts held-out blocks worse than no lag, beyond chance. `looks` (6,) as in `learn.identify.lag`; an
-    output to which they are blind rules out nothing. At most `UNKNOWN`.
+    Ruled out is what predicts held-out blocks worse than no lag, beyond chance. `looks` (6,) as in
+    `learn.identify.lag`; an output to which they are blind rules out nothing. At most `UNKNOWN`.
     """
     if not len(outputs) or not looks[outputs].all():
         return UNKNOWN

@@ -42,9 +42,9 @@ def combined(
 ) -> Combined:
     """`compensator`, and an observer of what it leaves, of the bandwidth that training log and attitude loop support.
 
-    The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observing`). Where
-    nothing of the process is to be compensated, effects and observer, or the observer alone. Raises FitError for a process
-    without a bandwidth (`no_bandwidth` says why).
+    The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observing`).
+    Where nothing of the process is to be compensated, effects and observer, or the observer alone. Raises FitError for
+    a process without a bandwidth (`no_bandwidth` says why).
     """
     hz, asked = process.provenance.observer_hz, settings or Settings()
     if hz is None:
@@ -67,7 +67,7 @@ class Judged:
 
 
 def told_observer(process: GaussianProcess | None, model: Model, hz: float) -> Observer:
-    """An observer of `hz`, told the lag of the training log or the named ones without it, and the delay that has a name."""
+    """An observer of `hz`, told the lag of the training log (without one: the named lags) and the named delay."""
     said = None if process is None else process.provenance
     lag = loop_of(model).lag if said is None or not said.loop_delay else said.observer_lag
     return Observer(hz, lag, named_delay(model))
@@ -92,8 +92,9 @@ def no_bandwidth(process: GaussianProcess) -> str:
         return "it was learnt by an older version or --as-fitted; learn it again with `wrenchgap learn`"
     peak = "infinite" if said.observer_peak is None else f"{said.observer_peak:.2g}"
     return (
-        f"the attitude loop itself has a peak of the sensitivity of {peak} behind a lag of {1e3 * said.loop_lag:.0f} ms, and no "
-        f"observer keeps it below {MOST_SENSITIVE:g}; lower the controller's gains in the model, or fly the GP alone"
+        f"the attitude loop itself has a peak of the sensitivity of {peak} behind a lag of "
+        f"{1e3 * said.loop_lag:.0f} ms, and no observer keeps it below {MOST_SENSITIVE:g}; lower the controller's "
+        "gains, or fly the GP alone"
     )
 
 

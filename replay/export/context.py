@@ -11,9 +11,9 @@ from wrenchgap.compensate.fast import ENOUGH, Plan
 from wrenchgap.compensate.physics_program import STATE
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
+from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.c_lines import Code, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
-from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.observer import observer_context
 
 _FIELDS = (("position_E", 0, 3), ("quat_EB", 3, 4), ("velocity_E", 7, 3), ("omega_B", 10, 3), ("time", 13, 1))

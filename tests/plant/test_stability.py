@@ -157,9 +157,10 @@ def test_unstable_loops_are_told_by_nyquist_as_by_their_characteristic_roots(lag
 
 
 def turned(loop, observer, zeta, omega, seconds, push):
-    """Angle of the attitude loop after a push, as ordinary differential equations solved by Runge-Kutta 4 at 1 ms (no code
-    of ours): body, actuator, observer and its model of the actuator; the delay is a line of past torques.
-    """  # noqa: D205
+    """Angle of the attitude loop after a push, by Runge-Kutta 4 at 1 ms, with no code of ours.
+
+    Body, actuator, observer and its model of the actuator; the delay is a line of past torques.
+    """
     dt, k, J0 = 1e-3, 2.0 * np.pi * observer.hz, 0.1
     line, x, found = [0.0] * max(round(loop.delay / dt), 1), np.zeros(5), []
 
