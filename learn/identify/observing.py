@@ -23,9 +23,10 @@ the effects and the lag leave, and n the gyroscope above the filter's cut-off, n
 
     E(k)^2 = sum over axes of [rms(d - H Q / (1 + Q (H - H_o)) d)^2 + (k J rms(n))^2] / J^2
 
-or rather the smallest whose E is within a tenth of that: faster than the vehicle there is little to gain, and more to
-amplify. d is all of the residual and not what the process leaves of it: of flights that the process has not seen
-nobody knows what it will leave, and where it is distrusted it leaves all.
+or rather that of the least M_s whose E is within a tenth of that: E is flat about its least, and there the margin is
+worth more. (Told the lag, the faster observer has the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more
+in the play of servos.) d is all of the residual and not what the process leaves of it: of flights that the process
+has not seen nobody knows what it will leave, and where it is distrusted it leaves all.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ UNKNOWN = 0.1
 MOST_SENSITIVE = 2.0
 """Largest M_s."""
 ENOUGH = 1.1
-"""Ratio of what is left to the least that any bandwidth leaves: the slowest observer within it is taken."""
+"""Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is taken."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
         if sensitivity_peak(loop, tried) <= MOST_SENSITIVE and loop_peak(loop, tried) <= steepest:
             torque = missed(left, hz, tau, told_tau) ** 2 + (2.0 * np.pi * hz * J * noise) ** 2
             costs[tried] = float(np.sqrt(np.sum(torque / J**2)))
-    best = next((o for o, cost in costs.items() if cost <= ENOUGH * min(costs.values())), none)
+    good = {o: sensitivity_peak(loop, o) for o, cost in costs.items() if cost <= ENOUGH * min(costs.values())}
+    best = min(good, key=lambda o: good[o], default=none)
     return Choice(best, loop.lag, sensitivity_peak(loop, best))
 
 
