@@ -80,7 +80,7 @@ def attitude_gains(flights: Sequence[OpenFlight], model: Model) -> FoundGains | 
 def _fitted(X: Array, y: Array) -> tuple[Array, float]:
     """The first two coefficients of least squares, and the variance of what is left."""
     found, *_ = np.linalg.lstsq(X, y, rcond=None)
-    return found[:2], float(np.var(y - X @ found))
+    return np.asarray(found[:2]), float(np.var(y - X @ found))
 
 
 def origin(model: Model) -> str:
@@ -102,7 +102,7 @@ def _regression(samples: Samples, flight: Flight, model: Model) -> tuple[Array, 
     inside = (samples.time >= reference.time[0]) & (samples.time <= reference.time[-1])
     time, omega = samples.time[inside], samples.omega_B[inside]
     J = model.vehicle.body.inertia
-    y = np.linalg.solve(J, (asked[inside, 3:] - cross(omega, omega @ J)).T).T
+    y = np.asarray(np.linalg.solve(J, (asked[inside, 3:] - cross(omega, omega @ J)).T).T)
     R_EB = so3.matrix(samples.quat_EB[inside])
     R_ED = so3.matrix(so3.interpolate(time, reference.time, reference.quat_ED))
     R_BD = np.swapaxes(R_EB, -1, -2) @ R_ED
