@@ -219,6 +219,12 @@ def test_learn_ends_with_a_verdict_for_each_output(shifted, result_of):
     assert result["verdicts"][0]["decision"] == "compensate"
     assert "held-out time supports it (gain" in result["verdicts"][0]["summary"]
     assert result["stability_margin"]["percentile_1"] > 1.0
+    watched, said = result["observer"], shifted[1].gp.provenance
+    assert (watched["hz"], watched["sensitivity_peak"]) == pytest.approx((said.observer_hz, said.observer_peak))
+    assert (watched["lag_s"], watched["loop"]["lag_s"], watched["loop"]["gains"]) == (0.0, 0.01, "log")
+    assert watched["summary"].startswith(
+        f"observer of what the GP leaves: {said.observer_hz:.2g} Hz, told no lag; M_s is"
+    )
 
 
 def test_counterfactual_prints_the_margin_and_flies_gp_and_observer_together(shifted, result_of):
@@ -226,6 +232,7 @@ def test_counterfactual_prints_the_margin_and_flies_gp_and_observer_together(shi
     asked = ("counterfactual", path, "-m", NAME, "--gp", gp, "--start", 4, "--duration", 3, "--baselines")
     result = result_of(*asked)
     assert result["stability_margin"] > 1.0
+    assert result["observer"]["hz"] == pytest.approx(shifted[1].gp.provenance.observer_hz)
     (together,) = [name for name in result["baselines"] if name.startswith("combined: GP and observer")]
     before = np.array(result["tracking"]["uncompensated"]["attitude_error"]["mean_abs"])
     after = np.array(result["baselines"][together]["attitude_error"]["mean_abs"])
