@@ -18,9 +18,11 @@ the last command itself, so that |A^-1 dmu/dpast| < 1 is wanted as well; its inv
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.controller import ControllerGains
@@ -45,45 +47,83 @@ class Margin:
         return float(np.percentile(self.along, 1))
 
 
-def loop_peak(gains: ControllerGains, lag: float = 0.0, delay: float = 0.0) -> float:
-    """Largest |T(j w)| of the three attitude loops, with actuators of this lag and delay [s]."""
-    s = 1j * FREQUENCIES
-    peaks = []
-    for zeta, omega in zip(gains.zeta_attitude, gains.omega_attitude, strict=True):
-        L = (2.0 * zeta * omega * s + omega**2) / s**2 * np.exp(-s * delay) / (1.0 + lag * s)
-        peaks.append(float(np.abs(L / (1.0 + L)).max()))
-    return max(peaks)
-
-
-def sensitivity_peak(loop: Loop, observer_hz: float = 0.0) -> float:
-    """Largest |S(j w)| of the three attitude loops with a momentum observer (`compensate.Combined`) inside.
-
-    The observer, k = 2 pi observer_hz, adds its estimate to the controller's torque: J s omega = H(M_c - d_hat) + d and
-    d_hat = k/s (J s omega - M_c), with H of lag and delay, make the loop
-
-        L(s) = H/s [(1 + k/s) (2 zeta w s + w^2)/s + k],        S = 1 / (1 + L)
-
-    and without lag and delay S is that of the controller times s / (s + k). A peak below 2 is usual (Astrom and Murray,
-    Feedback Systems, 2008, 11.3), infinite peaks belong to loops at the edge of stability; beyond it the number means
-    nothing.
-    """
-    s, k = 1j * FREQUENCIES, 2.0 * np.pi * observer_hz
-    H = np.exp(-s * loop.delay) / (1.0 + loop.lag * s)
-    peaks = []
-    for zeta, omega in zip(loop.gains.zeta_attitude, loop.gains.omega_attitude, strict=True):
-        L = H / s * ((1.0 + k / s) * (2.0 * zeta * omega * s + omega**2) / s + k)
-        peaks.append(float(np.abs(1.0 / (1.0 + L)).max()))
-    return max(peaks)
-
-
 @dataclass(frozen=True)
 class Loop:
-    """The attitude loop: its gains, the inertia (3, 3) [kg m^2], lag and delay [s] of the actuators."""
+    """The attitude loop: its gains, the inertia (3, 3) [kg m^2], lag and delay [s] of the actuators.
+
+    `named_delay` [s] is the part of the delay that the vehicle's model names, and an observer is told.
+    """
 
     gains: ControllerGains
     inertia: Array
     lag: float = 0.0
     delay: float = 0.0
+    named_delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Observer:
+    """A momentum observer (`compensate.Combined`): bandwidth [Hz], lag and delay [s] that it is told of the vehicle."""
+
+    hz: float = 0.0
+    lag: float = 0.0
+    delay: float = 0.0
+
+
+NO_OBSERVER = Observer()
+
+
+def open_loop(loop: Loop, observer: Observer = NO_OBSERVER) -> Array:
+    """L(j w) (3, F) of the three attitude loops, broken at the torque that is asked for.
+
+    With J s^2 theta = H M_asked + d, the controller's torque -J c theta, c = 2 zeta w s + w^2, the actuators
+    H = exp(-s T) / (1 + tau s), what the observer takes them for, H_o, and its low-pass Q = k / (s + k),
+
+        d_hat = Q (d + (H - H_o) M_asked),        M_asked = -J c theta - d_hat
+        L = H (c / s^2 + Q) / (1 - Q H_o)
+
+    The controller's integral is left out: the observer does its work. 1 - Q H_o has no zero to the right of the
+    imaginary axis, since |Q H_o| < 1 there, and one at s = 0.
+    """
+    s, k = 1j * FREQUENCIES, 2.0 * np.pi * observer.hz
+    H = np.exp(-s * loop.delay) / (1.0 + loop.lag * s)
+    H_o = np.exp(-s * observer.delay) / (1.0 + observer.lag * s)
+    Q = k / (s + k)
+    zeta, omega = (np.asarray(v)[:, None] for v in (loop.gains.zeta_attitude, loop.gains.omega_attitude))
+    return np.asarray(H * ((2.0 * zeta * omega * s + omega**2) / s**2 + Q) / (1.0 - Q * H_o))
+
+
+def growing_modes(L: Array, at_zero: int) -> NDArray[np.int_]:
+    """How many closed-loop poles (R,) are to the right of the imaginary axis, of loops L(j w) (R, F).
+
+    `at_zero` poles of L are at s = 0, none to the right. Nyquist: 1 + L turns by (at_zero / 2 - that number) pi from
+    low to high frequencies.
+    """
+    phase = np.unwrap(np.angle(1.0 + L), axis=1)
+    return np.asarray(np.rint(at_zero / 2.0 - (phase[:, -1] - phase[:, 0]) / np.pi), dtype=int)
+
+
+def _peak(loop: Loop, observer: Observer, of: Callable[[Array], Array]) -> float:
+    """Largest size of a closed-loop function of L (3, F); infinite where the loop is unstable."""
+    L = open_loop(loop, observer)
+    if growing_modes(L, 3 if observer.hz > 0 else 2).any():
+        return float("inf")
+    return float(np.abs(of(L)).max())
+
+
+def loop_peak(loop: Loop, observer: Observer = NO_OBSERVER) -> float:
+    """Largest |T(j w)|, T = L / (1 + L), of the three attitude loops; infinite where one is unstable."""
+    return _peak(loop, observer, lambda L: L / (1.0 + L))
+
+
+def sensitivity_peak(loop: Loop, observer: Observer = NO_OBSERVER) -> float:
+    """Largest |S(j w)|, S = 1 / (1 + L), of the three attitude loops: M_s; infinite where one is unstable.
+
+    1 / M_s is the distance of L from -1: a gain margin of at least M_s / (M_s - 1) and a phase margin of at least
+    2 arcsin(1 / (2 M_s)). Between 1.2 and 2 is usual (Astrom and Hagglund, Advanced PID Control, 2006, 4.6; Astrom and
+    Murray, Feedback Systems, 2008, 11.3; Skogestad and Postlethwaite, 2.4: below 2).
+    """
+    return _peak(loop, observer, lambda L: 1.0 / (1.0 + L))
 
 
 def margin(slope: Array, outputs: tuple[str, ...], loop: Loop, past: Array | None = None) -> Margin:
@@ -98,7 +138,7 @@ def margin(slope: Array, outputs: tuple[str, ...], loop: Loop, past: Array | Non
         inverse = np.linalg.pinv(A)
         change = (inverse - np.eye(len(rows))) * weight / weight[:, None]
         size = np.linalg.norm(change, 2, axis=(1, 2))
-        peak = loop_peak(loop.gains, loop.lag, loop.delay)
+        peak = loop_peak(loop)
         along = 1.0 / np.maximum(size * peak, 1e-12)
         if past is not None:
             back = inverse @ past[:, :, rows] * weight / weight[:, None]

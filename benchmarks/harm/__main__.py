@@ -2,6 +2,7 @@
 
 python -m benchmarks.harm vehicles --minutes 25
 python -m benchmarks.harm parts --minutes 25
+python -m benchmarks.harm smooth
 python -m benchmarks.harm page
 """
 
@@ -9,14 +10,14 @@ from __future__ import annotations
 
 import argparse
 
-from benchmarks.harm import parts, rows, vehicles
+from benchmarks.harm import parts, rows, smooth, vehicles
 from benchmarks.harm.page import renew
 
 
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="Does a compensation ever harm?")
-    parser.add_argument("what", choices=("vehicles", "parts", "page"))
+    parser.add_argument("what", choices=("vehicles", "parts", "smooth", "page"))
     parser.add_argument("--minutes", type=float, default=25.0)
     parser.add_argument("--vehicles", type=int, default=vehicles.VEHICLES)
     a = parser.parse_args()
@@ -25,6 +26,8 @@ def main() -> None:
         rows.keep_on(rows.RESULTS / "vehicles.jsonl", keys, vehicles.one, a.minutes)
     if a.what == "parts":
         rows.keep_on(rows.RESULTS / "parts.jsonl", parts.keys(), parts.one, a.minutes)
+    if a.what == "smooth":
+        rows.keep_on(rows.RESULTS / "smooth.jsonl", smooth.keys(), smooth.one, a.minutes)
     renew()
 
 

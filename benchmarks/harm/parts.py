@@ -109,17 +109,19 @@ def one(key: str) -> dict[str, Any]:
     index, trajectory = key.split()
     condition, gp = CONDITIONS[int(index)], learnt(int(index))
     plant = truth(condition)
-    settings, hz = Settings(dt=1.0 / plant.believed.controller.rate_hz), gp.provenance.observer_hz
+    settings, said = Settings(dt=1.0 / plant.believed.controller.rate_hz), gp.provenance
+    hz = said.observer_hz
     assert hz is not None
     body, dt = plant.believed.vehicle, settings.dt
     helpers: dict[str, Callable[[], Any]] = {
         "none": lambda: None,
         "plain": lambda: DisturbanceObserver(body, dt, OBSERVER_HZ),
-        "observer": lambda: Combined(body, dt, hz),
+        "observer": lambda: Combined(body, dt, hz, lag=said.observer_lag),
         "GP": lambda: compensator(gp, plant.believed, settings),
         "combined": lambda: combined(gp, plant.believed, settings),
     }
-    found: dict[str, Any] = {"hz": hz, "lags": list(gp.provenance.lags), "decisions": _decisions(gp)}
+    found: dict[str, Any] = {"hz": hz, "told": said.observer_lag, "peak": said.observer_peak, "lags": list(said.lags)}
+    found["decisions"] = _decisions(gp)
     for name in METHODS:
         flown = fly(plant, named(trajectory, LENGTH), 60, condition, helpers[name]())
         lost = any("control was lost" in str(note) for note in flown.notes)

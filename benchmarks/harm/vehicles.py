@@ -65,8 +65,9 @@ def one(key: str) -> dict[str, Any]:
     found: dict[str, Any] = {"none": step(int(number), kind)}
     refused = set(gp.refused) == set(gp.outputs)
     found["GP"] = found["none"] if refused else outcome(int(number), kind, compensator(gp, believed(), settings))
-    found["combined"] = outcome(int(number), kind, combined(gp, believed(), settings))
     said = gp.provenance
+    watched = said.observer_hz is not None
+    found["combined"] = outcome(int(number), kind, combined(gp, believed(), settings)) if watched else found["GP"]
     return found | {
         "gain": gp.gain.tolist(),
         "decisions": [f"{v.decision.value}: {v.reason.value}" for v in said.verdicts],
@@ -74,6 +75,9 @@ def one(key: str) -> dict[str, Any]:
         "lags": list(said.lags),
         "margin": said.margin,
         "hz": said.observer_hz,
+        "told": said.observer_lag,
+        "peak": said.observer_peak,
+        "gains": said.gains,
     }
 
 

@@ -5,7 +5,7 @@
     3. the fit, and a gain for each output from held-out time (`learn.process.support`)
     4. a stability margin below `LEAST_MARGIN` along the commands: 3. again, blind to the outputs' own components
 
-and a verdict for each output.
+a verdict for each output, and an observer of what the process leaves (`learn.identify.observing`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.identify.lag import lags, shared_lag
-from wrenchgap.learn.identify.observing import observer_hz
+from wrenchgap.learn.identify.observing import choose, longest_lag
 from wrenchgap.learn.identify.samples import Samples, samples, stretches
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Provenance
 from wrenchgap.learn.process.shown import unshown
@@ -82,8 +82,25 @@ def guarded_process(
         lags=tuple(late[rows].tolist()),
         margin=float(min(found.margin.least, 1e6)),
     )
-    hz = observer_hz(records, base, late, loop_of(base, float(late.max())))
-    return replace(found, gp=replace(found.gp, provenance=replace(said, observer_hz=hz)))
+    return replace(found, gp=replace(found.gp, provenance=_observing(said, found, records, base, late)))
+
+
+def _observing(said: Provenance, found: Guarded, records: Sequence[Record], base: Model, late: Array) -> Provenance:
+    """`said` with the observer that the flights and the loop with this process support."""
+    gp, loop = found.gp, loop_of(base, float(late.max()))
+    rows = output_indices(gp.outputs)
+    looks = np.array([axis not in gp.settings.blind for axis in AXES])
+    unseen = 0.0 if loop.lag > 0 else longest_lag(stretches(records, base), looks, rows[rows >= 3])
+    steepest = found.margin.least * found.margin.peak if (gp.gain > 0).any() else np.inf
+    chosen = choose(records, base, late, loop, unseen, steepest)
+    return replace(
+        said,
+        observer_hz=chosen.observer.hz or None,
+        observer_lag=chosen.observer.lag,
+        observer_peak=chosen.peak if np.isfinite(chosen.peak) else None,
+        loop_lag=chosen.lag,
+        loop_delay=loop.delay,
+    )
 
 
 def loop_of(model: Model, lag: float = 0.0) -> Loop:
@@ -92,7 +109,7 @@ def loop_of(model: Model, lag: float = 0.0) -> Loop:
     slow = sum(float(np.max(theta)) for name, theta in known.items() if name in ("servo_lag", "motor_lag"))
     delay = sum(float(theta[0]) for name, theta in known.items() if name == "command_delay")
     period = 1.0 / model.controller.rate_hz
-    return Loop(model.controller, model.vehicle.body.inertia, slow + lag, delay + PERIODS * period)
+    return Loop(model.controller, model.vehicle.body.inertia, slow + lag, delay + PERIODS * period, delay)
 
 
 def _attempt(

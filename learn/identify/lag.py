@@ -56,7 +56,7 @@ def lags(stretches: Sequence[Stretch], looks: NDArray[np.bool_]) -> Array:
 
     Zero on outputs that were not measured.
     """
-    errors = np.stack([_held_out(stretches, looks, tau) for tau in TAUS])
+    errors = np.stack([held_out(stretches, looks, tau) for tau in TAUS])
     count = errors.shape[1]
     block = np.arange(count) * BLOCKS // count
     found = np.zeros(len(AXES))
@@ -77,7 +77,7 @@ def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: 
     Without a test of significance: a process that is blind to all outputs has no slope with which a wrong lag could
     do harm, and what it gains by it is decided on held-out time later.
     """
-    squares = np.stack([_held_out(stretches, looks, tau)[:, outputs] ** 2 for tau in TAUS]).mean(axis=1)
+    squares = np.stack([held_out(stretches, looks, tau)[:, outputs] ** 2 for tau in TAUS]).mean(axis=1)
     relative = (squares / np.maximum(squares[0], 1e-300)).mean(axis=1)
     if not np.isfinite(relative).all():
         return 0.0
@@ -85,7 +85,7 @@ def shared_lag(stretches: Sequence[Stretch], looks: NDArray[np.bool_], outputs: 
     return TAUS[best] if 1.0 - float(np.sqrt(relative[best])) > LEAST_GAIN else 0.0
 
 
-def _held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:
+def held_out(stretches: Sequence[Stretch], looks: NDArray[np.bool_], tau: float) -> Array:
     """Errors (K, 6) of a quadratic in the lagged command, each sample predicted from the other folds."""
     command = np.concatenate([lagged(s.commanded, tau, s.dt) for s in stretches])[:, looks]
     residual = np.concatenate([s.measured - lagged(s.expected, tau, s.dt) for s in stretches])

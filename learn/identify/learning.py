@@ -22,6 +22,7 @@ from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
+from wrenchgap.learn.identify.gains import attitude_gains, origin
 from wrenchgap.learn.identify.guarding import guarded_process
 from wrenchgap.learn.identify.samples import samples
 from wrenchgap.learn.parallel import one_thread
@@ -188,7 +189,10 @@ def learn_process(
         version=tool_version(),
         date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
     )
-    made = guarded_process(records, base, outputs, settings, provenance, progress)
+    flown = attitude_gains(flights, model)
+    provenance = replace(provenance, gains=origin(model) if flown is None else "log")
+    looped = base if flown is None else replace(base, controller=flown.into(base.controller))
+    made = guarded_process(records, looped, outputs, settings, provenance, progress)
     gp, data = made.gp, made.data
     found = [Predictor(NOMINAL, model.nominal.wrench_model), *_lines(records, model, outputs)]
     found += [Predictor(model.name, base.wrench_model)] if base.effects else []

@@ -1,57 +1,113 @@
-"""The bandwidth of an observer beside a process, from the log that the process was learnt from.
+"""The observer beside a process, from the log that the process was learnt from and a margin of the whole loop.
 
-An observer of bandwidth k on a vehicle that follows with the lag tau (delay included) makes, of a disturbance d and of
-noise n in the measured rates,
+A vehicle follows with the lag tau (delay included). An observer of bandwidth k that takes it to follow with tau_o
+makes, of a disturbance d and of noise n in the measured rates,
 
-    correction = -k / (tau s^2 + s + k) d,        torque = k J n          above its bandwidth
+    correction = -H Q / (1 + Q (H - H_o)) d,        torque = k J n          above its bandwidth
+    Q = k / (s + k),        H = 1 / (1 + tau s),        H_o = 1 / (1 + tau_o s)
 
-The first is the observer's low-pass behind the lag, with the loop that it closes: its damping is 1 / (2 sqrt(k tau)),
-so k is bounded by k tau <= `MOST`, a damping of 0.41. tau is the lag that held-out time showed (`learn.identify.lag`)
-with that of named effects; where there is none it is taken for `UNKNOWN`. Up to that bound k is what would have left
-least on the training log, with d the residual that the effects and the lag leave, and n the gyroscope above the
-filter's cut-off, noise and vibration alike:
+**The loop.** Told nothing, the observer works against the lag, tau s^2 + s + k, and with the attitude controller
+around it rings at a third of the bandwidth that this loop by itself bears. So k is bounded by all of it, controller,
+lag, delay and observer: M_s <= `MOST_SENSITIVE` (`plant.stability.sensitivity_peak`). With M_s <= 2 the gain may
+double, the phase margin is 29 deg, and since |T| <= 1 + M_s = 3 no error of H below a third of it can make the loop
+unstable (small gain). A feed-forward beside the observer multiplies L by up to 1 + |D| where its slope is wrong: |T|
+|D| <= 1 is wanted too.
 
-    E(k)^2 = sum over axes of [rms(d - k / (tau s^2 + s + k) d)^2 + (k J rms(n))^2] / J^2
+**What it is told.** Behind a lag that held-out time shows (`learn.identify.lag`), or that has a name, an observer
+that does not know it is left with a third of a hertz. One that knows it has d_hat = Q d and the controller's own M_s,
+and leaves the error of the lag. So it is told. A lag that nobody has seen is not told, but may be there: the loop is
+judged with the longest that held-out time does not rule out (`longest_lag`), `UNKNOWN` where it rules out none.
 
-d is all of the residual and not what the process leaves of it: of flights that the process has not seen nobody knows
-what it will leave, and where it is distrusted it leaves all.
+**The log.** Among those k the one is chosen that would have left least on the training log, with d the residual that
+the effects and the lag leave, and n the gyroscope above the filter's cut-off, noise and vibration alike:
+
+    E(k)^2 = sum over axes of [rms(d - H Q / (1 + Q (H - H_o)) d)^2 + (k J rms(n))^2] / J^2
+
+or rather that of the least M_s whose E is within a tenth of that: E is flat about its least, and there the margin is
+worth more. (Told the lag, the faster observer has the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more
+in the play of servos.) d is all of the residual and not what the process leaves of it: of flights that the process
+has not seen nobody knows what it will leave, and where it is distrusted it leaves all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
-from wrenchgap.learn.identify.lag import lagged
+from wrenchgap.learn.identify.lag import TAUS, Stretch, held_out, lagged
 from wrenchgap.learn.identify.samples import stretches
+from wrenchgap.learn.process.calibration import BLOCKS
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.stability import Loop
+from wrenchgap.plant.stability import Loop, Observer, loop_peak, sensitivity_peak
 
-BANDWIDTHS_HZ = tuple(float(f) for f in np.geomspace(0.2, 12.0, 25))
+BANDWIDTHS_HZ = tuple(float(f) for f in np.geomspace(0.05, 12.0, 34))
 """That are tried."""
 UNKNOWN = 0.1
-"""Lag and delay [s] of a vehicle whose log shows none: tilt servos have 15 to 90 ms."""
-MOST = 1.5
-"""Largest k tau."""
+"""Lag and delay [s] of a vehicle whose log rules out none: tilt servos have 15 to 90 ms."""
+MOST_SENSITIVE = 2.0
+"""Largest M_s."""
+ENOUGH = 1.1
+"""Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is taken."""
 
 
-def observer_hz(records: Sequence[Record], base: Model, late: Array, loop: Loop) -> float:
-    """Bandwidth [Hz] of an observer for these flights (`compensate.Combined`), on a vehicle with the lag of `loop`.
+@dataclass(frozen=True)
+class Choice:
+    """The observer (of 0 Hz: none, because no bandwidth keeps the margins), the lag [s] of the loop that it was chosen
+    for, and M_s of that loop with it.
+    """  # noqa: D205
 
-    `late` (6,) [s] are the lags of the outputs that `base` does not know.
+    observer: Observer
+    lag: float
+    peak: float
+
+
+def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unseen: float, steepest: float) -> Choice:
+    """The observer for these flights (`compensate.Combined`), on a vehicle with the lag of `loop`.
+
+    `late` (6,) [s] are the lags of the outputs that `base` does not know, `unseen` [s] is the lag that may be there
+    where `loop` has none, `steepest` the largest |T| that the feed-forward bears (infinite without one).
     """
-    tau = loop.lag + loop.delay if loop.lag > 0 else UNKNOWN
-    most = min(MOST / tau, base.controller.rate_hz) / (2.0 * np.pi)
-    J = np.diag(base.vehicle.body.inertia)
-    tried = [*(f for f in BANDWIDTHS_HZ if f < most), most]
-    left = residuals(records, base, late)
+    told = loop.lag
+    loop = loop if told > 0 else replace(loop, lag=unseen)
+    tau, told_tau = loop.lag + loop.delay, told + loop.named_delay
+    J, rate = np.diag(base.vehicle.body.inertia), base.controller.rate_hz
     noise = np.sqrt(np.mean([fast_rates(r) ** 2 for r in records], axis=0))
-    costs = [np.sum((missed(left, f, tau) ** 2 + (2.0 * np.pi * f * J * noise) ** 2) / J**2) for f in tried]
-    return float(tried[int(np.argmin(costs))])
+    left, none = residuals(records, base, late), Observer(0.0, told, loop.named_delay)
+    costs: dict[Observer, float] = {}
+    for hz in (f for f in BANDWIDTHS_HZ if 2.0 * np.pi * f <= rate):
+        tried = replace(none, hz=hz)
+        if sensitivity_peak(loop, tried) <= MOST_SENSITIVE and loop_peak(loop, tried) <= steepest:
+            torque = missed(left, hz, tau, told_tau) ** 2 + (2.0 * np.pi * hz * J * noise) ** 2
+            costs[tried] = float(np.sqrt(np.sum(torque / J**2)))
+    good = {o: sensitivity_peak(loop, o) for o, cost in costs.items() if cost <= ENOUGH * min(costs.values())}
+    best = min(good, key=lambda o: good[o], default=none)
+    return Choice(best, loop.lag, sensitivity_peak(loop, best))
+
+
+def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:
+    """The longest lag [s] that held-out time does not rule out on every one of `outputs` (places in a wrench).
+
+    Ruled out is what predicts held-out blocks worse than no lag, beyond chance. `looks` (6,) as in
+    `learn.identify.lag`; an output to which they are blind rules out nothing. At most `UNKNOWN`.
+    """
+    if not len(outputs) or not looks[outputs].all():
+        return UNKNOWN
+    squares = held_out(parts, looks, 0.0)[:, outputs] ** 2
+    block = np.arange(len(squares)) * BLOCKS // len(squares)
+    for tau in (t for t in TAUS if 0.0 < t < UNKNOWN):
+        worse = held_out(parts, looks, tau)[:, outputs] ** 2 - squares
+        large = worse.mean(axis=0) > squares.mean(axis=0)
+        t = [float(paired_t(by_block(block, w))) for w in worse.T]
+        if all(significant(t_k, large=bool(large_k)) for t_k, large_k in zip(t, large, strict=True)):
+            return tau
+    return UNKNOWN
 
 
 def fast_rates(record: Record) -> Array:
@@ -69,11 +125,15 @@ def residuals(records: Sequence[Record], base: Model, late: Array) -> list[tuple
     return found
 
 
-def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float) -> Array:
-    """Rms (3,) of what an observer of this bandwidth leaves of disturbances (K, 3)."""
+def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float, told: float = 0.0) -> Array:
+    """Rms (3,) of what an observer of this bandwidth leaves of disturbances (K, 3), told the lag `told` [s]."""
     squares, count, k = np.zeros(3), 0, 2.0 * np.pi * hz
+    top = np.array([k * told, k])
+    bottom = np.polyadd(
+        np.polymul([1.0, k], np.polymul([tau, 1.0], [told, 1.0])), k * np.polysub([told, 1.0], [tau, 1.0])
+    )
     for d, dt in parts:
-        b, a = bilinear([k], [tau, 1.0, k], fs=1.0 / dt)
+        b, a = bilinear(np.trim_zeros(top, "f"), np.trim_zeros(bottom, "f"), fs=1.0 / dt)
         squares += np.sum((d - lfilter(b, a, d, axis=0)) ** 2, axis=0)
         count += len(d)
     return np.asarray(np.sqrt(squares / max(count, 1)))

@@ -90,7 +90,12 @@ class Provenance:
     verdicts      one for each output; none in files of older versions, and where nobody asked
     lags          first-order lag of each output behind the commands, as the fit found it [s] (`learn.identify.lag`)
     margin        least stability margin along the training commands (`plant.stability`)
-    observer_hz   bandwidth that the training log supports for an observer of what is left [Hz]
+    observer_hz   bandwidth of the observer of what is left that log and loop support [Hz] (`learn.identify.observing`);
+                  None: none does, or nobody looked
+    observer_lag  lag that this observer takes the vehicle to have [s]
+    observer_peak M_s of the attitude loop with it, without it where there is none; None where that loop is unstable
+    loop_lag, loop_delay    of the actuators, with which the loop was judged [s]
+    gains         where the gains of that loop come from: "log", "model", or "typical" of a vehicle of that size
     """
 
     vehicle: str = ""
@@ -105,6 +110,11 @@ class Provenance:
     lags: tuple[float, ...] = ()
     margin: float | None = None
     observer_hz: float | None = None
+    observer_lag: float = 0.0
+    observer_peak: float | None = None
+    loop_lag: float = 0.0
+    loop_delay: float = 0.0
+    gains: str = ""
 
 
 @dataclass(frozen=True)

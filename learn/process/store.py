@@ -28,8 +28,10 @@ from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings, Gaussi
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 
 FORMAT = "wrenchgap Gaussian process"
-VERSION = 3
-READABLE = (1, 2, 3)
+VERSION = 4
+READABLE = (1, 2, 3, 4)
+WITH_LOOP = 4
+"""Version from which on the bandwidth of the observer keeps the margin of the whole loop; an older one is forgotten."""
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 LARGEST = 2**30
@@ -70,7 +72,7 @@ def load(path: Path | str) -> GaussianProcess:
             return GaussianProcess(
                 outputs=tuple(metadata["outputs"]),
                 settings=_settings(metadata["settings"]),
-                provenance=_provenance(metadata["provenance"]),
+                provenance=_provenance(metadata["provenance"], metadata["format_version"]),
                 **arrays,
             )
     except (FitError, ModelError, UsageError) as error:
@@ -139,12 +141,13 @@ def _settings(entries: dict[str, Any]) -> FitSettings:
     return FitSettings(**{**entries, **lists})
 
 
-def _provenance(entries: dict[str, Any]) -> Provenance:
+def _provenance(entries: dict[str, Any], version: int) -> Provenance:
     logs = tuple(LogSource(**log) for log in entries["logs"])
     found: dict[str, Any] = {"logs": logs, "lags": tuple(entries.get("lags", ()))}
     found |= {
         name: tuple(map(make, entries.get(name, ()))) for name, make in (("warnings", _caution), ("verdicts", _verdict))
     }
+    found |= {} if version >= WITH_LOOP else {"observer_hz": None}
     return Provenance(**{**entries, **found})
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.flight import AXES, FitError, Flight
+from wrenchgap.learn.identify.guarding import loop_of
+from wrenchgap.learn.identify.observing import MOST_SENSITIVE, UNKNOWN
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.learn.process.verdict import Verdict
@@ -14,6 +16,7 @@ from wrenchgap.plant.flight_computer import Compensating
 from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
+from wrenchgap.plant.stability import Loop, Observer, sensitivity_peak
 
 TORQUE = AXES[3:]
 OBSERVER_HZ = 1.0
@@ -37,20 +40,62 @@ def compensator(
 def combined(
     process: GaussianProcess, model: Model, settings: Settings | None = None, *, lead: float | None = None
 ) -> Combined:
-    """`compensator`, and an observer of what it leaves, of the bandwidth that the training log supports.
+    """`compensator`, and an observer of what it leaves, of the bandwidth that training log and attitude loop support.
 
-    A lag is left to the observer, which then works against it too; a delay that has a name is not, since nothing can
-    be done about it. Where nothing of the process is to be compensated, effects and observer, or the observer alone.
-    Raises FitError for a process that an older version learnt, or without a look at held-out time: it has no bandwidth.
+    The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observing`).
+    Where nothing of the process is to be compensated, effects and observer, or the observer alone. Raises FitError for
+    a process without a bandwidth (`no_bandwidth` says why).
     """
     hz, asked = process.provenance.observer_hz, settings or Settings()
     if hz is None:
-        raise FitError("GP: has no bandwidth for an observer; learn it again with `wrenchgap learn`, not --as-fitted")
+        raise FitError(f"GP: has no bandwidth for an observer: {no_bandwidth(process)}")
     nothing = set(process.refused) == set(process.outputs) and not asked.despite_verdict
     alone = nothing and process.settings.mean != "physics"
     known = None if alone else compensator(process, model, asked, lead=lead)
     hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
-    return Combined(model.vehicle, asked.dt, hz, known, delay=named_delay(model))
+    lag = process.provenance.observer_lag
+    return Combined(model.vehicle, asked.dt, hz, known, lag=lag, delay=named_delay(model))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An observer in the attitude loop of a model: M_s with it, infinite where the loop is unstable."""
+
+    observer: Observer
+    loop: Loop
+    peak: float
+
+
+def told_observer(process: GaussianProcess | None, model: Model, hz: float) -> Observer:
+    """An observer of `hz`, told the lag of the training log (without one: the named lags) and the named delay."""
+    said = None if process is None else process.provenance
+    lag = loop_of(model).lag if said is None or not said.loop_delay else said.observer_lag
+    return Observer(hz, lag, named_delay(model))
+
+
+def judged(process: GaussianProcess | None, model: Model, hz: float) -> Judged:
+    """An observer of `hz` in the loop of the model's gains, with the lag that the process was judged with.
+
+    Where nobody looked for a lag and none has a name, it is taken for `UNKNOWN`.
+    """
+    said = None if process is None else process.provenance
+    lag = loop_of(model).lag if said is None or not said.loop_delay else said.loop_lag
+    loop = replace(loop_of(model), lag=lag or UNKNOWN)
+    observer = told_observer(process, model, hz)
+    return Judged(observer, loop, sensitivity_peak(loop, observer))
+
+
+def no_bandwidth(process: GaussianProcess) -> str:
+    """Why a process comes without an observer."""
+    said = process.provenance
+    if not said.loop_delay:
+        return "it was learnt by an older version or --as-fitted; learn it again with `wrenchgap learn`"
+    peak = "infinite" if said.observer_peak is None else f"{said.observer_peak:.2g}"
+    return (
+        f"the attitude loop itself has a peak of the sensitivity of {peak} behind a lag of "
+        f"{1e3 * said.loop_lag:.0f} ms, and no observer keeps it below {MOST_SENSITIVE:g}; lower the controller's "
+        "gains, or fly the GP alone"
+    )
 
 
 def named_delay(model: Model) -> float:
@@ -86,7 +131,7 @@ def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple
         found.append(("the effects of the model alone", Compensator(physics_alone, Settings(dt=dt))))
     if process is not None and process.provenance.observer_hz is not None:
         hz = process.provenance.observer_hz
-        found.append((f"combined: GP and observer, {hz:.1f} Hz", combined(process, model, Settings(dt=dt))))
+        found.append((f"combined: GP and observer, {hz:.2g} Hz", combined(process, model, Settings(dt=dt))))
     if process is not None and process.settings.mean == "zero" and not process.settings.inputs:
         inputs = process.input_mean + process.input_scale * process.inputs
         line = fit_linear(inputs, process.residuals * process.output_scale, outputs)

@@ -11,6 +11,7 @@ from wrenchgap.compensate.fast import ENOUGH, Plan
 from wrenchgap.compensate.physics_program import STATE
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
+from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.c_lines import Code, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
 from wrenchgap.replay.export.observer import observer_context
@@ -26,6 +27,7 @@ def context(
     effects: tuple[str, ...],
     tables: list[tuple[str, Array, str]],
     observer: Combined | None,
+    judged: Judged | None,
 ) -> dict[str, Any]:
     """What the templates ask for, of a plan with `effects`."""
     gate, expansion, physics = plan.gate, plan.expansion, plan.physics
@@ -41,7 +43,7 @@ def context(
     contents += [] if observer is None else [f"An observer of {observer.bandwidth_hz:.3g} Hz."]
     return {
         "outputs": tuple(AXES[k] for k in gate.rows),
-        "observer": None if observer is None else observer_context(observer),
+        "observer": None if observer is None or judged is None else observer_context(observer, judged),
         "arms": 0 if physics is None else physics.arms,
         "memory": 0 if physics is None else physics.memory,
         "process": expansion is not None,

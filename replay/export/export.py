@@ -21,7 +21,14 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
-from wrenchgap.replay.compensation.compensators import TORQUE, ProcessCaveat, caveats, compensator
+from wrenchgap.replay.compensation.compensators import (
+    TORQUE,
+    Judged,
+    ProcessCaveat,
+    caveats,
+    compensator,
+    judged,
+)
 from wrenchgap.replay.export.c_lines import Printer
 from wrenchgap.replay.export.context import context, tables_of, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
@@ -57,6 +64,7 @@ class Export(Result):
     caveats    what `learn` warned of
     precision  "double" or "float", of the build unless it says otherwise
     observer_hz, observer_max   bandwidth of the observer and largest estimate (3,) [Nm]; None and () without one
+    judged          that observer in the attitude loop of the model, None without one
     """
 
     model: Model
@@ -74,6 +82,7 @@ class Export(Result):
     caveats: tuple[ProcessCaveat, ...]
     observer_hz: float | None = None
     observer_max: tuple[float, ...] = ()
+    judged: Judged | None = None
 
 
 def export(
@@ -105,6 +114,7 @@ def export(
         raise UsageError("export: regulariser is not zero, and the exported search has none; leave it out")
     loop, plan = _parts(process, kept, asked, lead, alone=observer.bandwidth is not None)
     watched = observed(observer, loop, process, kept, asked.dt)
+    in_loop = None if watched is None else judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
     pieces, tables = _pieces(plan), tables_of(plan)
@@ -113,7 +123,7 @@ def export(
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
     said: dict[str, Any] = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
-    said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched) | _recorded(vectors)
+    said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched, in_loop) | _recorded(vectors)
     said |= {"com": _com(kept), "cost": words_of(price)}
     return Export(
         model=kept,
@@ -131,6 +141,7 @@ def export(
         caveats=() if process is None else caveats(process, model),
         observer_hz=None if watched is None else watched.bandwidth_hz,
         observer_max=() if watched is None else tuple(watched.torque_max.tolist()),
+        judged=in_loop,
     )
 
 

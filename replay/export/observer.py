@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.compensation.compensators import TORQUE, named_delay
+from wrenchgap.replay.compensation.compensators import TORQUE, Judged, no_bandwidth, told_observer
 from wrenchgap.replay.export.c_lines import literal
 from wrenchgap.replay.export.counting import Cost
 
@@ -63,7 +63,8 @@ def observed(
             f"export: nothing bounds the observer's estimate of {', '.join(free)}, of which no mismatch was learnt; "
             "give the largest torque that it may correct with --observer-max NM"
         )
-    return Combined(model.vehicle, dt, hz, ahead, delay=named_delay(model), torque_max=bounds)
+    told = told_observer(process, model, hz)
+    return Combined(model.vehicle, dt, hz, ahead, lag=told.lag, delay=told.delay, torque_max=bounds)
 
 
 def _bandwidth(asked: float | str, process: GaussianProcess | None, dt: float) -> float:
@@ -73,18 +74,21 @@ def _bandwidth(asked: float | str, process: GaussianProcess | None, dt: float) -
         return float(asked)
     known = None if process is None else process.provenance.observer_hz
     if known is None:
-        what = "there is no GP" if process is None else "the GP has none (learn it again, not --as-fitted)"
-        raise UsageError(f"export: --observer log asks for the bandwidth from the log, and {what}; give it in Hz")
+        what = "there is no GP; give it in Hz" if process is None else f"the GP has none: {no_bandwidth(process)}"
+        raise UsageError(f"export: --observer log asks for the bandwidth from the log, and {what}")
     return min(known, 1.0 / (2.0 * math.pi * dt))
 
 
-def observer_context(made: Combined) -> dict[str, Any]:
+def observer_context(made: Combined, judged: Judged) -> dict[str, Any]:
     """What the templates ask for: constants as C, and how far back the torque is that the vehicle makes now."""
-    assert not made.lag.any(), "the exported observer works against lags"
     back = made.delay / made.dt
     return {
         "hz": f"{made.bandwidth_hz:.4g}",
         "delay": f"{made.delay:g}",
+        "lag": f"{made.lag[0]:g}",
+        "follow": _hold(float(made.lag[0]), made.dt),
+        "loop_lag": f"{judged.loop.lag:g}",
+        "peak": f"{judged.peak:.2f}",
         "gain": repr(made.gain),
         "inertia": [[literal(float(v)) for v in row] for row in made.inertia],
         "most": ", ".join(literal(float(v)) for v in made.torque_max),
@@ -92,6 +96,15 @@ def observer_context(made: Combined) -> dict[str, Any]:
         "whole": int(back),
         "part": repr(back - int(back)),
     }
+
+
+def _hold(lag: float, dt: float) -> dict[str, str]:
+    """First-order hold of a lag (`plant.effects.lag`) as C; empty without one."""
+    if lag <= 0.0:
+        return {}
+    a = math.exp(-dt / lag)
+    q = (1.0 - a) * lag / dt
+    return {"a": repr(a), "b0": repr(q - a), "b1": repr(1.0 - q)}
 
 
 def remembered(made: Combined) -> int:
@@ -102,10 +115,12 @@ def remembered(made: Combined) -> int:
 def with_observer(price: Cost, made: Combined, number: int) -> Cost:
     """The cost of a step with the observer: operations, its constants and its memory; `number` are a number's bytes."""
     more = Counter(multiply=9 + 6 + 12, add=6 + 3 + 21 + 9, divide=3, other=9 + 3 * remembered(made))
+    lagging = bool(made.lag.any())
+    more += Counter(multiply=9, add=6, other=3) if lagging else Counter()
     return replace(
         price,
         usual={kind: count + more[kind] for kind, count in price.usual.items()},
         at_worst={kind: count + more[kind] for kind, count in price.at_worst.items()},
         tables=price.tables + number * (9 + 3),
-        memory=price.memory + number * (7 + 3 * remembered(made)),
+        memory=price.memory + number * (7 + (7 if lagging else 0) + 3 * remembered(made)),
     )

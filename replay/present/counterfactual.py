@@ -33,7 +33,7 @@ from wrenchgap.replay.present import learning
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
-from wrenchgap.replay.present.verdicts import margin_in_words
+from wrenchgap.replay.present.verdicts import margin_in_words, observer_in_words, observer_json
 
 
 def notes(result: Counterfactual) -> tuple[str, ...]:
@@ -105,6 +105,8 @@ def parts(result: Counterfactual) -> list[Part]:
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
     checked = [] if result.margin is None else [Line(margin_in_words(result.margin))]
+    process = result.change.process
+    checked += [Line(words) for words in [observer_in_words(process)] if words] if process is not None else []
     return [first, second, third, *checked, *note_lines(notes(result))]
 
 
@@ -145,6 +147,7 @@ def to_json(result: Counterfactual) -> dict[str, Any]:
         "disturbance": entries(size, "mean", "rms", "rms_above_10_hz=rms_fast", "max_abs=largest", "pull_rms=rms_pull"),
         "unmeasured": unmeasured(r.record.noise),
         "stability_margin": None if result.margin is None else min(result.margin.least, 1e6),
+        "observer": None if result.change.process is None else observer_json(result.change.process),
         "controller_explained": inference.explained,
         "lost": None if lost is None else f"{lost}; the re-simulation ends there",
         "notes": list(notes(result)),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pandas as pd
 
+from wrenchgap.learn.identify.observing import MOST_SENSITIVE
+from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.counting import KINDS
 from wrenchgap.replay.export.export import Export
 from wrenchgap.replay.present.learning import of_process
@@ -29,7 +32,7 @@ def parts(made: Export) -> list[Part]:
     inputs = ", ".join(("command", *made.inputs))
     process = [f"process of {made.points} points on {inputs}"] if made.has_process else []
     effects = [f"effects {', '.join(made.effects)}"] if made.effects else []
-    observer = [] if made.observer_hz is None else [f"observer of {made.observer_hz:.2g} Hz"]
+    observer = [] if made.judged is None else [_observer_in_words(made.judged)]
     contents = [*process, *effects, "gate" if made.has_process else "no gate", "search", *observer]
     out: list[Part] = [
         Line(f"{made.model.vehicle.name}: corrects {', '.join(made.outputs)} every {made.dt:g} s in {made.precision}"),
@@ -53,6 +56,7 @@ def parts(made: Export) -> list[Part]:
         )
         out += note_lines([text], "warning")
     out += note_lines(of_process(made.caveats), "warning")
+    out += note_lines(_too_fast(made), "warning")
     left = [f"{name} is not in it: {why}" for name, why in made.left_out.items()]
     return [*out, *note_lines(left, "warning")]
 
@@ -66,7 +70,7 @@ def to_json(made: Export) -> dict[str, Any]:
         **body,
         "files": sorted(made.files),
         "solved": made.solved,
-        "warnings": list(of_process(made.caveats)),
+        "warnings": [*of_process(made.caveats), *_too_fast(made)],
         "operations": {"usual": made.cost.usual, "at_worst": made.cost.at_worst},
         "evaluations": {"usual": made.cost.evaluations_usual, "at_worst": made.cost.evaluations_worst},
         "bytes": {"constants": made.cost.tables, "state": made.cost.memory, "stack": made.cost.stack},
@@ -76,7 +80,32 @@ def to_json(made: Export) -> dict[str, Any]:
 def _observer(made: Export) -> dict[str, Any] | None:
     if made.observer_hz is None:
         return None
-    return {"hz": made.observer_hz, "torque_max_nm": list(made.observer_max)}
+    judged = made.judged
+    assert judged is not None
+    return {
+        "hz": made.observer_hz,
+        "lag_s": judged.observer.lag,
+        "torque_max_nm": list(made.observer_max),
+        "sensitivity_peak": judged.peak if math.isfinite(judged.peak) else None,
+        "loop": {"lag_s": judged.loop.lag, "delay_s": judged.loop.delay},
+    }
+
+
+def _observer_in_words(judged: Judged) -> str:
+    told = f", told a lag of {1e3 * judged.observer.lag:.0f} ms" if judged.observer.lag else ""
+    return f"observer of {judged.observer.hz:.2g} Hz{told} (M_s {judged.peak:.2f})"
+
+
+def _too_fast(made: Export) -> list[str]:
+    """Where the attitude loop with the observer is not as far from instability as it should be."""
+    judged = made.judged
+    if judged is None or judged.peak <= MOST_SENSITIVE:
+        return []
+    what = f"has a peak of the sensitivity of {judged.peak:.1f}" if math.isfinite(judged.peak) else "is unstable"
+    return [
+        f"the attitude loop with an observer of {judged.observer.hz:.2g} Hz, behind a lag of "
+        f"{1e3 * judged.loop.lag:.0f} ms, {what}, more than {MOST_SENSITIVE:g}: it rings; choose a lower --observer"
+    ]
 
 
 def to_frame(made: Export) -> pd.DataFrame:

@@ -27,7 +27,15 @@ from wrenchgap.replay.present import comparison
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
-from wrenchgap.replay.present.verdicts import lags_in_words, margin_in_words, verdict, verdicts, verdicts_json
+from wrenchgap.replay.present.verdicts import (
+    lags_in_words,
+    margin_in_words,
+    observer_in_words,
+    observer_json,
+    verdict,
+    verdicts,
+    verdicts_json,
+)
 
 
 def parts(learnt: Learnt) -> list[Part]:
@@ -48,7 +56,7 @@ def parts(learnt: Learnt) -> list[Part]:
         )
     )
     out.append(Line(margin_in_words(learnt.margin)))
-    out += [Line(words) for words in lags_in_words(gp) if words]
+    out += [Line(words) for words in (observer_in_words(gp), *lags_in_words(gp)) if words]
     if learnt.alternatives is not None and learnt.alternatives.tried:
         out.append(_alternatives(learnt.alternatives, gp.outputs))
     said = [better_inputs(learnt), "" if learnt.absorption is None else absorption_in_words(learnt.absorption)]
@@ -184,6 +192,7 @@ def to_json(learnt: Learnt) -> dict[str, Any]:
         "coverage": {name: {"before": before, "after": after} for name, (before, after) in learnt.coverage.items()},
         "conditioning": {"percentile_1": low, "median": middle, "maximum": high},
         "stability_margin": {"percentile_1": min(margin.least, 1e6), "lag_s": margin.lag, "delay_s": margin.delay},
+        "observer": observer_json(gp),
         "lags_s": list(gp.provenance.lags),
         "blind": list(gp.settings.blind),
         "verdicts": verdicts_json(gp),

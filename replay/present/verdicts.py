@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from wrenchgap.learn.identify.observing import MOST_SENSITIVE
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.stability import Margin
@@ -66,6 +67,45 @@ def margin_in_words(found: Margin) -> str:
     if found.least >= 1.0:
         return words + "the attitude loop is stable whether the slope that was learnt is there or not."
     return words + "below 1 the attitude loop is not guaranteed to be stable if the slope that was learnt is not there."
+
+
+_GAINS = {
+    "log": "the controller's gains as found in the log",
+    "model": "the gains of the model file",
+    "typical": "gains that are usual for a vehicle of this size: neither log nor model file says them",
+}
+
+
+def observer_in_words(gp: GaussianProcess) -> str:
+    """The observer that log and loop support and its margin, in one sentence; empty where nobody looked."""
+    said = gp.provenance
+    if not said.loop_delay:
+        return ""
+    peak = "infinite: it is unstable" if said.observer_peak is None else f"{said.observer_peak:.2f}"
+    loop = (
+        f"(M_s, the peak of the sensitivity of the attitude loop, behind a lag of {1e3 * said.loop_lag:.0f} ms and a "
+        f"delay of {1e3 * said.loop_delay:.0f} ms; {_GAINS.get(said.gains, _GAINS['model'])})"
+    )
+    most = f"{MOST_SENSITIVE:g}"
+    if said.observer_hz is None:
+        return f"observer: none, no bandwidth keeps M_s at or below {most}; without one it is {peak} {loop}."
+    told = f"told a lag of {1e3 * said.observer_lag:.0f} ms" if said.observer_lag else "told no lag"
+    hz = f"{said.observer_hz:.2g} Hz"
+    return f"observer of what the GP leaves: {hz}, {told}; M_s is {peak}, at most {most} is wanted {loop}."
+
+
+def observer_json(gp: GaussianProcess) -> dict[str, Any] | None:
+    """The key `observer` of `learn` and `counterfactual`; None where nobody looked."""
+    said = gp.provenance
+    if not said.loop_delay:
+        return None
+    return {
+        "hz": said.observer_hz,
+        "lag_s": said.observer_lag,
+        "sensitivity_peak": said.observer_peak,
+        "loop": {"lag_s": said.loop_lag, "delay_s": said.loop_delay, "gains": said.gains},
+        "summary": observer_in_words(gp),
+    }
 
 
 def lags_in_words(gp: GaussianProcess) -> list[str]:

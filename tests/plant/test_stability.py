@@ -7,7 +7,17 @@ import pytest
 
 from wrenchgap.plant.controller import ControllerGains
 from wrenchgap.plant.mismatch import LinearMismatch
-from wrenchgap.plant.stability import FREQUENCIES, Loop, loop_peak, margin, of_model, sensitivity_peak
+from wrenchgap.plant.stability import (
+    FREQUENCIES,
+    Loop,
+    Observer,
+    growing_modes,
+    loop_peak,
+    margin,
+    of_model,
+    open_loop,
+    sensitivity_peak,
+)
 
 AXIS = ("torque_x",)
 TORQUES = ("torque_x", "torque_y", "torque_z")
@@ -29,14 +39,16 @@ def test_peak_without_lag_is_that_of_the_closed_form(zeta, omega):
     """|T|^2 = (1 + r^2 u) / ((1 - u)^2 + r^2 u) with r = 2 zeta, u = (w / omega)^2; largest at u = (sqrt(1 + 2 r^2) - 1) / r^2."""  # noqa: E501
     r2 = 4.0 * zeta**2
     u = (np.sqrt(1.0 + 2.0 * r2) - 1.0) / r2
-    assert loop_peak(gains(zeta, omega)) == pytest.approx(np.sqrt((1 + r2 * u) / ((1 - u) ** 2 + r2 * u)), rel=1e-4)
+    assert loop_peak(Loop(gains(zeta, omega), J)) == pytest.approx(
+        np.sqrt((1 + r2 * u) / ((1 - u) ** 2 + r2 * u)), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("s", [0.2, 0.5, 0.9])
 def test_scalar_margin_is_known(s):
     """A = 1 - s, D = A^-1 - 1 = s / (1 - s)."""
     loop = Loop(gains(0.7, 3.5), J)
-    assert margin(slope(-s), AXIS, loop).least == pytest.approx((1.0 - s) / s / loop_peak(loop.gains), rel=1e-9)
+    assert margin(slope(-s), AXIS, loop).least == pytest.approx((1.0 - s) / s / loop_peak(loop), rel=1e-9)
 
 
 def roots(zeta, omega, lag, delay, gain):
@@ -52,7 +64,7 @@ def test_loop_is_stable_up_to_its_margin_and_not_everywhere_beyond(lag, delay):
     """A slope that is not there multiplies the loop by A^-1. Stable at a margin of 1, not at 1/15."""
     zeta, omega = 1.3, 3.5
     loop = Loop(gains(zeta, omega), J, lag, delay)
-    peak = loop_peak(loop.gains, lag, delay)
+    peak = loop_peak(loop)
     for times, stable in ((0.5, True), (1.0, True), (15.0, False)):
         change = times / peak
         s = change / (1.0 + change)
@@ -90,7 +102,7 @@ def test_model_is_looked_at_along_its_inputs():
     line = LinearMismatch(AXIS, np.zeros(1), slope(-0.5)[0], np.ones(1))
     found = of_model(line, np.zeros((7, 6)), Loop(gains(0.7, 3.5), J))
     assert len(found.along) == 7
-    assert found.least == pytest.approx(1.0 / loop_peak(gains(0.7, 3.5)))
+    assert found.least == pytest.approx(1.0 / loop_peak(Loop(gains(0.7, 3.5), J)))
 
 
 def test_observer_multiplies_the_sensitivity_by_its_high_pass():
@@ -99,11 +111,100 @@ def test_observer_multiplies_the_sensitivity_by_its_high_pass():
     s, k = 1j * FREQUENCIES, 2.0 * np.pi * hz
     for high_pass, asked in ((1.0, 0.0), (s / (s + k), hz)):
         expected = np.abs(s**2 / (s**2 + 2 * zeta * w * s + w**2) * high_pass).max()
-        assert sensitivity_peak(Loop(gains(zeta, w), J), asked) == pytest.approx(expected, rel=1e-9)
+        assert sensitivity_peak(Loop(gains(zeta, w), J), Observer(asked)) == pytest.approx(expected, rel=1e-9)
 
 
 def test_lag_makes_an_observer_ring():
     """Behind a lag the peak grows with the bandwidth; an observer of 1 Hz that is quiet at 10 ms is not at 80 ms."""
-    peaks = [sensitivity_peak(Loop(gains(1.3, 3.5), J, 0.08, 0.0075), hz) for hz in (0.0, 0.5, 1.0, 2.0)]
+    peaks = [sensitivity_peak(Loop(gains(1.3, 3.5), J, 0.08, 0.0075), Observer(hz)) for hz in (0.0, 0.5, 1.0, 2.0)]
     assert peaks == sorted(peaks)
-    assert sensitivity_peak(Loop(gains(1.3, 3.5), J, 0.01), 1.0) < 1.3 < 2.0 < peaks[2]
+    assert sensitivity_peak(Loop(gains(1.3, 3.5), J, 0.01), Observer(1.0)) < 1.3 < 2.0 < peaks[2]
+
+
+@pytest.mark.parametrize("hz", [0.5, 3.0, 9.0])
+def test_observer_that_is_told_lag_and_delay_leaves_the_controllers_loop(hz):
+    """H_o = H: 1 + L = (1 + H c / s^2) / (1 - Q H), so that its zeros are the controller's own."""
+    loop = Loop(gains(1.3, 3.5), J, 0.08, 0.0075)
+    s, k = 1j * FREQUENCIES, 2.0 * np.pi * hz
+    H, Q = np.exp(-s * 0.0075) / (1.0 + 0.08 * s), k / (s + k)
+    expected = (1.0 + open_loop(loop)) / (1.0 - Q * H)
+    assert 1.0 + open_loop(loop, Observer(hz, 0.08, 0.0075)) == pytest.approx(expected, rel=1e-9)
+
+
+def closed_loop_poles(loop, observer, zeta, omega):
+    """Poles of J s^2 theta = H M, M = -c theta - d_hat, d_hat = Q (s^2 theta - H_o M), delays by third-order Pade."""
+
+    def late(tau, d):
+        top, bottom = np.poly1d([-(d**3), 12 * d**2, -60 * d, 120]), np.poly1d([d**3, 12 * d**2, 60 * d, 120])
+        return (np.poly1d([1.0]), np.poly1d([tau, 1])) if d == 0 else (top, bottom * np.poly1d([tau, 1]))
+
+    (a, b), (ao, bo) = late(loop.lag, loop.delay), late(observer.lag, observer.delay)
+    k, c = 2.0 * np.pi * observer.hz, np.poly1d([2 * zeta * omega, omega**2])
+    square, low = np.poly1d([1, 0, 0]), np.poly1d([1, k])
+    return (b * square * (low * bo - k * ao) + a * bo * (c * low + k * square)).roots
+
+
+@pytest.mark.parametrize("told", [0.0, 0.05, 0.1])
+@pytest.mark.parametrize(("lag", "delay"), [(0.0, 0.03), (0.05, 0.01), (0.1, 0.0075), (0.1, 0.03)])
+def test_unstable_loops_are_told_by_nyquist_as_by_their_characteristic_roots(lag, delay, told):
+    for hz in (0.3, 1.0, 2.0, 4.0, 8.0, 12.0):
+        loop, observer = Loop(gains(1.3, 3.5), J, lag, delay), Observer(hz, told)
+        roots = closed_loop_poles(loop, observer, 1.3, 3.5)
+        roots = roots[np.abs(roots) > 1e-6]  # the zero of 1 - Q H_o at s = 0 is cancelled by the observer's integral
+        growing = int((roots.real > 0).sum())
+        assert growing_modes(open_loop(loop, observer), 3).tolist() == [growing] * 3
+        assert np.isinf(sensitivity_peak(loop, observer)) == (growing > 0)
+
+
+def turned(loop, observer, zeta, omega, seconds, push):
+    """Angle of the attitude loop after a push, by Runge-Kutta 4 at 1 ms, with no code of ours.
+
+    Body, actuator, observer and its model of the actuator; the delay is a line of past torques.
+    """
+    dt, k, J0 = 1e-3, 2.0 * np.pi * observer.hz, 0.1
+    line, x, found = [0.0] * max(round(loop.delay / dt), 1), np.zeros(5), []
+
+    def asked(x):  # theta, omega, torque, observer's integral, torque that it expects
+        return -J0 * (2 * zeta * omega * x[1] + omega**2 * x[0]) - k * (J0 * x[1] - x[3])
+
+    def rate(x, sent, d):
+        told = x[4] if observer.lag > 0 else asked(x)
+        follows = (asked(x) - x[4]) / observer.lag if observer.lag > 0 else 0.0
+        return np.array([x[1], (x[2] + d) / J0, (sent - x[2]) / loop.lag, told + k * (J0 * x[1] - x[3]), follows])
+
+    for n in range(round(seconds / dt)):
+        sent, d = line[0], push if n * dt < 0.2 else 0.0
+        line = [*line[1:], asked(x)]
+        k1 = rate(x, sent, d)
+        k2 = rate(x + 0.5 * dt * k1, sent, d)
+        k3 = rate(x + 0.5 * dt * k2, sent, d)
+        x = x + dt / 6.0 * (k1 + 2 * k2 + 2 * k3 + rate(x + dt * k3, sent, d))
+        found.append(x[0])
+    return np.array(found)
+
+
+def critical_hz(loop, told):
+    """Between the largest stable and the smallest unstable bandwidth of a fine grid [Hz]."""
+    grid = np.geomspace(0.5, 12.0, 400)
+    return next(f for f in grid if np.isinf(sensitivity_peak(loop, Observer(f, told))))
+
+
+def test_simulated_loop_diverges_where_predicted_and_not_before():
+    loop = Loop(gains(1.3, 3.5), J, 0.08, 0.02)
+    edge = critical_hz(loop, 0.0)
+    below, above = (turned(loop, Observer(f * edge), 1.3, 3.5, 12.0, 0.1) for f in (0.93, 1.07))
+    assert np.abs(below[-2000:]).max() < 0.5 * np.abs(below[2000:4000]).max()
+    assert np.abs(above[-2000:]).max() > 2.0 * np.abs(above[2000:4000]).max()
+
+
+def test_simulated_loop_rings_where_the_peak_is_large_and_not_where_it_is_kept_below_two():
+    """Swings after the push are counted by sign changes of size; at M_s of 10 many, below 2 few."""
+    loop, swings = Loop(gains(1.3, 3.5), J, 0.08, 0.0075), {}
+    for observer in (Observer(0.3), Observer(3.0, 0.08), Observer(3.0)):
+        angle = turned(loop, observer, 1.3, 3.5, 6.0, 0.1)
+        turns = angle[1:-1][(np.diff(angle)[1:] * np.diff(angle)[:-1]) < 0]
+        swings[observer] = int((np.abs(turns) > 0.1 * np.abs(angle).max()).sum())
+    few, told, ringing = swings.values()
+    assert [sensitivity_peak(loop, o) < 2.0 for o in swings] == [True, True, False]
+    assert max(few, told) <= 4
+    assert ringing >= 10

@@ -21,9 +21,11 @@ from tests.replay.exported_c import (
 )
 from wrenchgap.compensate import Combined, Compensator, PhysicsMismatch, Settings
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn.identify.guarding import loop_of
 from wrenchgap.learn.process.store import save
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.simulate import simulate
+from wrenchgap.plant.stability import Observer, sensitivity_peak
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 
@@ -62,15 +64,24 @@ def refused(gp):
     return replace(gp, gain=np.zeros(3), provenance=replace(gp.provenance, verdicts=verdicts))
 
 
-def known(hz=HZ, mean="physics"):
+def known(hz=HZ, mean="physics", lag=0.0):
     """A process about hover whose file has a bandwidth."""
     rng = np.random.default_rng(2)
     hover = np.array([0.0, 0.0, 9.81 * MODEL.vehicle.body.mass, 0.0, 0.0, 0.0])
     gp = process(hover + rng.normal(size=(200, 6)) * [4.0, 4.0, 4.0, 0.2, 0.2, 0.2], mean, points=40)
-    return replace(gp, provenance=replace(gp.provenance, observer_hz=hz))
+    said = {"observer_lag": lag, "observer_peak": 1.5, "loop_lag": lag or 0.03, "loop_delay": 0.0075, "gains": "model"}
+    return replace(gp, provenance=replace(gp.provenance, observer_hz=hz, **said))
 
 
+LAG = 0.06
 CASES = {
+    "process that is told its lag": ({}, known(mean="zero", lag=LAG), "log", 0.4),
+    "process on effects that is told lag and delay": (
+        EFFECTS | {"command_delay": [DELAY]},
+        known(lag=LAG),
+        2.0,
+        None,
+    ),
     "process on effects": (EFFECTS, known(), "log", None),
     "process on effects with a delay": (EFFECTS | {"command_delay": [DELAY]}, known(), 2.0, None),
     "process": ({}, known(mean="zero"), "log", 0.4),
@@ -92,8 +103,9 @@ def test_c_under_sanitisers_is_python_over_a_flight_in_closed_loop(name, tmp_pat
         physics = PhysicsMismatch(model.wrench_model, TORQUES) if effects else None
         ahead = Compensator(physics, SETTINGS) if gp is None else Compensator(gp, SETTINGS, physics=physics)
     bounds = np.full(3, most) if most else 3.0 * gp.mismatch_max
-    delay = DELAY if "delay" in name else 0.0
-    loop = Watched(Combined(MODEL.vehicle, DT, HZ if hz == "log" else hz, ahead, delay=delay, torque_max=bounds))
+    delay, lag = DELAY if "delay" in name else 0.0, LAG if "told" in name or name == "effects" else 0.0
+    hz_known = HZ if hz == "log" else hz
+    loop = Watched(Combined(MODEL.vehicle, DT, hz_known, ahead, lag=lag, delay=delay, torque_max=bounds))
     simulate(with_effects(**EFFECTS), MODEL, named("pitch", 4.0), rng=np.random.default_rng(3), compensator=loop)
     program = built(tmp_path / "c", *SANITISED)
     test = selftest(program)
@@ -193,9 +205,16 @@ def test_observer_costs_and_is_told(tmp_path):
     assert all(both.cost.at_worst[k] >= plain.cost.at_worst[k] for k in plain.cost.at_worst)
     assert both.cost.at_worst["add"] - plain.cost.at_worst["add"] < 100
     assert both.cost.memory > plain.cost.memory
-    assert "observer of 3 Hz" in str(both)
+    assert "observer of 3 Hz (M_s " in str(both)
     assert "observer" not in str(plain)
-    assert both.to_json()["observer"] == {"hz": HZ, "torque_max_nm": list(both.observer_max)}
+    found = both.to_json()["observer"]
+    assert (found["hz"], found["lag_s"], found["torque_max_nm"]) == (HZ, 0.0, list(both.observer_max))
+    loop = replace(loop_of(model), lag=0.03)
+    assert found["sensitivity_peak"] == pytest.approx(sensitivity_peak(loop, Observer(HZ)))
+    assert found["sensitivity_peak"] > 2.0
+    assert any("it rings; choose a lower --observer" in w for w in both.to_json()["warnings"])
+    slow = wg.export_compensator(known(), model, tmp_path / "c", SETTINGS, observer=0.5)
+    assert not any("rings" in w for w in slow.to_json()["warnings"])
     source = both.files["wrenchgap_compensator.c"]
     assert "malloc" not in source
     assert "while" not in source.replace("while wg_step", "")
@@ -205,7 +224,7 @@ def test_observer_costs_and_is_told(tmp_path):
     ("gp", "how", "said"),
     [
         (None, {"observer": "log"}, "there is no GP"),
-        (known(hz=None), {"observer": "log"}, "not --as-fitted"),
+        (known(hz=None), {"observer": "log"}, "peak of the sensitivity of 1.5"),
         (None, {"observer": 2.0}, "--observer-max NM"),
         (None, {"observer_max": 1.0}, "without --observer"),
         (None, {"observer": 2.0, "observer_max": -1.0}, "positive number of newton metres"),
@@ -224,7 +243,8 @@ def test_command_takes_the_bandwidth_from_the_log_or_in_hertz(result_of, refused
     found = result_of("export", "torque.gp", "-m", "voliro_x", "-o", "a", "--observer", "log")
     assert found["observer"]["hz"] == HZ
     found = result_of("export", "torque.gp", "-m", "voliro_x", "-o", "b", "--observer", "1.5", "--observer-max", "0.3")
-    assert found["observer"] == {"hz": pytest.approx(1.5), "torque_max_nm": [0.3, 0.3, 0.3]}
+    assert found["observer"]["hz"] == pytest.approx(1.5)
+    assert found["observer"]["torque_max_nm"] == [0.3, 0.3, 0.3]
     assert "expected a bandwidth in Hz" in refused(
         "export", "torque.gp", "-m", "voliro_x", "-o", "c", "--observer", "fast"
     )

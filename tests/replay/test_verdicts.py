@@ -90,7 +90,11 @@ def test_offset_is_compensated_nearly_in_full(shifted):
         point, low, high = one.reduction
         assert 0.9 < low < point < high <= 1.0
     assert gp.provenance.margin > 1.0
-    assert gp.provenance.observer_hz == pytest.approx(1.5 / 0.1 / (2.0 * np.pi))  # no lag was seen
+    said = gp.provenance
+    assert (said.lags, said.observer_lag, said.loop_lag) == ((0.0, 0.0, 0.0), 0.0, 0.01)  # held-out time rules out more
+    assert said.observer_hz > 1.0
+    assert 1.0 < said.observer_peak <= 2.0
+    assert said.gains == "log"
 
 
 def test_smooth_training_is_corrected():
@@ -147,8 +151,14 @@ def test_combined_of_a_refused_process_is_the_observer_alone(slow):
     helper = compensating.combined(gp, MODEL, Settings(dt=0.005))
     assert helper.feedforward is None
     assert helper.bandwidth_hz == pytest.approx(gp.provenance.observer_hz)
-    with pytest.raises(FitError, match="no bandwidth for an observer"):
-        compensating.combined(replace(gp, provenance=replace(gp.provenance, observer_hz=None)), MODEL)
+    assert helper.lag.tolist() == [gp.provenance.observer_lag] * 3
+    for more, why in (
+        ({"observer_peak": 2.7}, "peak of the sensitivity of 2.7"),
+        ({"loop_delay": 0.0}, "learn it again"),
+    ):
+        without = replace(gp.provenance, observer_hz=None, **more)
+        with pytest.raises(FitError, match=f"no bandwidth for an observer.*{why}"):
+            compensating.combined(replace(gp, provenance=without), MODEL)
 
 
 def test_verdicts_survive_the_file_and_older_files_have_none(slow, tmp_path):
@@ -165,7 +175,8 @@ def test_verdicts_survive_the_file_and_older_files_have_none(slow, tmp_path):
             content = new.read(name)
             if name == "gp.json":
                 said = json.loads(content) | {"format_version": 2}
-                for key in ("verdicts", "lags", "margin", "observer_hz"):
+                later = ("observer_lag", "observer_peak", "loop_lag", "loop_delay", "gains")
+                for key in ("verdicts", "lags", "margin", "observer_hz", *later):
                     del said["provenance"][key]
                 for key in ("blind", "guarded"):
                     del said["settings"][key]
@@ -174,6 +185,23 @@ def test_verdicts_survive_the_file_and_older_files_have_none(slow, tmp_path):
     loaded = store.load(older)
     assert loaded.gain.tolist() == [1.0, 1.0, 1.0]
     assert loaded.refused == ()
+
+
+def test_bandwidth_of_a_version_that_did_not_look_at_the_loop_is_forgotten(slow, tmp_path):
+    path, older = slow[0], tmp_path / "older.gp"
+    with zipfile.ZipFile(path.with_suffix(".gp")) as new, zipfile.ZipFile(older, "w") as old:
+        for name in new.namelist():
+            content = new.read(name)
+            if name == "gp.json":
+                said = json.loads(content) | {"format_version": 3}
+                for key in ("observer_lag", "observer_peak", "loop_lag", "loop_delay", "gains"):
+                    del said["provenance"][key]
+                content = json.dumps(said)
+            old.writestr(name, content)
+    loaded = store.load(older)
+    assert slow[1].gp.provenance.observer_hz
+    assert loaded.provenance.observer_hz is None
+    assert loaded.provenance.verdicts == slow[1].gp.provenance.verdicts
 
 
 def test_commands_obey(slow, refused, result_of):
@@ -191,6 +219,12 @@ def test_learn_ends_with_a_verdict_for_each_output(shifted, result_of):
     assert result["verdicts"][0]["decision"] == "compensate"
     assert "held-out time supports it (gain" in result["verdicts"][0]["summary"]
     assert result["stability_margin"]["percentile_1"] > 1.0
+    watched, said = result["observer"], shifted[1].gp.provenance
+    assert (watched["hz"], watched["sensitivity_peak"]) == pytest.approx((said.observer_hz, said.observer_peak))
+    assert (watched["lag_s"], watched["loop"]["lag_s"], watched["loop"]["gains"]) == (0.0, 0.01, "log")
+    assert watched["summary"].startswith(
+        f"observer of what the GP leaves: {said.observer_hz:.2g} Hz, told no lag; M_s is"
+    )
 
 
 def test_counterfactual_prints_the_margin_and_flies_gp_and_observer_together(shifted, result_of):
@@ -198,6 +232,7 @@ def test_counterfactual_prints_the_margin_and_flies_gp_and_observer_together(shi
     asked = ("counterfactual", path, "-m", NAME, "--gp", gp, "--start", 4, "--duration", 3, "--baselines")
     result = result_of(*asked)
     assert result["stability_margin"] > 1.0
+    assert result["observer"]["hz"] == pytest.approx(shifted[1].gp.provenance.observer_hz)
     (together,) = [name for name in result["baselines"] if name.startswith("combined: GP and observer")]
     before = np.array(result["tracking"]["uncompensated"]["attitude_error"]["mean_abs"])
     after = np.array(result["baselines"][together]["attitude_error"]["mean_abs"])
