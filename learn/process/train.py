@@ -37,6 +37,11 @@ BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0
 BLIND = 1e6
 """Lengthscale of an input that the process does not look at."""
 
+QUIET, LOUD = 1e-3, 0.05
+"""Noise variances: below the first, an exact process on few samples has found none, which sparse inference on all
+samples cannot leave (at a bound the search's transformed gradient vanishes); it is started from the second as well.
+"""
+
 TIE = 7.0
 """Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
 degrees of freedom, six lengthscales and a variance). Then the larger noise is believed: in six dimensions white noise
@@ -168,8 +173,10 @@ class _Posterior:
         x, z = self.x[:, looks], self.residuals[:, index]
         kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
         if self.settings.inference == "sparse":
+            starts = [kernel, *([replace(kernel, noise_variance=LOUD)] if kernel.noise_variance < QUIET else [])]
             with _quiet_gpy() as gpy:
-                likelihood, found = sparse.maximise(gpy, x[self.seen], z[self.seen], kernel, BOUNDS, x[self.kept])
+                tried = [sparse.maximise(gpy, x[self.seen], z[self.seen], k, BOUNDS, x[self.kept]) for k in starts]
+            likelihood, found = max(tried, key=lambda one: one[0])
             kernel = found if np.isfinite(likelihood) else kernel
         lengthscales = np.full(len(looks), BLIND)
         lengthscales[looks] = kernel.lengthscales
