@@ -62,17 +62,18 @@ def refused(gp):
     return replace(gp, gain=np.zeros(3), provenance=replace(gp.provenance, verdicts=verdicts))
 
 
-def known(hz=HZ, mean="physics"):
+def known(hz=HZ, mean="physics", effects=EFFECTS):
     """A process about hover whose file has a bandwidth."""
     rng = np.random.default_rng(2)
     hover = np.array([0.0, 0.0, 9.81 * MODEL.vehicle.body.mass, 0.0, 0.0, 0.0])
-    gp = process(hover + rng.normal(size=(200, 6)) * [4.0, 4.0, 4.0, 0.2, 0.2, 0.2], mean, points=40)
+    gp = process(hover + rng.normal(size=(200, 6)) * [4.0, 4.0, 4.0, 0.2, 0.2, 0.2], mean, points=40, effects=effects)
     return replace(gp, provenance=replace(gp.provenance, observer_hz=hz))
 
 
+LATE = EFFECTS | {"command_delay": [DELAY]}
 CASES = {
     "process on effects": (EFFECTS, known(), "log", None),
-    "process on effects with a delay": (EFFECTS | {"command_delay": [DELAY]}, known(), 2.0, None),
+    "process on effects with a delay": (LATE, known(effects=LATE), 2.0, None),
     "process": ({}, known(mean="zero"), "log", 0.4),
     "effects": (EFFECTS, None, HZ, 0.8),
     "nothing else": ({}, refused(known(mean="zero")), "log", None),
