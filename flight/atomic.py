@@ -8,6 +8,7 @@ kills the process, or fills the disk, leaves the old file or the new one, and at
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,3 +41,12 @@ def _flushed(path: Path) -> None:
     """On the disk before it has its name: after a loss of power a name must not stand over an empty file."""
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())
+
+
+def check_writable(folder: Path, what: str) -> None:
+    """Raise UsageError, which begins with `what`, unless a file can be made in a folder: permissions do not tell."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError:
+        raise UsageError(f"{what}: the folder {folder} cannot be written to; choose another") from None

@@ -48,6 +48,11 @@ NAMES: dict[str, str] = {
 }
 """Every check, in the spelling of `--accept`, and what it looks at; docs/checks.md has a heading for each."""
 
+UNPOWERED = "this log holds no powered flight."
+"""How a reader ends its note of a log whose motors never turned."""
+HOPELESS = ("model",)
+"""Checks that cannot be accepted: nothing can be computed, whatever the user knows."""
+
 
 @dataclass(frozen=True)
 class Check:
@@ -69,7 +74,9 @@ class Check:
 
     @property
     def remedy(self) -> str:
-        """The option that mends it, or accepts it."""
+        """The option that mends it, or accepts it; empty where nothing does."""
+        if self.name in HOPELESS and not self.mend:
+            return ""
         accept = f"--accept {self.name}"
         return f"mend it with {self.mend}, or take it as it is with {accept}" if self.mend else f"or say {accept}"
 

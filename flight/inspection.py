@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.formats import Table
 from wrenchgap.flight.load import assigned, build
 from wrenchgap.flight.roles import ROLE_PARTS, Assignment, Source
-from wrenchgap.flight.stamps import Steps
+from wrenchgap.flight.stamps import Stamps, Steps
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def inspect(
         found = flight.checks or ()
     except LogError as error:
         found = (Check("roles", "bad", str(error)),)
-    first = min(int(table.log_time_ns[0]) for table in log.tables.values())
+    first = min(int(_told(table.log_time_ns)[0]) for table in log.tables.values())
     last = max(int(table.log_time_ns[-1]) for table in log.tables.values())
     return Inspection(
         path=log.path,
@@ -113,9 +113,8 @@ def inspect(
 
 
 def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: Mapping[str, Relation]) -> TopicReport:
-    time = np.sort(
-        (table.log_time_ns if table.header_ns is None else table.header_ns) * 1e-9 - table.log_time_ns[0] * 1e-9
-    )
+    stamps = _told(table.log_time_ns if table.header_ns is None else table.header_ns)
+    time = np.sort((stamps - stamps[0]) * 1e-9)
     steps = Steps(time)
     gaps = steps.gaps
     period = steps.nominal_period if len(time) > 2 else 0.0
@@ -138,6 +137,12 @@ def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: M
         could_play=tuple(part for part, others in assignment.candidates.items() if table.topic in others),
         problem=table.problem,
     )
+
+
+def _told(stamps: Stamps) -> Stamps:
+    """Stamps without those of zero, which say that the time was not known; all where there are no others."""
+    known = stamps[stamps != 0]
+    return known if len(known) else stamps
 
 
 def _plainly_stamped(assignment: Assignment) -> list[Source]:

@@ -33,7 +33,7 @@ from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
 from wrenchgap.flight.meaning import NUMBER, Meaning, meaning
-from wrenchgap.flight.topic_names import TYPES, by_fields, namespace, score
+from wrenchgap.flight.topic_names import TYPES, by_fields, namespace, no_command, score
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
@@ -171,7 +171,7 @@ class _Proposer:
         scored = []
         for topic, table in self.tables.items():
             place = _offered(table, part)
-            if place is not None:
+            if place is not None and not (part in ("commanded", "desired") and no_command(topic)):
                 own = score(part, topic, table.type)
                 scored.append((own + self._kinship(part, topic), len(table), topic, place))
         scored.sort(key=lambda entry: (-entry[0], -entry[1], entry[2]))

@@ -77,6 +77,11 @@ _ROTOR = frozenset(
 _BATTERY = frozenset({"battery", "voltage", "vbat", "power"})
 
 
+def no_command(topic: str) -> bool:
+    """Whether a topic's name says that its wrench is one of a contact, of a sensor, or an estimate."""
+    return bool(name_words("/".join(topic.split("/")[-2:])) & _NOT_COMMAND)
+
+
 def score(part: str, topic: str, kind: str) -> float:
     """How well a topic's name and type suit a part; not above zero means: not without being asked."""
     if name_words(topic) & _FOREIGN:

@@ -10,6 +10,7 @@ All clients see one state: controls, cursor and scene are the server's, only the
 from __future__ import annotations
 
 import io
+import logging
 import socket
 import threading
 from collections.abc import Sequence
@@ -248,8 +249,14 @@ def free_port(host: str, port: int) -> int:
     raise UsageError(f"--host {host} --port {port}: cannot listen there: {reason}; choose others")
 
 
+def _no_handshakes(record: logging.LogRecord) -> bool:
+    """What is no GET, e.g. `curl -I` or a port scan, is refused by websockets, which says so with two tracebacks."""
+    return record.getMessage() != "opening handshake failed"
+
+
 def serve(host: str, port: int) -> Any:
     """A viser server on this host and port, or the next free one."""
     port = free_port(host, port)
+    logging.getLogger("websockets.server").addFilter(_no_handshakes)
     with redirect_stdout(io.StringIO()):  # viser announces itself
         return viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)

@@ -17,6 +17,7 @@ import viser
 from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
+from wrenchgap.viewer.axis import limits, ticks
 from wrenchgap.viewer.colours import CURSOR, GAP, MARKS, css
 from wrenchgap.viewer.plots import Plot
 from wrenchgap.viewer.scene import Stretch
@@ -146,9 +147,9 @@ class Board:
         return Chart(plot, head, marks, cursor, self._chart(plot, *self._data(plot)))
 
     def _send(self, chart: Chart) -> None:
-        chart.chart.data, chart.chart.scales = self._data(chart.plot)
+        chart.chart.data, chart.chart.scales, chart.chart.axes = self._data(chart.plot)
 
-    def _chart(self, plot: Plot, data: tuple[Array, ...], scales: dict[str, Any]) -> Any:
+    def _chart(self, plot: Plot, data: tuple[Array, ...], scales: dict[str, Any], axes: Any) -> Any:
         series: list[Any] = [viser.uplot.Series(label="t [s]")]
         bands = []
         for line in plot.lines:
@@ -166,42 +167,39 @@ class Board:
             tuple(series),
             bands=tuple(bands) or None,
             scales=scales,
-            axes=({"size": X_AXIS, "ticks": TICKS}, {"size": Y_AXIS, "space": 20, "ticks": TICKS}),
+            axes=axes,
             cursor=viser.uplot.Cursor(sync=sync, drag=drag),
             legend=viser.uplot.Legend(show=False),
             height=HEIGHT,
             padding=(4, RIGHT, 0, 0),
         )
 
-    def _data(self, plot: Plot) -> tuple[tuple[Array, ...], dict[str, Any]]:
-        """Columns of a chart and its scales for the range shown, which is fixed: uPlot would stumble over a nan."""
+    def _data(self, plot: Plot) -> tuple[tuple[Array, ...], dict[str, Any], Any]:
+        """Columns of a chart, its scales for the range shown, which is fixed: uPlot would stumble over a nan; its axes.
+
+        All of them in the plot's shown unit.
+        """
         rows: list[Array] = []
         for line in plot.lines:
             rows.append(line.values)
             if line.sigma is not None:
                 rows += [line.values + BAND_SIGMAS * line.sigma, line.values - BAND_SIGMAS * line.sigma]
         start, stop = self.view.start, self.view.stop
-        time, values = envelope(plot.time, np.stack(rows), start, stop)
-        within = values[:, (time >= start) & (time <= stop)]
-        x, y = viser.uplot.Scale(time=False, range=(start, stop)), viser.uplot.Scale(range=_limits(within))
-        return (time, *values), {"x": x, "y": y}
-
-
-def _limits(values: Array) -> tuple[float, float]:
-    """Range of an axis: all finite values with a little air; never empty."""
-    finite = values[np.isfinite(values)]
-    if not finite.size:
-        return -1.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
-    air = 0.06 * (high - low) or max(0.05 * abs(high), 1e-6)
-    return low - air, high + air
+        time, values = envelope(plot.time, plot.factor * np.stack(rows), start, stop)
+        low, high = limits(values[:, (time >= start) & (time <= stop)], plot.factor * plot.floor)
+        x, y = viser.uplot.Scale(time=False, range=(start, stop)), viser.uplot.Scale(range=(low, high))
+        places, words = ticks(low, high)
+        upright = {"size": Y_AXIS, "ticks": TICKS, "splits": places, "values": words}
+        return (time, *values), {"x": x, "y": y}, ({"size": X_AXIS, "ticks": TICKS}, upright)
 
 
 def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
     """Title and unit; every line's name in its colour, its value at the cursor, and how much it changes from A to B."""
-    values = plot.at(time)
-    change = plot.at(marks[1][1]) - plot.at(marks[0][1]) if len(marks) == 2 else np.full(len(values), np.nan)
-    sigmas = plot.sigma_at(time)
+    values = plot.factor * plot.at(time)
+    change = np.full(len(values), np.nan)
+    if len(marks) == 2:
+        change = plot.factor * (plot.at(marks[1][1]) - plot.at(marks[0][1]))
+    sigmas = plot.factor * plot.sigma_at(time)
     lines = [
         {
             "name": line.name if line.name != plot.title else "value",
@@ -212,7 +210,7 @@ def _head(plot: Plot, time: float, marks: tuple[tuple[str, float], ...]) -> str:
         }
         for line, value, sigma, by in zip(plot.lines, values, sigmas, change, strict=True)
     ]
-    return markup.render("plot_head", title=plot.title, unit=plot.unit, lines=lines)
+    return markup.render("plot_head", title=plot.title, unit=plot.shown_unit, lines=lines)
 
 
 def _number(value: float) -> str:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.viewer.axis import prefixed
 from wrenchgap.viewer.colours import Colour, colour_of, line_colours
 from wrenchgap.viewer.scene import Scene
 
 WRENCHES, RESIDUAL, CHANNELS = "Wrench", "Residual", "Log"
 GROUPS = (WRENCHES, RESIDUAL, "Tracking", "Actuators", "Compensation", CHANNELS)
 """Tabs of the plots, in their order; a series may bring another."""
+APART = 0.01
+"""Share of the largest plot of a tab below which a plot has a prefix of its own."""
 AXES = ("x", "y", "z")
 
 
@@ -35,18 +38,35 @@ class Line:
 
 @dataclass(frozen=True)
 class Plot:
-    """Lines over one `time` (N,) [s]; `group` is the tab in which it stands. The title is unique within the group."""
+    """Lines over one `time` (N,) [s]; `group` is the tab in which it stands. The title is unique within the group.
+
+    Values are in `unit`; a chart shows `factor` times them, in `shown_unit`, over a range of at least `floor` [unit].
+    """
 
     group: str
     title: str
     unit: str
     time: Array
     lines: tuple[Line, ...]
+    floor: float = 0.0
+    factor: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def largest(self) -> float:
+        """The largest size of its lines, or half the least range where that is more [unit]; 0 of no values."""
+        sizes = np.abs(np.concatenate([np.zeros(1), *(line.values for line in self.lines)]))
+        return max(float(np.nanmax(sizes)), 0.5 * self.floor)
 
     @property
     def key(self) -> tuple[Any, ...]:
         """What must be equal for a chart to take over the data of another plot."""
-        return (self.group, self.title, self.unit, *((ln.name, ln.colour, ln.sigma is not None) for ln in self.lines))
+        return (
+            self.group,
+            self.title,
+            self.shown_unit,
+            *((ln.name, ln.colour, ln.sigma is not None) for ln in self.lines),
+        )
 
     def at(self, time: float) -> Array:
         """Values of all lines at the last sample that is not after `time`; nan where there is none."""
@@ -63,8 +83,23 @@ class Plot:
 
 def plots_of(scene: Scene) -> list[Plot]:
     """The plots of a flight, tab by tab: torques first, because most effects show there first."""
-    series = [Plot(one.group, one.title, one.unit, one.time, _lines(one.values)) for one in scene.series]
-    return [*_wrenches(scene), *_residuals(scene), *series]
+    series = [Plot(s.group, s.title, s.unit, s.time, _lines(s.values), s.floor) for s in scene.series]
+    return _in_units([*_wrenches(scene), *_residuals(scene), *series])
+
+
+def _in_units(plots: Sequence[Plot]) -> list[Plot]:
+    """The same, shown in units with prefixes: one for all plots of a tab in the same unit, so that they compare.
+
+    A plot of less than `APART` of the largest of them has one of its own: its ticks would have too many digits.
+    """
+    largest: dict[tuple[str, str], float] = {}
+    for plot in plots:
+        tab = (plot.group, plot.unit)
+        largest[tab] = max(largest.get(tab, 0.0), plot.largest)
+    most = [largest[plot.group, plot.unit] for plot in plots]
+    sizes = [plot.largest if plot.largest < APART * of else of for plot, of in zip(plots, most, strict=True)]
+    shown = [prefixed(plot.unit, size) for plot, size in zip(plots, sizes, strict=True)]
+    return [replace(p, factor=factor, shown_unit=unit) for p, (factor, unit) in zip(plots, shown, strict=True)]
 
 
 def channel_plot(name: str, channel: tuple[Array, Array]) -> Plot:
@@ -82,7 +117,7 @@ def _wrenches(scene: Scene) -> list[Plot]:
                 if np.isfinite(wrench[:, column]).any()
             )
             if lines:
-                plots.append(Plot(WRENCHES, f"{kind} {axis}", unit, scene.time, lines))
+                plots.append(Plot(WRENCHES, f"{kind} {axis}", unit, scene.time, lines, scene.floors.get(unit, 0.0)))
     return plots
 
 
@@ -104,7 +139,8 @@ def _residuals(scene: Scene) -> list[Plot]:
         for kind, unit, part in (("torque", "Nm", left[:, 3:]), ("force", "N", left[:, :3])):
             if np.isfinite(part).any():
                 lines = _lines({a: v for a, v in zip(AXES, part.T, strict=True) if np.isfinite(v).any()})
-                plots.append(Plot(RESIDUAL, f"{kind}: measured - {name}", unit, scene.time, lines))
+                title, floor = f"{kind}: measured - {name}", scene.floors.get(unit, 0.0)
+                plots.append(Plot(RESIDUAL, title, unit, scene.time, lines, floor))
     return plots
 
 

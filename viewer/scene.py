@@ -41,6 +41,7 @@ class Series:
     """Quantities over time that belong into one plot: `values` (K,) by name, on `time` (K,) [s]; nan where unknown.
 
     `title` is what they are, `unit` what they are in, e.g. "attitude error" in "deg"; `group` the tab for the plot.
+    `floor` is the least range of the plot [unit]: what varies by less is drawn flat.
     """
 
     title: str
@@ -48,6 +49,7 @@ class Series:
     time: Array
     values: Mapping[str, Array]
     group: str = "Tracking"
+    floor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class Scene:
                                         centre of mass, nan where unknown
     sigma                               of some of them, standard deviation (K, 6), nan where unknown
     residual_of                         the wrench that predicts "measured"; what is left is the residual
+    floors                              by unit, "N" and "Nm": the least range of plots of wrenches and residuals
     series                              what else is worth a plot
     gaps                                stretches that the log does not cover, or that are left out
     worst                               stretches in which the model is farthest from the measurement
@@ -79,6 +82,7 @@ class Scene:
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     sigma: Mapping[str, Array] = field(default_factory=dict)
     residual_of: str | None = None
+    floors: Mapping[str, float] = field(default_factory=dict)
     series: tuple[Series, ...] = ()
     gaps: tuple[Stretch, ...] = ()
     worst: tuple[Stretch, ...] = ()

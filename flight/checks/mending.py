@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.meaning import UNITS
+
+ACCELEROMETER_UNITS = {word: scale for word, (scale, vectors) in UNITS.items() if vectors == ("accel",)}
+ONE = 0.05
+"""A factor this near to one is none: the specific force of a flight is its weight's within some per cent."""
 
 
 def option(flight: Flight, words: str, *parts: str) -> str:
@@ -30,6 +36,8 @@ def _source(flight: Flight, part: str) -> str:
 
 def _with(source: str, words: str) -> str:
     known = source.partition(":")[2].split(",")
+    if words.startswith("accel*") and any(_scales(word) for word in known):
+        return _rescaled(source.partition(":")[0], known, float(words.removeprefix("accel*")))
     if words.startswith("*"):
         return source.replace(":", f"{words}:", 1) if ":" in source else f"{source}{words}"
     fresh = [word for word in words.split(",") if word not in known or "=" in word or "*" in word]
@@ -38,6 +46,23 @@ def _with(source: str, words: str) -> str:
         left = [word for word in known if word != words]
         return source.partition(":")[0] + (f":{','.join(left)}" if left else "")
     return f"{source}{',' if ':' in source else ':'}{','.join(fresh)}"
+
+
+def _scales(word: str) -> bool:
+    return word in ACCELEROMETER_UNITS or word.startswith("accel*")
+
+
+def _rescaled(topic: str, known: Sequence[str], by: float) -> str:
+    """The source with one factor in the place of the words that scale the accelerometer; none where that is about one.
+
+    A factor of about one behind a unit's word means that the word was wrong.
+    """
+    scale = by
+    for word in filter(_scales, known):
+        scale *= ACCELEROMETER_UNITS.get(word) or float(word.removeprefix("accel*"))
+    words = [word for word in known if not _scales(word)]
+    words += [] if abs(scale - 1.0) < ONE else [f"accel*{factor(scale)}"]
+    return topic + (f":{','.join(words)}" if words else "")
 
 
 def factor(value: float) -> str:

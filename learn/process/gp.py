@@ -44,6 +44,7 @@ from wrenchgap.plant.state import State
 
 MeanKind = Literal["zero", "constant", "linear", "physics"]
 Inference = Literal["exact", "sparse"]
+Search = Literal["closed-form", "gpy"]
 
 JITTER = 1e-8
 """Added to the noise variance of the standardised output wherever K is factored, as GPy does."""
@@ -132,6 +133,7 @@ class FitSettings:
     calibrate scale sigma by what it turns out to be on blocks of time that were left out
     restarts  searches from random hyperparameters besides two fixed ones, deterministic in `seed`
     blind     components of the command that the process does not look at
+    search    "closed-form", or GPy's, the paper's: the same optima in several times the time
     guarded   `learn` decides by held-out time what of it is believed (docs/compensation.md#do-no-harm); False: the
               paper's, believed as it is
     """
@@ -148,6 +150,7 @@ class FitSettings:
     pre_thin: int = 5000
     blind: tuple[str, ...] = ()
     guarded: bool = True
+    search: Search = "closed-form"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inputs", mismatch_inputs.checked(self.inputs))

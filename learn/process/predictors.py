@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from wrenchgap.flight.errors import ModelError
+from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
@@ -37,6 +37,25 @@ class OtherPhysics:
     physics: str
 
 
+def check_effects(gp: GaussianProcess, *models: Model) -> None:
+    """Raise FitError unless one of the models has the effects that a process was learnt on, whatever their values.
+
+    A process is what those effects left of the measured wrench: with others it corrects what they do, or do not do.
+    """
+    if any(_has_effects_of(gp, model) for model in models):
+        return
+    have = ", ".join(e.name for e in models[0].effects) or "none"
+    learnt = "the nominal vehicle" if gp.provenance.physics == NOMINAL else f"the effects {gp.provenance.physics}"
+    raise FitError(
+        f"GP: learnt on top of {learnt}, and the effects of {models[0].name} are {have}; give the model that it was "
+        "learnt on (-m), or learn one on this model with `wrenchgap learn`"
+    )
+
+
+def _has_effects_of(gp: GaussianProcess, model: Model) -> bool:
+    return sorted(gp.provenance.physics.split(", ")) == sorted([e.name for e in model.effects] or [NOMINAL])
+
+
 ProcessNote = WithoutEffects | OtherFilter | OtherPhysics
 
 
@@ -50,7 +69,8 @@ def predictors(
     """What to compare, and notes: the nominal vehicle, the model if it has effects, others, the GP on its model.
 
     The Gaussian process is added to what it was learnt on: the model itself, or the nominal vehicle. `labels` name the
-    model and the others. Raises ModelError for models of different vehicles, FitError for a process of another one.
+    model and the others. Raises ModelError for models of different vehicles, FitError for a process of another one,
+    or one on top of effects that none of them has.
     """
     found = [Predictor(NOMINAL, model.nominal.wrench_model)]
     notes: list[ProcessNote] = []
@@ -68,6 +88,8 @@ def predictors(
         candidates = [(model.nominal, NOMINAL), (model, name), *others]
         base, learnt_on = next((c for c in candidates if content_hash(c[0]) == gp.provenance.model_hash), (None, ""))
         if base is None:
+            check_effects(gp, model, *(candidate for candidate, _ in candidates))
+            base, learnt_on = next(c for c in candidates if _has_effects_of(gp, c[0]))
             notes.append(OtherPhysics(gp.provenance.physics))
         learnt = gp.provenance.cutoff_hz
         if learnt is not None and cutoff_hz is not None and learnt != cutoff_hz:

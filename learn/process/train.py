@@ -7,7 +7,8 @@ enough that the GP notices when it leaves its data, and a noise that keeps the k
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from functools import partial
 from typing import Any, get_args
@@ -17,9 +18,9 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.learn.process import calibration, likelihood, sparse
+from wrenchgap.learn.process import by_gpy, calibration, likelihood, sparse
 from wrenchgap.learn.process.calibration import Mask
-from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance
+from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance, Search
 from wrenchgap.learn.process.sparse import Kernel
 from wrenchgap.learn.process.subsample import Indices, subsample, thin
 from wrenchgap.learn.process.support import HeldOut
@@ -33,6 +34,14 @@ BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0
 
 BLIND = 1e6
 """Lengthscale of an input that the process does not look at."""
+
+SEARCHES = {"closed-form": likelihood.maximise, "gpy": by_gpy.maximise}
+"""What maximises a likelihood, by `FitSettings.search`."""
+
+QUIET, LOUD = 1e-3, 0.05
+"""Noise variances: below the first, an exact process on few samples has found none, which sparse inference on all
+samples cannot leave (at a bound the search's transformed gradient vanishes); it is started from the second as well.
+"""
 
 TIE = 7.0
 """Log likelihoods closer than this say the same (likelihood-ratio test: half the 95th percentile of chi^2 with seven
@@ -165,8 +174,11 @@ class _Posterior:
         x, z = self.x[:, looks], self.residuals[:, index]
         kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
         if self.settings.inference == "sparse":
-            with threadpool_limits(1), np.errstate(all="ignore"):
-                bound, found = likelihood.maximise(x[self.seen], z[self.seen], kernel, BOUNDS, x[self.kept])
+            starts = [kernel, *([replace(kernel, noise_variance=LOUD)] if kernel.noise_variance < QUIET else [])]
+            maximise = SEARCHES[self.settings.search]
+            with _quietly():
+                tried = [maximise(x[self.seen], z[self.seen], k, BOUNDS, x[self.kept]) for k in starts]
+            bound, found = max(tried, key=lambda one: one[0])
             kernel = found if np.isfinite(bound) else kernel
         lengthscales = np.full(len(looks), BLIND)
         lengthscales[looks] = kernel.lengthscales
@@ -203,7 +215,7 @@ def _check(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitS
     output_indices(tuple(names))
     if inputs.ndim != 2 or outputs.shape != (len(inputs), len(names)):
         raise FitError(f"fit: inputs {inputs.shape} and outputs {outputs.shape} do not match {len(names)} outputs")
-    for what, kind in (("mean", MeanKind), ("inference", Inference)):
+    for what, kind in (("mean", MeanKind), ("inference", Inference), ("search", Search)):
         value, known = getattr(settings, what), get_args(kind)
         if value not in known:
             raise UsageError(f"fit: unknown {what} {value!r}; available: {', '.join(known)}")
@@ -259,11 +271,18 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
     for _ in range(settings.restarts):
         lengthscales = np.exp(rng.uniform(np.log(0.5), np.log(8.0), x.shape[1]))
         starts.append(Kernel(lengthscales, float(np.exp(rng.uniform(-1, 2))), float(np.exp(rng.uniform(-6, -1)))))
-    with np.errstate(all="ignore"), threadpool_limits(1):  # one BLAS thread: the matrices are small
-        found = [likelihood.maximise(x, z, start, BOUNDS) for start in starts]
+    with _quietly():
+        found = [SEARCHES[settings.search](x, z, start, BOUNDS) for start in starts]
     usable = [one for one in found if np.isfinite(one[0])]
     if not usable:
         raise FitError("fit: the likelihood could not be maximised from any start; are there enough different samples?")
     best = max(value for value, _ in usable)
     equal = [kernel for value, kernel in usable if value > best - TIE]
     return max(equal, key=lambda kernel: kernel.noise_variance)
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """One BLAS thread, since the matrices are small, and no word of what a search overflows on its way."""
+    with np.errstate(all="ignore"), threadpool_limits(1):
+        yield

@@ -8,8 +8,17 @@ from typing import Annotated
 import typer
 
 
+def existing(paths: list[Path] | Path | None) -> list[Path] | Path | None:
+    """The same paths, once all are there: asked before anything heavy is imported."""
+    for path in [paths] if isinstance(paths, Path) else paths or ():
+        if not path.exists():
+            raise typer.BadParameter(f"{path}: no such file or folder")
+    return paths
+
+
 def flights(paths: list[Path] | None) -> list[Path] | None:
     """The same logs, with each folder that is no bag replaced by the logs in it."""
+    existing(paths)
     if not paths or not any(path.is_dir() for path in paths):
         return paths
     from wrenchgap.flight.formats.folders import flights_in
@@ -37,6 +46,9 @@ Validate = Annotated[
 Log = Annotated[
     Path,
     typer.Argument(
-        metavar="LOG", help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.", show_default=False
+        metavar="LOG",
+        help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.",
+        show_default=False,
+        callback=existing,
     ),
 ]

@@ -10,6 +10,7 @@ from wrenchgap.flight import AXES, FitError, Flight
 from wrenchgap.learn.identify.guarding import loop_of
 from wrenchgap.learn.identify.observing import MOST_SENSITIVE, UNKNOWN
 from wrenchgap.learn.process.gp import Caution, GaussianProcess
+from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.learn.process.verdict import Verdict
 from wrenchgap.plant.flight_computer import Compensating
@@ -17,6 +18,7 @@ from wrenchgap.plant.mismatch_inputs import columns
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
 from wrenchgap.plant.stability import Loop, Observer, sensitivity_peak
+from wrenchgap.plant.wrench_model import ModelEffect
 
 TORQUE = AXES[3:]
 OBSERVER_HZ = 1.0
@@ -24,17 +26,23 @@ OBSERVER_HZ = 1.0
 
 
 def compensator(
-    process: GaussianProcess, model: Model, settings: Settings | None = None, *, lead: float | None = None
+    process: GaussianProcess,
+    model: Model,
+    settings: Settings | None = None,
+    *,
+    lead: float | None = None,
+    without: tuple[ModelEffect, ...] = (),
 ) -> Compensator:
     """Compensate with `process`, and where its mean is physics with the effects of `model`, lags led by `lead` [s].
 
-    Raises FitError for a process of another vehicle, or one on top of physics that `model` does not have.
+    `without` are effects that the process was learnt on and that are left out on purpose. Raises FitError for a process
+    of another vehicle, or one on top of other effects.
     """
     process.check_vehicle(model.vehicle.name)
     expected = len(AXES) + len(columns(process.settings.inputs))
     if len(process.input_mean) != expected:
         raise FitError(f"GP: has {len(process.input_mean)} inputs, expected {expected}: the commanded wrench first")
-    return Compensator(process, settings, physics=physics(process, model, lead))
+    return Compensator(process, settings, physics=physics(process, model, lead, without))
 
 
 def combined(
@@ -103,7 +111,9 @@ def named_delay(model: Model) -> float:
     return sum(float(e.theta[0]) for e in model.effects if e.name == "command_delay")
 
 
-def physics(process: GaussianProcess, model: Model, lead: float | None = None) -> PhysicsMismatch | None:
+def physics(
+    process: GaussianProcess, model: Model, lead: float | None = None, without: tuple[ModelEffect, ...] = ()
+) -> PhysicsMismatch | None:
     """The mean of the process, where it is physics."""
     if process.settings.mean != "physics":
         if lead is not None:
@@ -112,11 +122,7 @@ def physics(process: GaussianProcess, model: Model, lead: float | None = None) -
                 "with `wrenchgap add`, and learn on that model"
             )
         return None
-    if not model.effects:
-        raise FitError(
-            f"{model.name}: has no effects, but the GP is the residual of {process.provenance.physics}; give the model "
-            "that it was learnt on"
-        )
+    check_effects(process, replace(model, effects=(*model.effects, *without)))
     return PhysicsMismatch(model.wrench_model, process.outputs, lead)
 
 

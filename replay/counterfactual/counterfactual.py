@@ -47,7 +47,7 @@ EXPLAINED_GOAL = 0.5
 """Share of the command's variance below which the control law is called a guess."""
 
 WORSE_FACTOR, WORSE_DEG = 1.1, 0.02
-"""Growth of an axis' mean attitude error from which a compensation counts as harmful: beyond both."""
+"""Growth of the attitude error (norm of the axes' means) from which a compensation counts as harmful: beyond both."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,10 @@ class ControlLost:
 
 @dataclass(frozen=True)
 class CompensationHarms:
-    """On these axes (x, y, z) the attitude error grows with the compensation."""
+    """With the compensation the attitude error grows, from `before` to `after` [deg]."""
 
-    axes: tuple[str, ...]
+    before: float
+    after: float
 
 
 Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms
@@ -164,15 +165,16 @@ class Counterfactual(Result):
         found += [WeakLaw(tuple(weak))] if weak else []
         found += [one for one in lost if one.run != NULL_RUN]
         harmed = self._harmed()
-        return (*found, CompensationHarms(harmed)) if harmed else tuple(found)
+        return tuple(found) if harmed is None else (*found, harmed)
 
-    def _harmed(self) -> tuple[str, ...]:
+    def _harmed(self) -> CompensationHarms | None:
+        """Decided on all axes together: on one that hardly errs any change is large in per cent."""
         if self.uncompensated is None:
-            return ()
+            return None
         runs = (self.tracking["uncompensated"], self.tracking[CHANGED])
-        before, after = (np.degrees(np.arcsin(np.minimum(run.attitude_mean, 1.0))) for run in runs)
-        worse = after > WORSE_FACTOR * before + WORSE_DEG
-        return tuple(axis for axis, one in zip("xyz", worse, strict=True) if one)
+        angles = [np.degrees(np.arcsin(np.minimum(run.attitude_mean, 1.0))) for run in runs]
+        before, after = (float(np.linalg.norm(angle)) for angle in angles)
+        return CompensationHarms(before, after) if after > WORSE_FACTOR * before + WORSE_DEG else None
 
     @property
     def log(self) -> flight.Flight:

@@ -18,9 +18,11 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.predictors import check_effects
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
+from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.compensation.compensators import (
     TORQUE,
     Judged,
@@ -60,6 +62,7 @@ class Export(Result):
 
     files      content by name
     effects    names of the effects in it, and `left_out` of those that were left out, with the reason
+    corrected  which components are corrected, in words: those with the verdict "do not" are not, or not by the process
     solved     share of the recorded steps that the search solves
     caveats    what `learn` warned of
     precision  "double" or "float", of the build unless it says otherwise
@@ -80,6 +83,7 @@ class Export(Result):
     has_process: bool
     solved: float
     caveats: tuple[ProcessCaveat, ...]
+    corrected: str = ""
     observer_hz: float | None = None
     observer_max: tuple[float, ...] = ()
     judged: Judged | None = None
@@ -108,41 +112,61 @@ def export(
     """
     if precision not in get_args(Precision):
         raise UsageError(f"export: precision is {precision!r}, expected one of {', '.join(get_args(Precision))}")
-    kept, left_out = _without(model, leave_out)
+    kept, left_out = _without(process, model, leave_out)
     asked = replace(settings or Settings(max_evaluations=EVALUATIONS), solver="onboard")
     if asked.regulariser > 0.0:
         raise UsageError("export: regulariser is not zero, and the exported search has none; leave it out")
-    loop, plan = _parts(process, kept, asked, lead, alone=observer.bandwidth is not None)
+    without = tuple(e for e in model.effects if e.name in left_out)
+    loop, plan = _parts(process, kept, asked, lead, without, alone=observer.bandwidth is not None)
     watched = observed(observer, loop, process, kept, asked.dt)
     in_loop = None if watched is None else judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
     pieces, tables = _pieces(plan), tables_of(plan)
-    numbers = sum(int(np.size(values)) for _, values, _ in tables)
-    price = cost(plan, pieces, vectors.evaluations, BYTES[precision], numbers)
+    price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(v)) for _, v, _ in tables))
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
-    said: dict[str, Any] = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
+    said = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
     said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched, in_loop) | _recorded(vectors)
-    said |= {"com": _com(kept), "cost": words_of(price)}
+    outputs = tuple(AXES[k] for k in plan.gate.rows)
+    refused = () if process is None or asked.despite_verdict else process.refused
+    corrected = _corrected(outputs, refused, effects, observed=watched is not None)
+    said |= {"com": _com(kept), "cost": words_of(price), "corrected": corrected}
     return Export(
         model=kept,
-        outputs=tuple(AXES[k] for k in plan.gate.rows),
+        outputs=outputs,
         files={name: _environment().get_template(t).render(**said) for name, t in FILES.items()},
         effects=effects,
         left_out=left_out,
         precision=cast(Precision, precision),
         dt=asked.dt,
-        points=0 if plan.expansion is None else plan.expansion.points.shape[1],
-        inputs=() if plan.expansion is None else plan.expansion.input_groups,
+        **_of_process(plan),
         cost=price,
-        has_process=plan.expansion is not None,
         solved=vectors.solved,
         caveats=() if process is None else caveats(process, model),
+        corrected=corrected,
         observer_hz=None if watched is None else watched.bandwidth_hz,
         observer_max=() if watched is None else tuple(watched.torque_max.tolist()),
         judged=in_loop,
     )
+
+
+def _of_process(plan: Plan) -> dict[str, Any]:
+    """What an `Export` says of its process."""
+    one = plan.expansion
+    if one is None:
+        return {"points": 0, "inputs": (), "has_process": False}
+    return {"points": one.points.shape[1], "inputs": one.input_groups, "has_process": True}
+
+
+def _corrected(outputs: Sequence[str], refused: Sequence[str], effects: Sequence[str], *, observed: bool) -> str:
+    """Which components are corrected, and those that the process is refused for: by what else, or that they are not."""
+    others = [*(["the effects"] if effects else []), *(["the observer"] if observed else [])]
+    parts = [", ".join(name for name in outputs if name not in refused)]
+    if refused:
+        alone = f"by {' and '.join(others)} alone" if others else "not corrected (verdict of learn)"
+        parts.append(f"{', '.join(refused)} {alone}")
+    return "; ".join(part for part in parts if part)
 
 
 def _recorded(vectors: Vectors) -> dict[str, Any]:
@@ -160,7 +184,13 @@ def _recorded(vectors: Vectors) -> dict[str, Any]:
 
 
 def _parts(
-    process: GaussianProcess | None, model: Model, settings: Settings, lead: float | None, *, alone: bool
+    process: GaussianProcess | None,
+    model: Model,
+    settings: Settings,
+    lead: float | None,
+    without: tuple[ModelEffect, ...],
+    *,
+    alone: bool,
 ) -> tuple[Compensator | None, Plan]:
     """The feed-forward and what of it becomes code; none where all is refused, if an observer may be `alone`."""
     refused = process is not None and set(process.refused) == set(process.outputs) and not settings.despite_verdict
@@ -170,7 +200,7 @@ def _parts(
         made = Compensator(idle, settings).plan
         assert made is not None
         return None, Plan(None, None, made.gate._replace(has_process=False))
-    loop = _loop(process, model, settings, lead)
+    loop = _loop(process, model, settings, lead, without)
     assert loop.plan is not None
     return loop, loop.plan
 
@@ -181,7 +211,10 @@ def loop_effects(loop: Compensator) -> tuple[Any, ...]:
     return () if physics is None else physics.model.effects
 
 
-def _without(model: Model, names: Sequence[str]) -> tuple[Model, dict[str, str]]:
+def _without(process: GaussianProcess | None, model: Model, names: Sequence[str]) -> tuple[Model, dict[str, str]]:
+    """The model without some effects, once it is known to have those of the process."""
+    if process is not None and process.settings.mean == "physics":
+        check_effects(process, model)
     have = [e.name for e in model.effects]
     for name in names:
         if name not in have:
@@ -192,7 +225,13 @@ def _without(model: Model, names: Sequence[str]) -> tuple[Model, dict[str, str]]
     return kept, dict.fromkeys(names, "left out as asked")
 
 
-def _loop(process: GaussianProcess | None, model: Model, settings: Settings, lead: float | None) -> Compensator:
+def _loop(
+    process: GaussianProcess | None,
+    model: Model,
+    settings: Settings,
+    lead: float | None,
+    without: tuple[ModelEffect, ...],
+) -> Compensator:
     """The compensator that is exported."""
     if process is None and not model.effects:
         raise UsageError(f"export: {model.name} has no effects, and no GP is given: there is nothing to export")
@@ -212,7 +251,7 @@ def _loop(process: GaussianProcess | None, model: Model, settings: Settings, lea
     assert process is not None
     if needed and not model.effects:
         return Compensator(process, settings)  # everything was left out, as asked
-    return compensator(process, model, settings, lead=lead)
+    return compensator(process, model, settings, lead=lead, without=without)
 
 
 def _pieces(plan: Plan) -> Pieces:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from wrenchgap.flight.atomic import check_writable
 from wrenchgap.flight.errors import UsageError
 
 
@@ -21,8 +21,7 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
         raise UsageError(f"--output {folder}: is no folder; choose another name")
     if not folder.resolve().parent.is_dir():
         raise UsageError(f"--output {folder}: the folder {folder.parent} does not exist; create it first")
-    if not os.access(folder.resolve().parent, os.W_OK):
-        raise UsageError(f"--output {folder}: the folder {folder.parent} cannot be written to; choose another")
+    check_writable(folder.resolve().parent, f"--output {folder}")
     if not folder.exists():
         return
     if not force:

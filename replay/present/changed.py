@@ -26,7 +26,7 @@ WORTH_A_WORD = 1.0
 MOST = 8
 """Changes by themselves that are shown."""
 SIZES_LEGEND = (
-    "scatter: what healthy flights differ by in this parameter   +-: of the change, from within the flights   "
+    "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
 )
 ALONE_LEGEND = (

@@ -21,6 +21,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     EXPLAINED_GOAL,
     NULL_RUN,
     POSITION_GOAL_M,
+    WORSE_DEG,
     Caveat,
     CompensationHarms,
     ControlLost,
@@ -66,10 +67,10 @@ def _sentence(caveat: Caveat, flight: str, model: str) -> str:
                 f"{', '.join(axes)}: there the re-simulated feedback is unreliable; set [controller] to the gains of "
                 "the flight"
             )
-        case CompensationHarms(axes):
+        case CompensationHarms(before, after):
             return (
-                f"with this compensation the attitude error about {', '.join(axes)} grows: do not fly it; see what "
-                "`wrenchgap learn --validate` says of the GP"
+                f"with this compensation the attitude error grows from {before:.3f} to {after:.3f} deg (norm of the "
+                "axes' means): do not fly it; see what `wrenchgap learn --validate` says of the GP"
             )
 
 
@@ -102,7 +103,8 @@ def parts(result: Counterfactual) -> list[Part]:
     for name, values in [*rows, *((f"instead: {name}", _errors(one)) for name, one in result.baselines.items())]:
         third.add_row(escape(name), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
-        falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > 0, errors[before], np.nan)
+        least = np.repeat([WORSE_DEG, 0.0], (6, 2))  # of an axis that hardly errs any change is large in per cent
+        falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > least, errors[before], np.nan)
         third.add_row("change", *reductions(falls))
     checked = [] if result.margin is None else [Line(margin_in_words(result.margin))]
     process = result.change.process

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -18,11 +17,14 @@ import numpy as np
 
 from wrenchgap.flight import Flight, UsageError
 from wrenchgap.flight.atomic import atomic as atomic
+from wrenchgap.flight.atomic import check_writable
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:
     import pandas as pd
 
+FORMATS = {"--figure": ".png"}
+"""Endings of files that are written in one format only, by option."""
 VERSIONS = {
     "inspect": 2,
     "simulate": 1,
@@ -57,7 +59,7 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
     """Check, before any work, that these files may be written. `outputs` by the option that names them.
 
     Raises UsageError for a file that exists (unless `force`), a folder that does not, an output that is a folder, is
-    named twice, or is one of the inputs.
+    named twice, or is one of the inputs, and for a picture that is not called so.
     """
     read = {Path(p).resolve() for p in inputs}
     seen: dict[Path, str] = {}
@@ -78,8 +80,9 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
             raise UsageError(f"{option} {path}: exists already; choose another name or overwrite it with --force")
         if not path.parent.is_dir():
             raise UsageError(f"{option} {path}: the folder {path.parent} does not exist; create it first")
-        if not os.access(path.parent, os.W_OK):
-            raise UsageError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")
+        if option in FORMATS and path.suffix.lower() != FORMATS[option]:
+            raise UsageError(f"{option} {path}: is written as {FORMATS[option]} and nothing else; name it so")
+        check_writable(path.parent, f"{option} {path}")
 
 
 def sha256(path: Path) -> str:

@@ -35,7 +35,7 @@ def parts(made: Export) -> list[Part]:
     observer = [] if made.judged is None else [_observer_in_words(made.judged)]
     contents = [*process, *effects, "gate" if made.has_process else "no gate", "search", *observer]
     out: list[Part] = [
-        Line(f"{made.model.vehicle.name}: corrects {', '.join(made.outputs)} every {made.dt:g} s in {made.precision}"),
+        Line(f"{made.model.vehicle.name}: corrects {made.corrected}, every {made.dt:g} s in {made.precision}"),
         Line(f"in it: {'; '.join(contents)}"),
     ]
     rows = [
@@ -63,7 +63,9 @@ def parts(made: Export) -> list[Part]:
 
 def to_json(made: Export) -> dict[str, Any]:
     """See docs/json.md."""
-    body = entries(made, "outputs", "effects", "left_out", "precision", "dt", "points", "further_inputs=inputs")
+    body = entries(
+        made, "outputs", "effects", "corrected", "left_out", "precision", "dt", "points", "further_inputs=inputs"
+    )
     body |= {"observer": _observer(made)}
     return {
         "vehicle": made.model.vehicle.name,

@@ -79,7 +79,8 @@ def _words(check: Check) -> str:
     """What was found, and what mends it."""
     if check.level != "bad":
         return check.words
-    return f"{check.words.rstrip('. ')}: accepted." if check.accepted else f"{check.words.rstrip('. ')}; {check.remedy}"
+    said = check.words.rstrip(". ")
+    return f"{said}: accepted." if check.accepted else "; ".join(filter(None, (said, check.remedy)))
 
 
 def phases(found: Sequence[Phase]) -> Table:

@@ -14,7 +14,7 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn import Comparison, Learnt
 from wrenchgap.learn.data.errors import reduction
 from wrenchgap.learn.identify.absorption import Absorption
-from wrenchgap.learn.process.alternatives import Alternatives
+from wrenchgap.learn.process.alternatives import WORTH_IT, Alternative, Alternatives
 from wrenchgap.learn.process.gp import Caution, CautionKind
 from wrenchgap.replay.compensation.compensators import (
     LearntFromThisFlight,
@@ -84,10 +84,20 @@ def _prediction(title: str, result: Comparison) -> Table:
 def _alternatives(found: Alternatives, outputs: Sequence[str]) -> Table:
     rows = []
     for k, one in enumerate(found.tried):
-        inputs, best = ", ".join(("command", *one.settings.inputs)), "best" if one.settings == found.best else ""
-        rows.append((inputs, one.settings.inference, *row(one.rms), share(one.gain) if k else "asked for", best))
+        inputs = ", ".join(("command", *one.settings.inputs))
+        judged = "chosen" if one.settings == found.best else _why_not(one) if k else ""
+        rows.append((inputs, one.settings.inference, *row(one.rms), share(one.gain) if k else "asked for", judged))
     heads = ("inputs", "inference", *outputs, "reduction", "")
     return plain("rms on held-out time, with other inputs", heads, rows, left=2)
+
+
+def _why_not(one: Alternative) -> str:
+    """Why an alternative is not chosen."""
+    if one.gain <= 0.0:
+        return ""
+    if one.gain <= WORTH_IT:
+        return f"less than {share(WORTH_IT)}"
+    return "another is better" if one.worth_it else "within chance"
 
 
 def _calibration(learnt: Learnt) -> Table:
@@ -118,7 +128,7 @@ def caution(found: Caution) -> str:
         case CautionKind.NOT_WORTH_IT:
             return (
                 f"on unseen flights the GP has no advantage on {', '.join(found.axes)}: the model without it, a "
-                "constant or a straight line does as well."
+                "constant or a straight line does as well; prefer that."
             )
         case CautionKind.SAID:
             return found.text

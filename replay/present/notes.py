@@ -8,7 +8,6 @@ from wrenchgap.flight.check import Finding, TimeLeftOut
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
-from wrenchgap.replay.report.contents import OnNominal, OnOtherModel
 
 
 def sentences(notes: Iterable[object]) -> list[str]:
@@ -37,11 +36,5 @@ def sentence(note: object) -> str:
             return f"{what} on {', '.join(note.flights)}: this part is not held out."
         case NoProcess():
             return "too little data to hold anything out for a Gaussian process; its part of the budget is zero."
-        case OnOtherModel():
-            return (
-                f"the GP was learnt on another model than the given one ({note.physics}); the sum of the two is shown."
-            )
-        case OnNominal():
-            return "the GP was learnt on the nominal vehicle; on top of the given effects it counts them twice."
         case _:
             return str(note)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from wrenchgap.learn.identify.observing import MOST_SENSITIVE
-from wrenchgap.learn.process.gp import GaussianProcess
+from wrenchgap.learn.process.gp import Caution, CautionKind, GaussianProcess
 from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.stability import Margin
 from wrenchgap.replay.present.numbers import share
@@ -26,12 +27,14 @@ _WHY = {
 _HEAD = {Decision.COMPENSATE: "compensate", Decision.DO_NOT: "do not compensate", Decision.NEEDS: "needs more"}
 
 
-def verdict(one: Verdict) -> str:
-    """One output, in one sentence."""
+def verdict(one: Verdict, warnings: Sequence[Caution] = ()) -> str:
+    """One output, in one sentence, which says what the warnings of the same process say of it."""
     words = f"{one.output}: {_HEAD[one.decision]}: {_WHY[one.reason]}"
     if one.decision is Decision.COMPENSATE:
         _, low, high = one.reduction
         words += f" (gain {one.gain:.2f}, rms {share(one.reduction[0])} smaller, {share(low)} to {share(high)})"
+        if any(w.kind is CautionKind.NOT_WORTH_IT and one.output in w.axes for w in warnings):
+            words += "; but on unseen flights something simpler does as well, see the warning: prefer that"
     return words + "."
 
 
@@ -39,7 +42,8 @@ def verdicts(gp: GaussianProcess) -> list[Part]:
     """The last lines of `learn`: a verdict for each output."""
     found = gp.provenance.verdicts
     styles = {Decision.COMPENSATE: "bold green", Decision.DO_NOT: "bold red", Decision.NEEDS: "bold yellow"}
-    return [Line(f"verdict on {verdict(one)}", styles[one.decision]) for one in found]
+    said = gp.provenance.warnings
+    return [Line(f"verdict on {verdict(one, said)}", styles[one.decision]) for one in found]
 
 
 def verdicts_json(gp: GaussianProcess) -> list[dict[str, Any]]:
@@ -51,7 +55,7 @@ def verdicts_json(gp: GaussianProcess) -> list[dict[str, Any]]:
             "reason": one.reason.value,
             "gain": one.gain,
             "reduction": list(one.reduction),
-            "summary": verdict(one),
+            "summary": verdict(one, gp.provenance.warnings),
         }
         for one in gp.provenance.verdicts
     ]

@@ -30,7 +30,7 @@ from wrenchgap.learn.identify.add import Addition, add
 from wrenchgap.learn.identify.learning import absorption, default_mean, learn_process
 from wrenchgap.learn.identify.staircase import Process, Staircase, Steps, held_out_staircase, steps, unseen_staircase
 from wrenchgap.learn.posterior.explain import Explanation, explain
-from wrenchgap.learn.process.predictors import OtherFilter
+from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, check_effects
 from wrenchgap.plant.history import order_of
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash
@@ -53,18 +53,6 @@ class Absent(StrEnum):
     NOISE = "noise"  # the residual is the noise of the sensors
     SHORT = "short"  # too little data to hold anything out
     USELESS = "useless"  # on held-out time it reduces no error
-
-
-@dataclass(frozen=True)
-class OnOtherModel:
-    """The given process was learnt on another model, which had the effects `physics`."""
-
-    physics: str
-
-
-@dataclass(frozen=True)
-class OnNominal:
-    """The given process was learnt on the nominal vehicle: on top of a model with effects it counts them twice."""
 
 
 @dataclass(frozen=True)
@@ -144,11 +132,13 @@ def report(
     """All about `flights`, which were opened for `model`, tested on `validation`; takes minutes.
 
     `names` limits the effects that are tried. A `gp` was learnt on the model; without one, a process shows what remains
-    to be learnt of the last residual. Raises as `explain` does, and FitError for a process of another vehicle.
+    to be learnt of the last residual. Raises as `explain` does, and FitError for a process of another vehicle
+    or on top of other effects.
     """
     tell = progress or (lambda fraction, words: None)
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)
+        check_effects(gp, model)
     found = explain(flights, model, names=names, validation=validation, progress=_part(tell, 0.0, 0.5))
     added = add(model, found.effects, flights, fitted=found.fit)
     data = replace(dataset_of(flights, model), answering=found.answering)
@@ -183,7 +173,7 @@ def _part(progress: Progress, start: float, stop: float, prefix: str = "") -> Pr
 
 
 def _given(flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess) -> Rest:
-    """The given process, and what it absorbs where it was learnt on this very model."""
+    """The given process, and what it absorbs where it was learnt on this very model and not on another version."""
     source, used = gp.provenance, flights[0].records[0].cutoff_hz
     process = Process(gp, True, bool({f.flight.content_hash for f in flights} & {log.sha256 for log in source.logs}))
     notes: list[object] = []
@@ -191,8 +181,7 @@ def _given(flights: Sequence[OpenFlight], model: Model, gp: GaussianProcess) -> 
         notes.append(OtherFilter(source.cutoff_hz, used))
     if source.model_hash == content_hash(model):
         return Rest(process, absorption=absorption(flights, model, gp), notes=tuple(notes))
-    nominal = source.model_hash == content_hash(model.nominal)
-    return Rest(process, notes=(OnNominal() if nominal else OnOtherModel(source.physics), *notes))
+    return Rest(process, notes=(OtherPhysics(source.physics), *notes))
 
 
 def _learnt(flights: Sequence[OpenFlight], model: Model, fitted: Model, made: Steps, data: Dataset) -> Rest:

@@ -14,7 +14,7 @@ from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.plant.actuation import actuation
 from wrenchgap.plant.controller import attitude_error
-from wrenchgap.plant.vehicle import Vehicle
+from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.replay.compensation.source import at_stamps
 from wrenchgap.replay.present.checks import warnings
 from wrenchgap.replay.present.notes import sentences
@@ -23,6 +23,10 @@ from wrenchgap.viewer.scene import Scene, Series, Stretch
 RATE = 50.0
 """Instants per second that the viewer gets [Hz], about: more than a screen shows, more than the filter lets through."""
 XYZ = ("x", "y", "z")
+NOTHING = 1e-3
+"""Share of the vehicle's weight, and of its weight times its arm, below which plots of wrenches are drawn flat."""
+FLOORS = {"deg": 0.01, "mm": 0.1, "rad/s": 1e-3, "rotor speed": 0.1}
+"""The least range of the other plots, by unit, and of rotor speeds [rad/s]: below what sensors resolve."""
 
 
 @dataclass(frozen=True)
@@ -58,14 +62,28 @@ def recorded(one: OpenFlight, vehicle: Vehicle) -> Scene:
             "measured": _at(time, one.records, [r.measured for r in one.records]),
             **_desired(time, one.records),
         },
+        floors=_floors(vehicle),
         gaps=_gaps(one),
         notes=tuple(sentences(one.notes)),
         warnings=tuple(warnings(one.notes)),
     )
     pose = one.samples[0].position_E is not None
     rates = _joined(one, parts, "omega_B", (0.0, 0.0, 0.0))
-    omega = Series("body rate", "rad/s", time, dict(zip(XYZ, rates.T, strict=True)))
+    omega = Series("body rate", "rad/s", time, dict(zip(XYZ, rates.T, strict=True)), floor=FLOORS["rad/s"])
     return replace(scene, series=(*_tracking(scene, pose), *_actuators(scene, one.records, vehicle), omega))
+
+
+def _floors(vehicle: Vehicle) -> dict[str, float]:
+    """The least range of plots of forces [N] and torques [Nm]: a share of the weight, and of weight times arm.
+
+    The arm is that of the farthest rotor, for a vehicle without rotors its radius of gyration.
+    """
+    body = vehicle.body
+    weight = body.mass * GRAVITY
+    arm = float(np.sqrt(np.trace(body.inertia) / body.mass))
+    if vehicle.arms is not None and len(vehicle.arms):
+        arm = float(np.linalg.norm(vehicle.arms.position_B - body.com_B, axis=1).max())
+    return {"N": NOTHING * weight, "Nm": NOTHING * weight * arm}
 
 
 def _gaps(one: OpenFlight) -> tuple[Stretch, ...]:
@@ -160,8 +178,8 @@ def _tracking(scene: Scene, pose: bool) -> tuple[Series, ...]:
     angle[known] = np.degrees(np.arcsin(np.clip(e, -1.0, 1.0)))
     position = 1e3 * (scene.position_E - scene.reference_position_E)
     return (
-        Series("attitude error", "deg", scene.time, dict(zip(XYZ, angle.T, strict=True))),
-        Series("position error", "mm", scene.time, dict(zip(XYZ, position.T, strict=True))),
+        Series("attitude error", "deg", scene.time, dict(zip(XYZ, angle.T, strict=True)), floor=FLOORS["deg"]),
+        Series("position error", "mm", scene.time, dict(zip(XYZ, position.T, strict=True)), floor=FLOORS["mm"]),
     )
 
 
@@ -171,12 +189,12 @@ def _actuators(scene: Scene, records: Sequence[Record], vehicle: Vehicle) -> tup
     if scene.tilt is not None:
         tilt = np.degrees(scene.tilt).T
         arms = {vehicle.named("arm", i) or f"arm {i}": values for i, values in enumerate(tilt)}
-        found.append(Series("tilt", "deg", scene.time, arms, "Actuators"))
+        found.append(Series("tilt", "deg", scene.time, arms, "Actuators", FLOORS["deg"]))
     known = [(r.state.time, r.commands.rotor_speed) for r in records if r.commands.rotor_speed is not None]
     if known:
         speed = at_stamps(scene.time, known).T
         rotors = {vehicle.named("rotor", i) or f"rotor {i}": values for i, values in enumerate(speed)}
-        found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators"))
+        found.append(Series("rotor speed", "rad/s", scene.time, rotors, "Actuators", FLOORS["rotor speed"]))
     return tuple(found)
 
 

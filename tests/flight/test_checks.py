@@ -11,6 +11,7 @@ from wrenchgap import flight
 from wrenchgap.flight.check import NAMES, Check, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.checks.axes import PERMUTATIONS, best_axes
+from wrenchgap.flight.checks.mending import _with
 from wrenchgap.flight.clocks import relation, without_jumps
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries, WrenchSeries
@@ -190,3 +191,23 @@ def test_two_vehicles_in_one_log_are_asked_for_not_guessed(logs, tmp_path):
     told = flight.load(path, topics={"commanded": "/uav2/command/wrench"})
     assert "vehicles" not in {check.name for check in told.checks}
     assert {series.topic.split("/")[1] for series in told.series().values()} == {"uav2"}
+
+
+@pytest.mark.parametrize(
+    ("source", "by", "mended"),
+    [
+        ("/imu:g", 0.102, "/imu"),
+        ("/imu:frd,g", 0.102, "/imu:frd"),
+        ("/imu:g", 1e-3, "/imu:accel*0.00981"),
+        ("/imu:accel*2", 0.5, "/imu"),
+        ("/imu:frd", 0.102, "/imu:frd,accel*0.102"),
+        ("/imu", 0.102, "/imu:accel*0.102"),
+    ],
+)
+def test_a_factor_takes_the_place_of_the_word_that_it_undoes(source, by, mended):
+    assert _with(source, f"accel*{by:g}") == mended
+
+
+def test_what_cannot_be_accepted_is_not_offered_to_be():
+    assert Check("model", "bad", "no flight").remedy == ""
+    assert Check("gaps", "bad", "many").remedy == "or say --accept gaps"

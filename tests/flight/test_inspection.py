@@ -6,6 +6,9 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks import checks
+from wrenchgap.flight.formats import Table
+from wrenchgap.flight.inspection import _topic
+from wrenchgap.flight.roles import Assignment
 
 TIME = np.arange(0, 6, 0.01)
 
@@ -132,3 +135,12 @@ def test_a_second_clock_and_a_slow_link_are_reported(logs, tmp_path):
     messages = [check.words for check in report.checks if check.name == "clock"]
     assert any("/imu" in m and "0.5000 times" in m for m in messages)
     assert any("/command/wrench" in m and "0.300 s after" in m for m in messages)
+
+
+def test_a_stamp_of_zero_is_no_gap_of_half_a_century():
+    """PX4 logs some messages before it knows the time."""
+    stamps = np.concatenate([np.zeros(9), 1_710_773_360 + np.arange(14.0)])
+    table = Table("/estimate", "EstimatorTime", (1e9 * stamps).astype(np.int64))
+    made = _topic(table, Assignment({}), None, {})
+    assert (made.gaps, made.longest_gap) == (0, 0.0)
+    assert made.rate == pytest.approx(1.0)

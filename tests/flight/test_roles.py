@@ -180,3 +180,12 @@ def test_a_saved_mapping_is_followed_as_far_as_the_log_can(logs, tmp_path):
     assert flight.inspect(path, preferred=saved).mapping == {"commanded": "/command/wrench", "imu": "/imu"}
     with pytest.raises(LogError, match="no topic '/not/in/this/log'"):
         flight.load(path, topics={"battery": "/not/in/this/log"})
+
+
+def test_a_wrench_of_a_contact_or_a_sensor_is_never_offered_as_a_command():
+    """A world of a simulator logs contact wrenches beside the actuators."""
+    names = ("quad__collisions", "arm__contact", "ft_sensor__wrench")
+    assignment = propose(tables(**dict.fromkeys(names, WRENCH), motors=MOTORS))
+    assert played(assignment) == {"rotor_speed": "/motors"}
+    assert not {"commanded", "desired"} & set(assignment.candidates)
+    assert propose(tables(plain__wrench=WRENCH)).sources["commanded"].topic == "/plain/wrench"

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.likelihood import bound, log_likelihood, maximise
 from wrenchgap.learn.process.sparse import Kernel
-from wrenchgap.learn.process.train import BOUNDS
+from wrenchgap.learn.process.train import BOUNDS, fit
 
 
 def samples(count):
@@ -83,3 +84,17 @@ def test_the_search_ends_where_gpys_ends(sparsely):
     for name, bounds in (("lengthscales", "lengthscale"), ("signal_variance", "signal")):
         low, high = BOUNDS[bounds]
         assert np.all((getattr(found, name) >= low) & (getattr(found, name) <= high))
+
+
+def test_a_process_that_gpy_fits_is_the_same():
+    """Hyperparameters of the whole `fit`, its starts included, by both searches."""
+    x, z = samples(60)
+    x6 = np.column_stack((x, 0.3 * np.random.default_rng(1).normal(size=(60, 3))))
+    ours, gpys = (
+        fit(x6, z[:, None], ("torque_x",), FitSettings(points=40, restarts=0, calibrate=False, search=search))
+        for search in ("closed-form", "gpy")
+    )
+    assert gpys.settings.search == "gpy"
+    query = x6[::7] + 0.1
+    np.testing.assert_allclose(gpys.predict(query), ours.predict(query), atol=1e-3)
+    np.testing.assert_allclose(gpys.std(query), ours.std(query), rtol=1e-2)

@@ -6,10 +6,11 @@ import GPy
 import numpy as np
 import pytest
 
+from wrenchgap.learn.process import likelihood, train
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.likelihood import maximise
 from wrenchgap.learn.process.sparse import Kernel, posterior
-from wrenchgap.learn.process.train import BOUNDS, fit
+from wrenchgap.learn.process.train import BOUNDS, _Posterior, fit
 
 TORQUES = ("torque_x", "torque_y")
 KERNEL = Kernel(np.array([0.8, 1.5, 3.0]), 1.7, 0.05)
@@ -125,3 +126,17 @@ def test_derivative_of_a_sparse_mean(fitted):
     for axis, step in enumerate(1e-4 * np.diag(gp.input_scale)):
         slope = (gp.mean(wrench + step) - gp.mean(wrench - step)) / (2.0 * step[axis])
         assert jacobian[:, :, axis] == pytest.approx(slope, rel=1e-4, abs=1e-7)
+
+
+def test_a_process_that_saw_no_noise_on_few_samples_sees_it_on_all():
+    """From a start at the least noise the search does not leave it, where gradients vanish: it has another start."""
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(400, 3))
+    z = np.sin(2.0 * x[:, 0]) + 0.3 * rng.normal(size=400)
+    made = _Posterior(x, z[:, None], np.arange(12), np.arange(400), FitSettings(points=12, inference="sparse"))
+    quiet = replace(KERNEL, noise_variance=(1.0 + 1e-10) * BOUNDS["noise"][0])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(likelihood, "SPARSE_ITERATIONS", 1)  # stands for a search that does not move from there
+        patch.setattr(train, "_maximum_likelihood", lambda *_: quiet)
+        made.fit(0)
+    assert made.kernels[0].noise_variance > 0.01

@@ -34,8 +34,8 @@ def with_effects(**effects):
     return MODEL.with_effects([make_effect(MODEL.vehicle, name, values) for name, values in effects.items()])
 
 
-def process(desired, mean="zero", groups=(), points=60):
-    """A process whose points are commands of the flight, with hills of a tenth of a newton metre."""
+def process(desired, mean="zero", groups=(), points=60, effects=EFFECTS):
+    """A process, on effects where its mean is physics: points are commands, hills a tenth of a Nm high."""
     extra = {"velocity": 3, "rates": 3, "position": 3, "past": 6}
     rng, dims = np.random.default_rng(5), 6 + sum(extra[g] for g in groups)
     scale = np.concatenate((np.std(desired, axis=0) + 0.05, np.ones(dims - 6)))
@@ -55,7 +55,9 @@ def process(desired, mean="zero", groups=(), points=60):
         sigma_training=np.full(3, 0.05),
         mismatch_max=np.full(3, 0.1),
         settings=FitSettings(points=points, mean=mean, inputs=groups),
-        provenance=Provenance(vehicle=MODEL.vehicle.name, physics="effects"),
+        provenance=Provenance(
+            vehicle=MODEL.vehicle.name, physics=", ".join(effects) if mean == "physics" else "nominal"
+        ),
     )
     assert made.input_groups == groups
     return made

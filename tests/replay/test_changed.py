@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.flight.check import Check, Finding
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place
 from wrenchgap.learn.changed.sizes import Size
@@ -176,3 +177,17 @@ def test_a_page_of_nothing_has_no_table_of_changes(same):
     text = page(same)
     assert "Nothing changed" in text
     assert "Changes." not in text
+
+
+def test_the_page_begins_with_what_the_checks_warn_of(moved):
+    """As docs/checks.md says of every output: before any number."""
+    said = Finding("bad", Check("gaps", "warn", "imu: 3 gap(s)."))
+    first, *others = moved.flights
+    warned = replace(first, notes=(*first.notes, said))
+    text = page(replace(moved, flights=(warned, *others)))
+    assert text.index("check: gaps: bad: imu: 3 gap(s).") < text.index("<figure")
+    assert "check: gaps" not in page(moved)
+
+
+def test_footnotes_are_separated():
+    assert "   " not in presented.SIZES_LEGEND + presented.ALONE_LEGEND

@@ -83,6 +83,10 @@ CASES = {
     "where LOG HEXA --gp LOG": "mcap",
     "where LOG HEXA --figure LOG": "is one of the inputs",
     "where LOG HEXA --figure no/where.png": "does not exist",
+    "where LOG HEXA --figure where.xyz": "--figure where.xyz | .png",
+    "where LOG HEXA --json /proc/where.json": "/proc | cannot be written",
+    "report LOG HEXA -o /proc/report.html": "/proc | cannot be written",
+    "learn LOG HEXA -o /proc/torque.gp": "/proc | cannot be written",
     "where LOG LOG HEXA": "is the same flight",
     "report LOG HEXA -o kept.html": "exists already",
     "report LOG HEXA -o report.pdf": "expected a name that ends in .html",
@@ -182,3 +186,21 @@ def test_a_failed_write_leaves_no_partial_file(logs, refused, tmp_path, monkeypa
     line = refused("compare", logs.test, "-m", MODEL, "--csv", "out.csv", "--quiet")
     assert "out.csv: cannot be written: No space left on device" in line
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", ["explain", "compare", "inspect", "report -o r.html", "where", "view"])
+def test_a_log_that_is_not_there_is_told_before_anything_heavy_is_imported(words, tmp_path):
+    code = (
+        "import sys\nfrom wrenchgap.replay.cli.main import app\n"
+        "try:\n    app(sys.argv[1:])\n"
+        "finally:\n    print(sorted({'numpy', 'scipy', 'viser'} & set(sys.modules)))"
+    )
+    command, *more = words.split()
+    asked = [command, "gone.mcap", *more, *([] if command == "inspect" else ["-m", "crazyflie"])]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *asked], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "gone.mcap: no such file or folder" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout.strip() == "[]"

@@ -1,6 +1,7 @@
 """The counterfactual engine on flights of which everything is known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,9 +21,16 @@ from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.counterfactual.change import believed_vehicle, changed_gains
 from wrenchgap.replay.counterfactual.change import change as asked_change
-from wrenchgap.replay.counterfactual.counterfactual import Change, WeakLaw, counterfactual, read_recording
+from wrenchgap.replay.counterfactual.counterfactual import (
+    CHANGED,
+    Change,
+    Counterfactual,
+    WeakLaw,
+    counterfactual,
+    read_recording,
+)
 from wrenchgap.replay.counterfactual.reflight import refly
-from wrenchgap.replay.present.counterfactual import notes, to_json
+from wrenchgap.replay.present.counterfactual import _sentence, notes, to_json
 from wrenchgap.replay.present.documents import plain
 
 MODEL = model_file.load("tilt_hexarotor")
@@ -297,3 +305,23 @@ def test_the_command_writes_a_log_that_says_where_it_comes_from(hidden, result_o
     assert again.null_run.position_m_max < 2e-4
     assert again.null_run.attitude_deg_max < 0.02
     assert provenance(target)["changes"] == "with servo_lag=0.1"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "harms"),
+    [
+        ((0.005, 2.3, 0.01), (0.109, 0.15, 0.01), False),  # hundreds of per cent of nothing, and the error is gone
+        ((0.5, 0.5, 0.0), (1.0, 0.5, 0.0), True),
+        ((0.001, 0.001, 0.0), (0.01, 0.01, 0.0), False),  # below what counts
+    ],
+)
+def test_a_compensation_is_judged_by_the_whole_attitude_error(before, after, harms):
+    def run(degrees):
+        return SimpleNamespace(attitude_mean=np.sin(np.radians(degrees)))
+
+    tracking = {"uncompensated": run(before), CHANGED: run(after)}
+    found = Counterfactual._harmed(SimpleNamespace(uncompensated=True, tracking=tracking))
+    assert (found is not None) == harms
+    if found is not None:
+        assert (found.before, found.after) == pytest.approx((np.linalg.norm(before), np.linalg.norm(after)))
+        assert f"from {found.before:.3f} to {found.after:.3f} deg" in _sentence(found, "flight", "model")

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,9 +28,12 @@ from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.run import run as run_steps
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.process.store import save
+from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
+from wrenchgap.replay.export.export import export
+from wrenchgap.replay.export.observer import ObserverSettings
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +107,23 @@ def test_c_knows_the_lever_of_the_force(flown, tmp_path):
     assert got[:, 18:24] == pytest.approx(desired, abs=1e-8)
 
 
+def test_what_is_refused_is_not_called_corrected(flown):
+    """The verdict of `learn` takes the process off an output; effects and observer stay on it."""
+    fitted = process(flown[0])
+    said = tuple(
+        Verdict(name, Decision.DO_NOT if name != "torque_y" else Decision.COMPENSATE, Reason.NOTHING, gain, ())
+        for name, gain in (("torque_x", 0.0), ("torque_y", 1.0), ("torque_z", 0.0))
+    )
+    judged = replace(fitted, gain=np.array([0.0, 1.0, 0.0]), provenance=replace(fitted.provenance, verdicts=said))
+    made = export(judged, MODEL)
+    assert made.corrected == "torque_y; torque_x, torque_z not corrected (verdict of learn)"
+    assert f"Corrected: {made.corrected}, every" in made.files["README.md"]
+    assert export(fitted, MODEL).corrected == "torque_x, torque_y, torque_z"
+    assert export(judged, MODEL, Settings(despite_verdict=True, max_evaluations=12)).corrected.endswith("torque_z")
+    watched = export(judged, MODEL, observer=ObserverSettings(1.0, 0.1))
+    assert watched.corrected == "torque_y; torque_x, torque_z by the observer alone"
+
+
 @needs_compiler
 def test_observer_enters_where_the_header_says(flown, tmp_path):
     """Feedback moves the wrench that is wanted; what is not finite changes nothing and is told."""
@@ -151,7 +172,12 @@ def test_what_cannot_be_exported_is_refused_by_name(tmp_path, flown):
         ("regulariser", {"settings": Settings(regulariser=1.0)}),
     ):
         with pytest.raises(UsageError, match=words):
-            wg.export_compensator(process(flown[0], "physics"), slow, tmp_path / "d", **how)
+            wg.export_compensator(
+                process(flown[0], "physics", effects=["asymmetric_motor_lag", "com_offset"]),
+                slow,
+                tmp_path / "d",
+                **how,
+            )
     with pytest.raises(UsageError, match="nothing to export"):
         wg.export_compensator(None, MODEL, tmp_path / "d")
 

@@ -64,26 +64,27 @@ def refused(gp):
     return replace(gp, gain=np.zeros(3), provenance=replace(gp.provenance, verdicts=verdicts))
 
 
-def known(hz=HZ, mean="physics", lag=0.0):
+def known(hz=HZ, mean="physics", lag=0.0, effects=EFFECTS):
     """A process about hover whose file has a bandwidth."""
     rng = np.random.default_rng(2)
     hover = np.array([0.0, 0.0, 9.81 * MODEL.vehicle.body.mass, 0.0, 0.0, 0.0])
-    gp = process(hover + rng.normal(size=(200, 6)) * [4.0, 4.0, 4.0, 0.2, 0.2, 0.2], mean, points=40)
+    gp = process(hover + rng.normal(size=(200, 6)) * [4.0, 4.0, 4.0, 0.2, 0.2, 0.2], mean, points=40, effects=effects)
     said = {"observer_lag": lag, "observer_peak": 1.5, "loop_lag": lag or 0.03, "loop_delay": 0.0075, "gains": "model"}
     return replace(gp, provenance=replace(gp.provenance, observer_hz=hz, **said))
 
 
 LAG = 0.06
+LATE = EFFECTS | {"command_delay": [DELAY]}
 CASES = {
     "process that is told its lag": ({}, known(mean="zero", lag=LAG), "log", 0.4),
     "process on effects that is told lag and delay": (
-        EFFECTS | {"command_delay": [DELAY]},
-        known(lag=LAG),
+        LATE,
+        known(lag=LAG, effects=LATE),
         2.0,
         None,
     ),
     "process on effects": (EFFECTS, known(), "log", None),
-    "process on effects with a delay": (EFFECTS | {"command_delay": [DELAY]}, known(), 2.0, None),
+    "process on effects with a delay": (LATE, known(effects=LATE), 2.0, None),
     "process": ({}, known(mean="zero"), "log", 0.4),
     "effects": (EFFECTS, None, HZ, 0.8),
     "nothing else": ({}, refused(known(mean="zero")), "log", None),

@@ -152,6 +152,8 @@ def test_a_process_and_its_replay(logs):
     replayed = wg.replay_compensation(test, MODEL, learnt)
     axes = replayed.plot()
     assert axes.shape == (3, 2)
+    assert not any(panel.get_title(side) for panel in axes.ravel() for side in ("left", "center", "right"))
+    assert "*: filtered" in axes[0, 0].get_figure().get_suptitle(), "beside the legend there is no room"
     assert axes[2, 0].get_ylabel().startswith("sigma [")
     assert axes[2, 0].get_ylabel().endswith("Nm]")
     assert axes[2, 1].get_ylabel() == "beta: share of the\noptimum that is withheld [%]"

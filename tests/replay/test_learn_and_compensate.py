@@ -12,6 +12,7 @@ from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process import store
 from wrenchgap.learn.process.gp import CautionKind, FitSettings
+from wrenchgap.learn.process.predictors import OtherPhysics, predictors
 from wrenchgap.plant import model_file
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
@@ -19,6 +20,7 @@ from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
 from wrenchgap.replay.compensation.compensators import OtherVersion
 from wrenchgap.replay.compensation.replay import replay
+from wrenchgap.replay.export.export import export
 from wrenchgap.replay.present.learning import caution
 
 NAME = "tilt_hexarotor"
@@ -110,8 +112,31 @@ def test_another_version_of_the_physics_is_told(on_physics):
 
 def test_physics_that_is_not_there_is_refused(files, on_physics, refused):
     asked = ("replay", files / "short.mcap", "--gp", files / "rest.gp", "-m")
-    assert "has no effects, but the GP is the residual of com_offset" in refused(*asked, NAME)
+    assert f"learnt on top of the effects com_offset, and the effects of {NAME} are none" in refused(*asked, NAME)
     assert "lead is 0.0 s" in refused(*asked, files / "good.toml", "--lead", 0)
+
+
+def test_a_process_is_used_on_the_effects_that_it_was_learnt_on_and_on_no_others(files, on_physics, refused):
+    """Other values of the same effects are another version, and told; other effects are another vehicle to it."""
+    gp = on_physics.gp
+    twice = KNOWN.with_effects([make_effect(MODEL.vehicle, "com_offset", 2 * OFFSET)])
+    heavier = MODEL.with_effects([make_effect(MODEL.vehicle, "mass", {"added": 0.1})])
+    more = heavier.with_effects([*heavier.effects, *KNOWN.effects])
+    assert predictors(twice, (), gp)[1] == [OtherPhysics("com_offset")]
+    assert export(gp, twice, leave_out=["com_offset"]).left_out == {"com_offset": "left out as asked"}
+    for other, have in ((heavier, "mass"), (more, "com_offset, mass|mass, com_offset"), (MODEL, "none")):
+        for use in (
+            lambda m: predictors(m, (), gp),
+            lambda m: export(gp, m),
+            lambda m: compensating.compensator(gp, m),
+        ):
+            with pytest.raises(FitError, match=f"learnt on top of the effects com_offset, .* are ({have}); give the"):
+                use(other)
+    assert predictors(heavier, [KNOWN], gp)[0][-1].model.effects == KNOWN.effects
+    model_file.save(heavier, files / "heavier.toml", force=True)
+    on = ("-m", files / "heavier.toml", "--gp", files / "rest.gp")
+    assert "give the model that it was learnt on" in refused("compare", files / "short.mcap", *on)
+    assert "give the model that it was learnt on" in refused("where", files / "short.mcap", *on)
 
 
 def test_voltage_reaches_the_physics_and_is_asked_for_where_it_lacks():

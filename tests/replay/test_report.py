@@ -13,6 +13,7 @@ import pytest
 import typer
 
 import wrenchgap as wg
+from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.diagnose import where
 from wrenchgap.learn.identify.staircase import Basis, Kind
@@ -23,10 +24,12 @@ from wrenchgap.plant.trajectory_file import TrajectoryFile
 from wrenchgap.replay.cli.main import app
 from wrenchgap.replay.present import report as report_package
 from wrenchgap.replay.present import staircase
+from wrenchgap.replay.present.figures import where as where_figures
 from wrenchgap.replay.present.report import Repetition, Request, page, sections
+from wrenchgap.replay.present.report import words as page_words
 from wrenchgap.replay.present.report.elements import Image
 from wrenchgap.replay.report import contents
-from wrenchgap.replay.report.contents import NextFlight, OnNominal
+from wrenchgap.replay.report.contents import NextFlight
 
 MODEL = "tilt_hexarotor"
 TRIED = ("com_offset", "rotor_thrust", "constant_wrench", "thrust_scale", "ground_effect")
@@ -219,14 +222,38 @@ def test_prints_tabulates_and_draws_itself(made):
 
 
 def test_a_given_process_is_told_what_it_was_learnt_on(logs, made):
-    """On the model: what it absorbs; on the nominal vehicle below a model with effects: that it counts them twice."""
+    """On the model: what it absorbs. On the nominal vehicle below a model with effects it would count them twice."""
     model = made.model
     flights = wg.open_flights(logs.train, model)
     gp = wg.learn_gp(flights, model, settings=FitSettings(points=60, restarts=0), guard=False).gp
     same = contents._given(flights, model, gp)
     assert same.process.known
     assert same.absorption.effects == ("com_offset",)
-    assert contents._given(flights, made.addition.model, gp).notes == (OnNominal(),)
+    with pytest.raises(FitError, match=r"learnt on top of the nominal vehicle, and the effects of .* are com_offset"):
+        contents.report(flights, made.addition.model, gp=gp)
+
+
+def test_cells_that_are_empty_are_not_called_unmeasured(made):
+    """A short flight has too few samples in every cell: one sentence takes the place of an empty picture."""
+    grid = made.after.failure_map.grid
+    void = np.full(grid.force.shape, np.nan)
+    bare = replace(made.after.failure_map, grid=replace(grid, force=void, torque=void))
+    shown = sections._maps(replace(made.after, failure_map=bare))
+    assert not shown["grid"]
+    assert "independent samples" in shown["no_grid"]
+    half = replace(made.after, failure_map=replace(bare, grid=replace(grid, torque=void)))
+    texts = [text.get_text() for panel in where_figures.grid_figure(half).axes for text in panel.texts]
+    assert texts == ["torque: too few samples in every cell"]
+    noise = np.array([*made.after.noise[:3], *[np.nan] * 3])
+    texts = [t.get_text() for panel in where_figures.grid_figure(replace(half, noise=noise)).axes for t in panel.texts]
+    assert texts == ["torque: not measured"]
+
+
+def test_only_effects_are_fitted_in_sample(made):
+    seen = replace(made, unseen=())
+    assert "in-sample" in page_words.where_on(seen)
+    bare = SimpleNamespace(unseen=(), addition=SimpleNamespace(model=SimpleNamespace(effects=())))
+    assert page_words.where_on(bare) == "the given logs"
 
 
 def test_a_group_gets_the_flight_that_separates_it(made, repetition, without_charts):

@@ -131,3 +131,16 @@ def test_words_stay_on_the_picture_and_off_its_axes(crazyflie):
             extent = text.get_window_extent()
             assert box.x0 <= extent.x0
             assert extent.x1 <= box.x1
+
+
+def test_words_stay_off_the_axes_of_a_small_panel_as_well(crazyflie):
+    """As beside two other panels in the picture of `changed`."""
+    figure = Figure(figsize=(15.0, 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    panel = figure.subplots(1, 3)[2]
+    vehicle.draw(panel, crazyflie, {f"rotor_{r}": "rotor_thrust -18 %, 97 %" for r in range(4)})
+    figure.canvas.draw()
+    box = panel.get_window_extent()
+    extents = [text.get_window_extent() for text in panel.texts if ":" in text.get_text()]
+    assert len(extents) == 4
+    assert all(box.x0 <= e.x0 and e.x1 <= box.x1 for e in extents)

@@ -13,14 +13,17 @@ from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.learn.data.opening import opened
 from wrenchgap.learn.identify.learning import TORQUE, learn_process
 from wrenchgap.learn.process import store
-from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.verdict import Decision, Reason
+from wrenchgap.learn.process.alternatives import Alternative
+from wrenchgap.learn.process.gp import Caution, CautionKind, FitSettings
+from wrenchgap.learn.process.verdict import Decision, Reason, Verdict
 from wrenchgap.plant import model_file
 from wrenchgap.plant.mismatch import conditioning
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation import compensators as compensating
+from wrenchgap.replay.present.learning import _why_not
+from wrenchgap.replay.present.verdicts import verdict
 
 NAME = "tilt_hexarotor"
 MODEL = model_file.load(NAME)
@@ -237,3 +240,18 @@ def test_counterfactual_prints_the_margin_and_flies_gp_and_observer_together(shi
     before = np.array(result["tracking"]["uncompensated"]["attitude_error"]["mean_abs"])
     after = np.array(result["baselines"][together]["attitude_error"]["mean_abs"])
     assert np.linalg.norm(after) < 0.4 * np.linalg.norm(before)  # most is the lean that the flight begins with
+
+
+def test_a_verdict_and_a_warning_on_one_output_do_not_contradict_each_other():
+    helps = Verdict("torque_x", Decision.COMPENSATE, Reason.HELPS, 0.9, (0.6, 0.5, 0.7))
+    said = (Caution(CautionKind.NOT_WORTH_IT, ("torque_x",), (0.2,), (0.19,)),)
+    assert "on unseen flights something simpler does as well" in verdict(helps, said)
+    assert "simpler" not in verdict(replace(helps, output="torque_y"), said)
+    assert "simpler" not in verdict(helps)
+
+
+def test_alternatives_that_reduce_more_and_are_not_chosen_say_why():
+    one = Alternative(FitSettings(), np.ones(3), 0.08, 1.0)
+    assert _why_not(one) == "less than 10 %"
+    assert _why_not(replace(one, gain=0.3)) == "within chance"
+    assert _why_not(replace(one, gain=0.3, t=99.0)) == "another is better"

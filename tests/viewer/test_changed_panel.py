@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.test_analysis_panels import follow_to, listening, move, panel_of, press
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.differences import Change, Differences, FlightMean
 from wrenchgap.viewer.panels.changed import WIDEST, ChangedPanel, labels
 
@@ -54,6 +55,8 @@ def asked(panel, monkeypatch, eventually, verdict="changed"):
 
 def test_the_flight_shown_is_compared_with_those_that_are_ticked(panel, page, monkeypatch, eventually):
     assert asked(panel, monkeypatch, eventually) == [("train", ("test",))]
+    assert "wg-badge wg-changed" in panel.answer.content, "a change is no good news"
+    assert ".wg-badge.wg-changed, .wg-badge.wg-group { background: #b07800; }" in markup.style()
     assert not panel.healthy["train"].visible
     assert panel.healthy["test"].visible
     page.open("test")

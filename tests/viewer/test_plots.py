@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from wrenchgap.viewer.axis import limits, ticks
 from wrenchgap.viewer.export_formats import png, table
 from wrenchgap.viewer.plot_board import View, _head
 from wrenchgap.viewer.plots import Line, Plot, plots_of
@@ -87,3 +88,46 @@ def test_a_picture_is_the_render_on_white_with_a_legend():
     assert tuple(picture[190, 290]) == (10, 20, 30)
     assert tuple(picture[190, 10]) == (255, 255, 255)
     assert (picture == (200, 0, 0)).all(axis=2).any()
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.0, 1.3e-3), (-2.1e-4, -2e-5), (-0.7, 0.7), (9.8, 9.8004), (47.397740, 47.397752), (0, 2e5)]
+)
+def test_ticks_are_different_texts_of_the_numbers_at_which_they_stand(low, high):
+    places, words = ticks(low, high)
+    assert 2 <= len(places) <= 6
+    assert low - 1e-12 <= places[0] < places[-1] <= high + 1e-12
+    assert len(set(words)) == len(words)
+    assert max(map(len, words)) <= 9
+    step = places[1] - places[0]
+    first = float(words[0])
+    for place, word in zip(places[1:], words[1:], strict=True):
+        told = first + float(word) if word.startswith("+") else float(word)
+        assert told == pytest.approx(place, abs=0.1 * step if not word.startswith("+") else 0.01)
+    assert not any(float(word) == 0.0 and word != "0" for word in words), "a zero with a sign"
+
+
+def test_rounding_noise_is_drawn_flat_and_a_signal_is_not():
+    noise, signal = 1e-17 * np.sin(TIME), 0.01 * np.sin(TIME)
+    low, high = limits(noise, 3e-4)
+    assert (low, high) == pytest.approx((-1.5e-4, 1.5e-4))
+    low, high = limits(9.81 + 1e-12 * np.sin(TIME))
+    assert high - low > 1e5 * 1e-12
+    low, high = limits(signal, 3e-4)
+    assert 0.02 < high - low < 0.03
+
+
+def test_plots_of_a_small_vehicle_are_in_prefixed_units_that_they_share():
+    wrench = np.zeros((len(TIME), 6))
+    wrench[:, 3], wrench[:, 4], wrench[:, 2] = 1e-3 * np.sin(TIME), 2e-5, 0.3
+    still = np.zeros((len(TIME), 3))
+    quat = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))
+    scene = Scene("one", TIME, still, quat, wrenches={"measured": wrench}, floors={"N": 3e-4, "Nm": 3e-5})
+    plots = {p.title: p for p in plots_of(scene)}
+    assert [plots[f"torque {axis}"].shown_unit for axis in "xyz"] == ["mNm"] * 3
+    assert plots["force z"].shown_unit == "N"
+    assert "[mNm]" in _head(plots["torque x"], TIME[100], ())
+    assert f"{1e3 * wrench[100, 3]:+.3f}" in _head(plots["torque x"], TIME[100], ())
+    assert table([plots["torque x"]], 0.0, 1.0).startswith("time [s],torque x measured [Nm]"), "tables stay in SI"
+    assert plots["torque z"].floor == 3e-5
+    assert plots["force x"].shown_unit == "mN", "a thousandth of the weight"

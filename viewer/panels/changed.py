@@ -20,7 +20,7 @@ from wrenchgap.viewer.scene import Scene
 
 DARKEST = 6.0
 """Distance from the healthy flights, in what those differ by, that is drawn darkest."""
-BADGES = {"changed": "effect", "nothing": "nothing", "unknown": "unknown"}
+BADGES = {"changed": "changed", "nothing": "nothing", "unknown": "unknown"}
 
 
 WIDEST = 18

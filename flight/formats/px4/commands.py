@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.aerospace import flu
 from wrenchgap.flight.formats.made import Made, cropped
@@ -86,9 +87,7 @@ def never_armed(said: Messages) -> str | None:
         asked = found[:, 3] if name == "actuator_controls_0" and found.shape[1] > 3 else found
         if np.any(np.abs(np.nan_to_num(asked)) > 0.01):
             return None
-        return (
-            f"{table.topic}: the motors were never armed, or never asked for thrust: this log holds no powered flight."
-        )
+        return f"{table.topic}: the motors were never armed, or never asked for thrust: {UNPOWERED}"
     return None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from wrenchgap.flight.check import Check, TimeLeftOut
+from wrenchgap.flight.check import UNPOWERED, Check, TimeLeftOut
 from wrenchgap.flight.flight import Gap
 from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside
 from wrenchgap.learn.data.phases.phase import Phase
@@ -69,8 +69,11 @@ def of_phases(phases: Sequence[Phase]) -> tuple[Check, ...]:
     return tuple(found)
 
 
-def never_flew(name: str, phases: Sequence[Phase], model: Model) -> str:
-    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left."""
+def never_flew(name: str, phases: Sequence[Phase], model: Model, notes: Sequence[object] = ()) -> str:
+    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left; `notes` are those of its reader."""
+    unpowered = next((str(note) for note in notes if str(note).endswith(UNPOWERED)), None)
+    if unpowered is not None:
+        return f"{name}: {unpowered.removesuffix('.')}; give another log"
     weight = f"{model.vehicle.body.mass * GRAVITY:.3g} N"
     seconds: dict[str, float] = {}
     for phase in phases:

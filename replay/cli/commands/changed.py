@@ -8,12 +8,19 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.logs import existing
 from wrenchgap.replay.cli.requests import Reading, Run
 
 MANY = ("--healthy",)
 
 Suspects = Annotated[
-    list[Path], typer.Argument(metavar="SUSPECT...", help="Logs of flights with something wrong.", show_default=False)
+    list[Path],
+    typer.Argument(
+        metavar="SUSPECT...",
+        help="Logs of flights with something wrong.",
+        show_default=False,
+        callback=existing,
+    ),
 ]
 Healthy = Annotated[
     list[Path],
@@ -22,6 +29,7 @@ Healthy = Annotated[
         metavar="LOG...",
         help="Logs of the same vehicle when all was well; several say what is usual.",
         show_default=False,
+        callback=existing,
     ),
 ]
 

@@ -15,6 +15,7 @@ MANY = ("--validate",)
 Subsample = StrEnum("Subsample", ["fasterpam", "pyclustering"])
 Mean = StrEnum("Mean", ["physics", "zero", "linear", "constant"])
 Inference = StrEnum("Inference", ["exact", "sparse"])
+Search = StrEnum("Search", {"closed_form": "closed-form", "gpy": "gpy"})
 Scale = StrEnum("Scale", ["standardised", "raw"])
 
 Points = Annotated[int, typer.Option("--points", metavar="N", min=2, help="Training points kept.")]
@@ -40,6 +41,9 @@ MeanFunction = Annotated[
 ]
 Samples = Annotated[
     Inference, typer.Option("--inference", help="exact: on N samples, as in the paper; sparse: on all, through N.")
+]
+Searching = Annotated[
+    Search, typer.Option("--search", help="Of the hyperparameters: closed-form, or GPy's, the paper's; slower.")
 ]
 Scaling = Annotated[Scale, typer.Option("--scale", help="Inputs of k-medoids; raw is the paper's.")]
 Restarts = Annotated[int, typer.Option("--restarts", metavar="N", min=0, help="Random starts of the likelihood.")]
@@ -69,6 +73,7 @@ def learn(
     inputs: Inputs = None,
     mean: MeanFunction = None,
     inference: Samples = Inference.exact,
+    search: Searching = Search.closed_form,
     scale: Scaling = Scale.standardised,
     restarts: Restarts = 1,
     seed: Seed = 0,
@@ -94,6 +99,7 @@ def learn(
     names = () if inputs == "auto" else o.parse_names(inputs)
     kind = default_mean(base) if mean is None else mean.value
     how: dict[str, Any] = {"method": subsample.value, "scale": scale.value, "mean": kind, "inference": inference.value}
+    how["search"] = search.value
     settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, guarded=not as_fitted, **how)
     physics_of(base, settings)  # or it raises, before any log is read
     with run.progress("learning") as report:

@@ -26,7 +26,8 @@ def picture(replay: Replay) -> style.Picture:
         (rows, 2),
         (14.0, 2.1 * rows + 0.8),
         lambda axes: _draw(replay, axes),
-        title=f"{replay.flight.name}: compensation of the {replay.source} wrench, model {replay.model.name}",
+        title=f"{replay.flight.name}: compensation of the {replay.source} wrench, model {replay.model.name}; "
+        "*: filtered",
         share=True,
     )
 
@@ -55,8 +56,6 @@ def _wrenches(panel: Any, replay: Replay, k: int) -> None:
         if np.isfinite(values[:, k]).any():
             style.curve(panel, replay.time, values[:, k], colour, name)
     style.labelled(panel, *style.QUANTITIES[k])
-    if panel.get_subplotspec() is not None and panel.get_subplotspec().is_first_row():
-        panel.set_title("* filtered", loc="right", fontsize=style.SMALL)
 
 
 def _correction(panel: Any, replay: Replay, k: int, std: Array | None) -> None:

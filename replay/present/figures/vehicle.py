@@ -26,8 +26,10 @@ ROOM, WIDE, HIGH = 1.12, 1.9, 1.35
 """Distance from O of words on a part, half the width and half the height of the picture, in half the vehicle's size."""
 INNER = {"com": (-1.0, 0.0), "imu": (1.0, 0.0)}
 """On which side (x, y) words on parts in the middle stand: behind and in front."""
-LETTERS = 28
-"""Longest line of words."""
+LETTERS, NARROW = 28, 18
+"""Longest line of words, and of those beside the vehicle."""
+EDGE = 0.97
+"""Where words beside the vehicle begin or end, in half the picture's width."""
 ALIKE = 1e-6
 """Distance [m] below which two rotors are drawn as one above the other."""
 
@@ -185,20 +187,25 @@ def _name(panel: Any, y: float, x: float, text: str, colour: str) -> None:
 
 
 def _words(panel: Any, place: Array, text: str, half: float, side: tuple[float, float] | None) -> None:
-    """Words on a marked part outside the vehicle, on the side (x, y) or where the part is, with a line to it."""
+    """Words on a marked part outside the vehicle, on the side (x, y) or where the part is, with a line to it.
+
+    To the left and right they begin and end at the picture's edge, so that they never reach the numbers of the axes.
+    """
     x, y = float(place[0]), float(place[1])
     length = float(np.hypot(x, y))
     out = np.array(side) if side is not None else np.array([x, y]) / max(length, ALIKE)
     at = ROOM * half * out
+    beside = abs(out[1]) > 0.3
+    edge = float(np.sign(out[1]) * EDGE * WIDE * half) if beside else float(at[1])
     panel.annotate(
-        fill(text, LETTERS),
+        fill(text, NARROW if beside else LETTERS, break_long_words=False),
         (y, x),
-        (float(at[1]), float(at[0])),
+        (edge, float(at[0])),
         arrowprops={"arrowstyle": "-", "color": style.WARNING, "lw": 0.8},
         fontsize=style.USUAL,
         color=style.WARNING,
         parse_math=False,
-        ha="right" if out[1] > 0.3 else "left" if out[1] < -0.3 else "center",
+        ha="center" if not beside else "left" if out[1] > 0.0 else "right",
         va="bottom" if out[0] >= 0 else "top",
         zorder=8,
     )

@@ -177,7 +177,9 @@ def _draw_grid(panels: Any, where: Where) -> None:
     drawn_in = ((panels[0], grid.force, "force", "N"), (panels[1], grid.torque, "torque", "Nm"))
     for panel, values, word, unit in drawn_in:
         if np.isnan(values).all():
-            style.nothing(panel, f"{word}: not measured")
+            part = where.noise[:3] if word == "force" else where.noise[3:]
+            none = "not measured" if np.isnan(part).all() else "too few samples in every cell"
+            style.nothing(panel, f"{word}: {none}")
             continue
         drawn = panel.pcolormesh(grid.y_edges, grid.x_edges, values, cmap="viridis", vmin=0.0)
         bar = panel.get_figure(root=False).colorbar(drawn, ax=panel)

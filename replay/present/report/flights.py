@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
+from wrenchgap.replay.present.checks import raised, warnings
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.report.elements import Table
 from wrenchgap.replay.present.report.page import environment
@@ -35,12 +36,13 @@ class LogFlight(Protocol):
 
 
 def rendered(tool: str, flights: Sequence[LogFlight], **parts: Any) -> str:
-    """The page of a command, with today's date and the logs."""
+    """The page of a command, with today's date, the logs, and at the top what the checks of the logs warn of."""
+    said = [f"check: {text}" for text in warnings(raised(list(flights)))]
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return (
         environment()
         .get_template("flights.html.jinja")
-        .render(**{"tool": tool, "date": date, "files": files(flights), "inspect": [], **parts})
+        .render(**{"tool": tool, "date": date, "files": files(flights), "warnings": said, "inspect": [], **parts})
     )
 
 

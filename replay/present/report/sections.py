@@ -6,6 +6,8 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from wrenchgap.learn import Explanation, Verdict, Where
 from wrenchgap.learn.data.blocks import INDISTINCT, SIGNIFICANT
 from wrenchgap.learn.identify.least_squares import MISFIT
@@ -185,11 +187,15 @@ def _maps(found: Where) -> dict[str, Any]:
     worst = [[s.flight, f"{s.start:.1f} - {s.stop:.1f} s", s.axis.replace("_", " "), *row(s.rms)] for s in found.worst]
     grid = found.failure_map.grid
     over = "" if grid is None else f"RMS over {grid.x_label} and {grid.y_label}; empty where samples are too few."
+    empty = grid is not None and np.isnan([grid.force, grid.torque]).all()
     return {
         "summary": where.summary(found),
         "maps": Image.of(where_figures.maps_figure(found), alt, caption) if shown else None,
         "table": Table(("quantity", "share of the error that depends on it", "p", "significant"), rows, left=4),
-        "grid": grid and Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale."),
+        "grid": grid
+        and not empty
+        and Image.of(where_figures.grid_figure(found), over, f"{over} Each map has its own scale."),
+        "no_grid": words.no_grid(grid) if grid is not None and empty else "",
         "worst": Table(("flight", "time", "largest on", *UNIT_HEADS), worst, left=3),
     }
 

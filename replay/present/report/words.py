@@ -6,6 +6,7 @@ import numpy as np
 
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.design.designed import Design
+from wrenchgap.learn.diagnose.error_grid import FEWEST, Grid
 from wrenchgap.replay.present.numbers import separation
 from wrenchgap.replay.report.contents import Absent, NextFlight, Report, Rest
 
@@ -33,7 +34,17 @@ def rest(found: Rest) -> str:
 
 def where_on(report: Report) -> str:
     """On which flights the models are examined."""
-    return "the unseen flights" if report.unseen else "the given logs, to which the effects were fitted (in-sample)"
+    if report.unseen:
+        return "the unseen flights"
+    return f"the given logs{', to which the effects were fitted (in-sample)' if report.addition.model.effects else ''}"
+
+
+def no_grid(grid: Grid) -> str:
+    """Why there is no map over two quantities."""
+    return (
+        f"No map over {grid.x_label} and {grid.y_label}: no cell has {FEWEST:g} independent samples; that takes a "
+        "longer flight."
+    )
 
 
 def why_not(flight: NextFlight) -> str:

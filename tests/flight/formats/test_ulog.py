@@ -11,9 +11,12 @@ from typer.testing import CliRunner
 
 from wrenchgap import flight
 from wrenchgap.flight import so3
+from wrenchgap.flight.check import UNPOWERED
 from wrenchgap.flight.derivative import angular_velocity
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.ulog import parameters
+from wrenchgap.learn.data.phases.told import never_flew
+from wrenchgap.plant.model_file import load as load_model
 from wrenchgap.replay.cli.main import app
 
 SECONDS = 6.0
@@ -219,7 +222,8 @@ def test_old_firmware_and_a_vehicle_that_was_never_armed(autopilots, tmp_path):
     log.topic("actuator_controls_0", f"{STAMP};float[4] control", {"timestamp": micro(time), "control": control})
     found = flight.load(log.save(tmp_path / "log.ulg"))
     np.testing.assert_allclose(found.commanded.wrench_B[0], [0, 0, 0, 0.1, -0.2, -0.3], rtol=1e-6)
-    assert any("no powered flight" in note for note in found.notes)
+    (said,) = [note for note in found.notes if note.endswith(UNPOWERED)]
+    assert never_flew("log.ulg", (), load_model("crazyflie"), found.notes) == f"log.ulg: {said[:-1]}; give another log"
 
 
 @pytest.mark.parametrize("share", [0.001, 0.02, 0.3, 0.7, 0.999])
