@@ -98,6 +98,7 @@ def _observing(said: Provenance, found: Guarded, records: Sequence[Record], base
         observer_hz=chosen.observer.hz or None,
         observer_lag=chosen.observer.lag,
         observer_peak=chosen.peak if np.isfinite(chosen.peak) else None,
+        observer_left=chosen.left,
         loop_lag=chosen.lag,
         loop_delay=loop.delay,
     )

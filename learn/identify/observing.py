@@ -24,9 +24,11 @@ the effects and the lag leave, and n the gyroscope above the filter's cut-off, n
     E(k)^2 = sum over axes of [rms(d - H Q / (1 + Q (H - H_o)) d)^2 + (k J rms(n))^2] / J^2
 
 or rather that of the least M_s whose E is within a tenth of that: E is flat about its least, and there the margin is
-worth more. (Told the lag, the faster observer has the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more
-in the play of servos.) d is all of the residual and not what the process leaves of it: of flights that the process
-has not seen nobody knows what it will leave, and where it is distrusted it leaves all.
+worth more. Where the best leaves more than `WORTH` of what no observer leaves (a lag alone, or nothing missing), there
+is none: it would pass noise and the error of the lag on, and remove nothing. (Told the lag, the faster observer has
+the lower M_s. One of 1 to 2 Hz, where M_s is highest, hunts more in the play of servos.) d is all of the residual and
+not what the process leaves of it: of flights that the process has not seen nobody knows what it will leave, and where
+it is distrusted it leaves all.
 """
 
 from __future__ import annotations
@@ -57,15 +59,21 @@ ENOUGH = 1.1
 """Ratio of what is left to the least that any bandwidth leaves: the observer of the least M_s within it is taken."""
 
 
+WORTH = 0.75
+"""Share of what is left without an observer that the best one may leave: one that removes less has nothing to do."""
+
+
 @dataclass(frozen=True)
 class Choice:
-    """The observer (of 0 Hz: none, because no bandwidth keeps the margins), the lag [s] of the loop that it was chosen
-    for, and M_s of that loop with it.
+    """The observer (of 0 Hz: none, because no bandwidth keeps the margins, or none is worth it), the lag [s] of the
+    loop that it was chosen for, M_s of that loop with it, and the share that the best within the margins leaves of what
+    is left without one (None where there is none).
     """  # noqa: D205
 
     observer: Observer
     lag: float
     peak: float
+    left: float | None
 
 
 def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unseen: float, steepest: float) -> Choice:
@@ -86,9 +94,14 @@ def choose(records: Sequence[Record], base: Model, late: Array, loop: Loop, unse
         if sensitivity_peak(loop, tried) <= MOST_SENSITIVE and loop_peak(loop, tried) <= steepest:
             torque = missed(left, hz, tau, told_tau) ** 2 + (2.0 * np.pi * hz * J * noise) ** 2
             costs[tried] = float(np.sqrt(np.sum(torque / J**2)))
-    good = {o: sensitivity_peak(loop, o) for o, cost in costs.items() if cost <= ENOUGH * min(costs.values())}
-    best = min(good, key=lambda o: good[o], default=none)
-    return Choice(best, loop.lag, sensitivity_peak(loop, best))
+    if not costs:
+        return Choice(none, loop.lag, sensitivity_peak(loop, none), None)
+    least = min(costs.values())
+    alone = np.concatenate([d for d, _ in left])
+    share = least / max(float(np.sqrt(np.sum(np.mean(alone**2, axis=0) / J**2))), 1e-300)
+    good = {o: sensitivity_peak(loop, o) for o, cost in costs.items() if cost <= ENOUGH * least}
+    best = min(good, key=lambda o: good[o]) if share <= WORTH else none
+    return Choice(best, loop.lag, sensitivity_peak(loop, best), share)
 
 
 def longest_lag(parts: Sequence[Stretch], looks: NDArray[np.bool_], outputs: NDArray[np.intp]) -> float:

@@ -95,6 +95,7 @@ class Provenance:
                   None: none does, or nobody looked
     observer_lag  lag that this observer takes the vehicle to have [s]
     observer_peak M_s of the attitude loop with it, without it where there is none; None where that loop is unstable
+    observer_left share that the best observer within the margins leaves of what none leaves; None where there is none
     loop_lag, loop_delay    of the actuators, with which the loop was judged [s]
     gains         where the gains of that loop come from: "log", "model", or "typical" of a vehicle of that size
     """
@@ -113,6 +114,7 @@ class Provenance:
     observer_hz: float | None = None
     observer_lag: float = 0.0
     observer_peak: float | None = None
+    observer_left: float | None = None
     loop_lag: float = 0.0
     loop_delay: float = 0.0
     gains: str = ""

@@ -98,6 +98,11 @@ def no_bandwidth(process: GaussianProcess) -> str:
     said = process.provenance
     if not said.loop_delay:
         return "it was learnt by an older version or --as-fitted; learn it again with `wrenchgap learn`"
+    if said.observer_left is not None:
+        return (
+            f"on the training log the best observer would leave {100 * said.observer_left:.0f} % of what is left "
+            "without one: nothing is missing there that an observer removes"
+        )
     peak = "infinite" if said.observer_peak is None else f"{said.observer_peak:.2g}"
     return (
         f"the attitude loop itself has a peak of the sensitivity of {peak} behind a lag of "

@@ -91,6 +91,11 @@ def observer_in_words(gp: GaussianProcess) -> str:
         f"delay of {1e3 * said.loop_delay:.0f} ms; {_GAINS.get(said.gains, _GAINS['model'])})"
     )
     most = f"{MOST_SENSITIVE:g}"
+    if said.observer_hz is None and said.observer_left is not None:
+        return (
+            f"observer: none, the best would leave {100 * said.observer_left:.0f} % of what is left without one; "
+            f"M_s is {peak} {loop}."
+        )
     if said.observer_hz is None:
         return f"observer: none, no bandwidth keeps M_s at or below {most}; without one it is {peak} {loop}."
     told = f"told a lag of {1e3 * said.observer_lag:.0f} ms" if said.observer_lag else "told no lag"
@@ -107,6 +112,7 @@ def observer_json(gp: GaussianProcess) -> dict[str, Any] | None:
         "hz": said.observer_hz,
         "lag_s": said.observer_lag,
         "sensitivity_peak": said.observer_peak,
+        "left": said.observer_left,
         "loop": {"lag_s": said.loop_lag, "delay_s": said.loop_delay, "gains": said.gains},
         "summary": observer_in_words(gp),
     }
