@@ -133,6 +133,7 @@ def main():
         found.append(row)
         print(json.dumps(row), flush=True)
         if asked.json:
+            asked.json.parent.mkdir(parents=True, exist_ok=True)
             asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
     text = table(found, load)

@@ -52,6 +52,7 @@ def measure(asked: argparse.Namespace, name: str, rows: Iterable[Row], table: Ca
         found.append(row)
         print(json.dumps(row), flush=True)
         if asked.json:
+            asked.json.parent.mkdir(parents=True, exist_ok=True)
             asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
     text = table(found, load)
