@@ -55,6 +55,10 @@ Kind = tuple[tuple[str, ...], tuple[int, ...], tuple[bool, ...]]
 
 SECONDS = 120.0
 """Most flight time of either side [s]; of longer logs, pieces spread over all of it."""
+AT_ONCE = 2
+"""Effects of a set up to which its names can be firm: three unrelated changes between two flights are less likely than
+one that is far from straight, and that several others make up for.
+"""
 CHANCE = 0.1
 """Weight of nothing having changed below which something has."""
 UNLIKE = 1.6
@@ -250,7 +254,8 @@ def compared(pool: Pool, good: Sequence[int], mine: Sequence[int]) -> Changed:
     loud = louder(found, mine)
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
-    firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if verdict is Verdict.CHANGED else ()
+    certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE
+    firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if certain else ()
     values: list[dict[tuple[str, str], float]] = [{} for _ in pool.names]
     if names:
         *_, prior = deviations(found, found.scorer(tuple(sorted(names))), names)
