@@ -156,7 +156,8 @@ def test_combined_of_a_refused_process_is_the_observer_alone(slow):
     assert helper.bandwidth_hz == pytest.approx(gp.provenance.observer_hz)
     assert helper.lag.tolist() == [gp.provenance.observer_lag] * 3
     for more, why in (
-        ({"observer_peak": 2.7}, "peak of the sensitivity of 2.7"),
+        ({"observer_peak": 2.7, "observer_left": None}, "peak of the sensitivity of 2.7"),
+        ({"observer_left": 0.84}, "would leave 84 %"),
         ({"loop_delay": 0.0}, "learn it again"),
     ):
         without = replace(gp.provenance, observer_hz=None, **more)
