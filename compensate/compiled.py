@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
+from wrenchgap.plant.loop_kernels import value_of
 from wrenchgap.plant.tape import Program
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -170,48 +171,7 @@ def evaluate(lines: Lines, first: int, last: int) -> None:
         op, a, b, c = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
         if op <= CONSTANT:
             continue
-        v[k] = _value(op, v[a], v[b], v[c])
-
-
-@compiled
-def _value(op: int, a: float, b: float, c: float) -> float:
-    if op == ADD:
-        return a + b
-    if op == SUB:
-        return a - b
-    if op == MUL:
-        return a * b
-    if op == DIV:
-        return a / b
-    if op == NEG:
-        return -a
-    if op == SQRT:
-        return math.sqrt(a)
-    if op == EXP:
-        return math.exp(a)
-    if op == SIN:
-        return math.sin(a)
-    if op == COS:
-        return math.cos(a)
-    if op == ATAN2:
-        return math.atan2(a, b)
-    if op == ABS:
-        return abs(a)
-    if op == SIGN:
-        return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
-    if op == MAX:
-        return a if a >= b else b
-    if op == MIN:
-        return a if a <= b else b
-    if op == LESS:
-        return 1.0 if a < b else 0.0
-    if op == LESS_EQUAL:
-        return 1.0 if a <= b else 0.0
-    if op == SELECT:
-        return b if a != 0.0 else c
-    if op == FLOOR:
-        return np.floor(a)
-    return math.log(a)
+        v[k] = value_of(op, v[a], v[b], v[c])
 
 
 @compiled
@@ -226,7 +186,7 @@ def differentiate(lines: Lines) -> None:
         op, a, b, c = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
         if op <= CONSTANT:
             continue
-        value = _value(op, v[a], v[b], v[c])
+        value = value_of(op, v[a], v[b], v[c])
         v[k] = value
         if op == ADD:
             for i in range(count):

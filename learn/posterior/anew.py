@@ -131,7 +131,9 @@ def with_rests(
     again(mine, {})
     for c in reversed(mine):
         bends |= (anew[c.keys] or c).bends
-    again([c for c in heavy if c.keys in anew and c not in mine and asked(c, rests, bends, own=False)], dict(bends))
+    done = {c.keys for c in mine}
+    theirs = [c for c in heavy if c.keys in anew and c.keys not in done and asked(c, rests, bends, own=False)]
+    again(theirs, dict(bends))
     return bends
 
 

@@ -106,7 +106,8 @@ def ranking(read: Read) -> Ranking:
     scorer = searched(FleetSpectrum(read(), keys, axes))
     space, none = scorer.spectrum, scorer(())
     best = [s for s in ordered(scorer) if s.keys][:RANKED]
-    best += [s for s in in_other_words(scorer, best[0]) if s not in best] if best else []
+    ranked = {s.keys for s in best}
+    best += [s for s in in_other_words(scorer, best[0]) if s.keys not in ranked] if best else []
     alone = {k: scorer((k,)).log_probability - none.log_probability for k in space.columns}
     held_out = len(space.flights) >= HELD_OUT
     weights = _weights(scorer, [none, *best], read)

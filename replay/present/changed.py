@@ -12,7 +12,6 @@ from rich.table import Table
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.sizes import Alone, Size
-from wrenchgap.learn.posterior.classes import NamedSet
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import settle, timing, what_to_inspect
@@ -131,7 +130,7 @@ def summary(found: Changed) -> str:
         if best is not None and best.largest.significance > WORTH_A_WORD:
             words = in_words(found, best.largest)
             nearest = f" Nearest, and not established: {words}, {best.largest.significance:.1f} standard deviations."
-        likely = likeliest(found)
+        likely = what_to_inspect.likeliest(found)
         if likely is not None:
             return (
                 f"Not established, but likely: {' + '.join(likely.names)} changed ({share(likely.weight)}; "
@@ -152,16 +151,6 @@ def summary(found: Changed) -> str:
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
     firm = "" if found.firm else " No single effect is firm."
     return f"Changed: {' and '.join(said)}.{alike}{firm}"
-
-
-def likeliest(found: Changed) -> NamedSet | None:
-    """The heaviest set of changes where nothing is established and less than half of the weight says that nothing
-    changed.
-    """  # noqa: D205
-    if found.verdict is not Verdict.NOTHING or found.nothing >= what_to_inspect.HALF:
-        return None
-    sets = sorted((s for c in found.classes for s in c.sets if s.names), key=lambda s: -s.weight)
-    return sets[0] if sets else None
 
 
 def in_words(found: Changed, size: Size) -> str:

@@ -50,7 +50,7 @@ PROMINENT = 0.3
 MOST = 10
 """Candidates shown."""
 SHORT = 8.0
-"""Seconds of flight below which held-out time is a block or two (`learn.data.dataset.FEWEST_BLOCKS`)."""
+"""Seconds of flight below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
 HALF = 0.5
 """Weight of nothing missing below which that is not said."""
 MOST_CLASSES = 3

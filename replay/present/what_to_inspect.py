@@ -5,6 +5,7 @@ from __future__ import annotations
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place, towards
 from wrenchgap.learn.changed.sizes import Size
+from wrenchgap.learn.posterior.classes import NamedSet
 from wrenchgap.replay.present.numbers import quantity, share
 
 SURE = 0.9
@@ -51,12 +52,22 @@ NO_NAME = (
 )
 
 
+def likeliest(found: Changed) -> NamedSet | None:
+    """The heaviest set of changes where nothing is established and less than half of the weight says that nothing
+    changed.
+    """  # noqa: D205
+    if found.verdict is not Verdict.NOTHING or found.nothing >= HALF:
+        return None
+    sets = sorted((s for c in found.classes for s in c.sets if s.names), key=lambda s: -s.weight)
+    return sets[0] if sets else None
+
+
 def sentences(found: Changed) -> list[str]:
     """What to inspect, the most significant first."""
     if found.verdict is Verdict.NOTHING:
-        best = found.alone[0] if found.alone else None
-        where = best.largest.where if best is not None and found.nothing < HALF else ""
-        return [PERHAPS.format(where) if where else NOTHING]
+        likely = likeliest(found)
+        places = [] if likely is None else [a.largest.where for a in found.alone if a.effect in likely.names]
+        return [PERHAPS.format(places[0]) if places and places[0] else NOTHING]
     out = []
     if found.verdict is Verdict.UNKNOWN:
         out.append(NO_NAME)

@@ -10,6 +10,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.check import Check, Finding
+from wrenchgap.learn.changed import changed as searching
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place
 from wrenchgap.learn.changed.sizes import Size
@@ -64,7 +65,17 @@ def test_what_is_likely_but_not_established_is_neither_nothing_nor_a_finding(sam
     words = presented.summary(torn)
     assert words.startswith("Not established, but likely: com_offset")
     assert "nothing changed: 11 %" in words
-    assert presented.likeliest(same) is None
+    assert what_to_inspect.likeliest(same) is None
+
+
+def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monkeypatch):
+    """The same change, were one already more than can be believed at once."""
+    monkeypatch.setattr(searching, "AT_ONCE", 0)
+    again = compared(logs.train, logs.ideal)
+    assert again.verdict is Verdict.CHANGED
+    assert again.names == moved.names
+    assert again.firm == ()
+    assert "No single effect is firm" in presented.summary(again)
 
 
 def test_it_prints_ends_with_what_to_inspect_and_tabulates(moved):
