@@ -31,7 +31,7 @@ class FlightRow:
 
 def rows_by_flight(pool: Pool, roles: Sequence[str], values: Sequence[dict[tuple[str, str], float]]) -> list[FlightRow]:
     """A row for each flight of the pool."""
-    left = np.where(pool.data.measured_axes, pool.left, np.nan)
+    left = np.where(pool.data.measured_axes, pool.given, np.nan)
     means = means_by_flight(pool.data, left)
     sizes = np.sqrt(means_by_flight(pool.data, left**2))
     return [FlightRow(*row) for row in zip(pool.names, roles, means, sizes, values, strict=True)]

@@ -25,7 +25,7 @@ from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.changed.by_flight import FlightRow, rows_by_flight, values_by_flight
-from wrenchgap.learn.changed.laws import Law, laws, together
+from wrenchgap.learn.changed.laws import together
 from wrenchgap.learn.changed.odd import Odd, odd_flights
 from wrenchgap.learn.changed.overlap import NotCompared, not_compared
 from wrenchgap.learn.changed.places import Place, places, where_of
@@ -35,12 +35,12 @@ from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
 from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
+from wrenchgap.learn.changed.standing import Standing, residual, standing
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.candidates import Candidates, candidates
-from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.identify.trim import typical
 from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.posterior.classes import Class
@@ -151,7 +151,7 @@ class Baseline:
         self.healthy, self.model, self.names = tuple(healthy), model, tuple(names)
         self.jobs = cores() if jobs is None else jobs
         self._timing: dict[str, FlightTiming] = {}
-        self._laws: tuple[dict[str, Law], dict[str, Untried]] = ({}, {})
+        self._standing: dict[Kind, Standing] = {}
         self._odd: dict[Kind, tuple[tuple[int, Odd], ...]] = {}
         self._usual: dict[Kind, dict[str, Any]] = {}
 
@@ -181,9 +181,9 @@ class Baseline:
         kept = replace(kept, **self._usual[kind])
         tell(0.7, "weighing sets of changes")
         mine = range(len(good), len(flights) - len(gone))
-        found = compared(kept, range(len(good)), mine)
+        found = compared(kept, range(len(good)), mine, self.jobs)
         rows = (*(_odd_row(pool, number) for number, _ in odd), *found.rows)
-        found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried)
+        found = replace(found, odd=tuple(one for _, one in odd), rows=rows, untried=untried, model=self.model)
         return replace(found, flights=flights, timing=timing)
 
     def _timed(self, flight: OpenFlight) -> FlightTiming:
@@ -202,18 +202,16 @@ class Baseline:
         data = dataset([*calm, *odd], self.model, answering)
         chosen: Candidates = candidates(data.records, self.model, self.names)
         tell(0.1, "effects one by one")
-        known, failed = self._laws
-        more = [n for n in chosen.tried if n not in known and n not in failed]
-        if more:
-            made, without = laws(dataset(calm, self.model, answering), self.model, more, self.jobs)
-            known.update(made)
-            failed.update({u.effect: u for u in without})
+        kind = (tuple(chosen.tried), data.answering, tuple(data.measured_axes.tolist()))
+        if kind not in self._standing:
+            self._standing[kind] = standing(dataset(calm, self.model, answering), self.model, chosen.tried, self.jobs)
+        usual = self._standing[kind]
         suspect = dataset(odd, self.model, answering)
-        found = together(known, chosen.tried, suspect, self.model, data.measured_axes, self.jobs)
-        problem = Problem(data, self.model, ())
-        left = problem.at(np.zeros(problem.low.size)).residual
-        untried = (*chosen.untried, *(failed[n] for n in chosen.tried if n in failed))
-        return Pool(data, self.model, left, found, typical(self.model), {}), untried
+        found = together(usual.laws, chosen.tried, suspect, usual.model, data.measured_axes, self.jobs)
+        untried = (*chosen.untried, *usual.failed)
+        given = residual(data, self.model)
+        left = residual(data, usual.model)
+        return Pool(data, usual.model, left, found, typical(self.model), {}, {}, given), untried
 
 
 def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model: Model) -> tuple[OpenFlight, ...]:
@@ -246,9 +244,9 @@ def _thrust(flight: OpenFlight) -> float:
     return float(np.median(np.concatenate([np.linalg.norm(r.commanded[:, :3], axis=1) for r in flight.records])))
 
 
-def compared(pool: Pool, good: Sequence[int], mine: Sequence[int]) -> Changed:
+def compared(pool: Pool, good: Sequence[int], mine: Sequence[int], jobs: int = 1) -> Changed:
     """The answer on a calibrated pool, of which `good` and `mine` are the healthy and the suspect flights by number."""
-    found = weigh(pool, mine)
+    found = weigh(pool, mine, jobs)
     pool = found.pool
     best = next((c.sets[0] for c in found.posterior.classes if c.sets[0].names), None)
     loud = louder(found, mine)
@@ -289,12 +287,14 @@ def scatter_of_means(pool: Pool, good: Sequence[int]) -> Array:
     """What the means of healthy flights differ by (6,) [N, Nm]: all of it, also where parameters say it."""
     if not pool.deviations:
         return pool.scatter
-    return scatter_between(means_by_flight(pool.data, pool.left)[list(good)], typical(pool.model))
+    return scatter_between(means_by_flight(pool.data, pool.given)[list(good)], typical(pool.model))
 
 
 def _verdict(found: Weighed, best: Sequence[str], loud: Sequence[int]) -> Verdict:
+    if loud:
+        return Verdict.UNKNOWN
     if found.nothing >= CHANCE or not best:
-        return Verdict.UNKNOWN if loud else Verdict.NOTHING
+        return Verdict.NOTHING
     return Verdict.UNKNOWN if set(best) <= set(NAMELESS) else Verdict.CHANGED
 
 

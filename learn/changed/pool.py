@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from wrenchgap.learn.changed.varying import Varying, columns, remaining, renewed
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.identify.trim import trim_of, typical
 from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.score import bounded
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.model import Model
@@ -30,11 +31,12 @@ with a command is also an explanation of why two flights are commanded different
 
 @dataclass(frozen=True)
 class Pool:
-    """Flights with what the given model leaves, `left` (K, 6), and the `laws` of effects over all of them.
+    """Flights with what a model leaves, `left` (K, 6), and the `laws` of effects over all of them, about that model.
 
-    `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation; `sizes` those of the laws' common parts,
-    where the healthy flights say more than nothing. `deviations` are the scatters of what differs between flights as
-    parameters (`learn.changed.varying`), empty where only means are compared.
+    It is the model that was given with what healthy flights show in common (`learn.changed.standing`); what the given
+    one leaves is `given` (K, 6). `scatter` (6,) [N, Nm] is what flights differ by, one standard deviation; `sizes` are
+    those of the laws' common parts, where the healthy flights say more than nothing. `deviations` are the scatters of
+    what differs between flights as parameters (`learn.changed.varying`), empty where only means are compared.
     """
 
     data: Dataset
@@ -43,7 +45,8 @@ class Pool:
     laws: tuple[Law, ...]
     scatter: Array
     sizes: dict[str, Array]
-    deviations: dict[str, Array] = field(default_factory=dict)
+    deviations: dict[str, Array]
+    given: Array
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,7 +62,8 @@ class Pool:
         kept, names = self.rows(flights), self.names
         records = [r for r in self.data.records if names.index(r.flight) in flights]
         data = dataset(records, self.model, self.data.answering)
-        return replace(self, data=data, left=self.left[kept], laws=tuple(one.rows(kept) for one in self.laws))
+        kept_laws = tuple(one.rows(kept) for one in self.laws)
+        return replace(self, data=data, left=self.left[kept], given=self.given[kept], laws=kept_laws)
 
     @property
     def shared_laws(self) -> tuple[Law, ...]:
@@ -128,8 +132,19 @@ class Pool:
         spectrum: laws, without trims.
         """  # noqa: D205
         out = np.zeros_like(self.left)
-        at = self._common_at(theta)
+        at = self.common_at(theta)
         for column in self.common:
+            size = column.jacobian.shape[2]
+            out = out + column.jacobian @ theta[at : at + size]
+            at += size
+        return out
+
+    def apart(self, theta: Array) -> Array:
+        """What each flight differs by from the others (K, 6), of the same unknowns; there is no suspect."""
+        out = np.zeros_like(self.left)
+        mine = columns(self.varying, self.data.flight, ())
+        at = self.common_at(theta) - sum(c.jacobian.shape[2] for c in mine)
+        for column in mine:
             size = column.jacobian.shape[2]
             out = out + column.jacobian @ theta[at : at + size]
             at += size
@@ -138,14 +153,14 @@ class Pool:
     def shared_values(self, theta: Array, name: str) -> Array:
         """Parameters (P,) of an effect that all flights share, of those unknowns; zero of another form of an effect."""
         size = len(next(one for one in self.laws if one.name == name).reference)
-        at = self._common_at(theta)
+        at = self.common_at(theta)
         for column in self.common:
             if column.key == name:
                 return theta[at : at + size]
             at += column.jacobian.shape[2]
         return np.zeros(size)
 
-    def _common_at(self, theta: Array) -> int:
+    def common_at(self, theta: Array) -> int:
         """Where, among the unknowns that are always there, those of `common` begin: they are the last."""
         return len(theta) - sum(int(c.jacobian.shape[2]) for c in self.common)
 
@@ -168,7 +183,7 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
     for _ in range(ROUNDS):
         alone = replace(alone, sizes=sizes, deviations=scales)
         theta, variance = solved(alone.spectrum())
-        at = alone._common_at(theta)
+        at = alone.common_at(theta)
         own = slice(at - flights * sum(len(v.scale) for v in alone.varying), at)
         for one, column in zip(alone.shared_laws, alone.common, strict=True):
             size, least = column.jacobian.shape[2], one.common.scale
@@ -177,12 +192,7 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
             at += size
         if excited:
             scales = renewed(alone.varying, theta[own], variance[own], flights, pool.model)
-    left = alone.left - alone.shared(theta)
-    at = own.start
-    for column in columns(alone.varying, alone.data.flight, ()):
-        size = column.jacobian.shape[2]
-        left = left - column.jacobian @ theta[at : at + size]
-        at += size
+    left = alone.left - alone.shared(theta) - alone.apart(theta)
     noise = noise_of_means(alone.data, left)
     scatter = scatter_between(means_by_flight(alone.data, left), usual, noise)
     return replace(pool, scatter=scatter, sizes=sizes, deviations=scales)
@@ -190,14 +200,26 @@ def calibrated(pool: Pool, healthy: Collection[int]) -> Pool:
 
 def solved(spectrum: Spectrum, rounds: int = 3) -> tuple[Array, Array]:
     """The always-there unknowns by themselves, and their variances; axes and bands weighed by what they leave."""
+    low = np.full(len(spectrum.always), -np.inf)
+    theta, covariance, _ = held(spectrum, low, -low, rounds)
+    return theta, np.diag(covariance)
+
+
+def held(spectrum: Spectrum, low: Array, high: Array, rounds: int = 3) -> tuple[Array, Array, Array]:
+    """The always-there unknowns (Q,) within bounds, their covariance without any, and the mean squares (bands, axes)
+    that are left.
+    """  # noqa: D205
     always, left = spectrum.always, spectrum.products[:, :, 0, 0]
     weights = np.zeros(spectrum.low.size)
     weights[0] = 1.0
+    scale = spectrum.scale[always]
     for _ in range(rounds):
         variance = np.maximum(left, spectrum.sensor)
         whole = np.tensordot(spectrum.count / variance, spectrum.products, axes=([0, 1], [0, 1]))
-        prior = np.diag(spectrum.scale[always] ** -2.0)
-        covariance = np.linalg.inv(whole[np.ix_(always, always)] + prior)
+        A = whole[np.ix_(always, always)]
+        covariance = np.linalg.inv(A + np.diag(scale**-2.0))
         weights[always] = -covariance @ whole[always, 0]
+        if np.any(weights[always] > -low) or np.any(weights[always] < -high):
+            weights[always] = -bounded(A, whole[always, 0], low, high, scale)
         left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
-    return np.asarray(-weights[always]), np.diag(covariance)
+    return -weights[always], covariance, left

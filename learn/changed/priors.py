@@ -26,7 +26,7 @@ class ChangePrior:
     slack: float = 0.1
 
 
-LAW = ChangePrior(0.2, 2.0, 1.0, slack=0.3)
+LAW = ChangePrior(0.2, 2.0, 4.0, slack=0.3)
 """A law of the flow, or a property of the type of a part: does not change by itself."""
 
 _KNOWN = {

@@ -13,11 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.changed.beside import beside
 from wrenchgap.learn.changed.laws import again
 from wrenchgap.learn.changed.pool import Pool
 from wrenchgap.learn.changed.priors import change_prior
+from wrenchgap.learn.changed.propeller import read
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.classes import Class, NamedSet, merged, settled
+from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.hunt import Hunt
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
@@ -30,7 +33,7 @@ KEPT = 30
 """Sets that are weighed."""
 BEHIND = 12.0
 """Log odds behind the best set from which on a set is not weighed."""
-ROUNDS = 3
+ROUNDS = 4
 """Of search and new derivatives, at most."""
 FAR = 0.3
 """Change from where it was linearised, in sizes of its prior, that calls for new derivatives."""
@@ -66,20 +69,23 @@ class Weighed:
         return sum(s.weight for s in self.posterior.sets if not s.names)
 
 
-def weigh(pool: Pool, suspects: Collection[int]) -> Weighed:
+def weigh(pool: Pool, suspects: Collection[int], jobs: int = 1) -> Weighed:
     """Weigh sets of changes on these flights of a pool that was calibrated on the others.
 
     Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
-    lags that are each half right make up for what their lines lack), of others in the best set.
+    lags that are each half right make up for what their lines lack), and everything beside the best set.
     """
     rows = pool.rows(suspects)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects))
-        moved = _moved(scorer)
-        if not moved:
+        late, moved = _moved(scorer)
+        if number + 1 == ROUNDS or not (late or moved):
             break
-        renewed = [again(pool.data, pool.model, o, moved[o.name]) if o.name in moved else o for o in pool.laws]
+        renewed = [again(pool.data, pool.model, o, late[o.name]) if o.name in late else o for o in pool.laws]
         pool = replace(pool, laws=tuple(renewed))
+        if moved:
+            changes = {n: read(pool.model.vehicle, n, len(theta)) @ theta for n, theta in moved.items()}
+            pool = beside(pool, suspects, changes, jobs)
     log = ordered(scorer)
     kept = [s for s in log[:KEPT] if s.log_probability > log[0].log_probability - BEHIND]
     contenders = [contender(scorer, s.keys) for s in kept]
@@ -96,19 +102,25 @@ def worth_a_name(scorer: ChangeScorer, name: str) -> bool:
     return float(np.max(np.abs(scorer((name,)).theta[name]) / scorer.spectrum.columns[name].scale)) >= MATERIAL
 
 
-def _moved(scorer: Scorer) -> dict[str, Array]:
-    """Changes that are far from where they were linearised, and not straight lines, with their values."""
+def _moved(scorer: Scorer) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Lags and delays that are far from where they were linearised by themselves, with their values; the changes of the
+    best set with theirs, if one of them is.
+    """  # noqa: D205
     best, nothing = ordered(scorer)[0], scorer(()).log_probability
-    out = {}
+    late: dict[str, Array] = {}
+    far = False
     for name, column in scorer.spectrum.columns.items():
         alone = scorer((name,))
         bent = find(name).place == "commands" and alone.log_probability > nothing
-        theta = alone.theta[name] if bent else best.theta.get(name)
-        if theta is None or (find(name).place == "thrusts" and find(name).sparse):  # a gain is a straight line
-            continue
-        if float(np.max(np.abs(theta - column.theta) / column.scale)) > FAR:
-            out[name] = theta
-    return out
+        if bent and name not in best.theta and _far(alone.theta[name], column):
+            late[name] = alone.theta[name]
+        straight = find(name).place == "thrusts" and find(name).sparse  # a gain
+        far = far or (name in best.theta and not straight and _far(best.theta[name], column))
+    return late, dict(best.theta) if far else {}
+
+
+def _far(theta: Array, column: Column) -> bool:
+    return float(np.max(np.abs(theta - column.theta) / column.scale)) > FAR
 
 
 def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:

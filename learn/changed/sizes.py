@@ -22,7 +22,7 @@ from wrenchgap.learn.changed.search import Weighed, worth_a_name
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.posterior.score import Scored, relevant
+from wrenchgap.learn.posterior.score import Scored, bounded, relevant
 from wrenchgap.plant.effects import find
 
 LOUDER = 2.5
@@ -82,15 +82,14 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> 
         return ()
     space = found.scorer.spectrum
     scored = found.scorer(tuple(sorted(names)))
-    std, free, prior = deviations(found, scored, names)
+    values, std, free, prior = deviations(found, scored, names)
     usual = values_by_flight(found, names, prior)[list(healthy)].mean(axis=0) if healthy else shared(found, names)
     out, at = [], 0
     vehicle = found.pool.model.vehicle
     for name in names:
-        theta = reading(found, name) @ scored.theta[name]
         for k, p in enumerate(find(name).parameters(vehicle)):
             scatter = float(np.sqrt(max(free[at] ** 2 - std[at] ** 2, 0.0)))
-            base, change = float(usual[at]), float(theta[k])
+            base, change = float(usual[at]), float(values[at])
             inexact = np.hypot(MISFIT * change, found.pool.data.records[0].dt / np.sqrt(12.0) if p.unit == "s" else 0.0)
             if abs(change) >= MATERIAL * space.columns[name].scale[k] or not find(name).sparse:
                 where = where_of(vehicle, name, p.name)
@@ -102,9 +101,12 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> 
     return tuple(out)
 
 
-def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array, Array]:
-    """Standard deviations (P,) of the changes: with every trim held fixed, and with all that is always there free; the
-    sizes (P,) of the prior with which that is so.
+def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array, Array, Array]:
+    """The changes (P,), given that they are changes: with a prior that is too wide to pull; their standard deviations
+    (P,) with every trim held fixed, and with all that is always there free; the sizes (P,) of that prior.
+
+    What a flight differs by as any other does, and a change of the same kind, are one sum: the prior of a change, which
+    weighs sets, would leave a share of it to the former.
     """  # noqa: D205
     space = found.scorer.spectrum
     unknown = np.concatenate([space.parameters[n] for n in names])
@@ -118,10 +120,20 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
     low, high, usual, sparse = (x[unknown] for x in (space.low, space.high, space.scale, space.sparse))
     size = relevant(free, free @ theta, low, high, usual, sparse, usual)
     wide = np.where(sparse, size, WIDE * usual)
-    whole = block_diag(*(reading(found, n) for n in names))
-    covariances = (whole @ np.linalg.inv(part + np.diag(wide**-2.0)) @ whole.T for part in (fixed, free))
+    reads = block_diag(*(reading(found, n) for n in names))
+    covariances = (reads @ np.linalg.inv(part + np.diag(wide**-2.0)) @ reads.T for part in (fixed, free))
     std, loose = (np.sqrt(np.diag(c)) for c in covariances)
-    return std, loose, np.max(whole * wide, axis=1)
+    own = np.concatenate(([0], [space.offset[n] for n in names])).astype(int)
+    left = np.concatenate(([1.0], -np.ones(len(names))))
+    both = np.concatenate((unknown, always))
+    values = bounded(
+        whole[np.ix_(both, both)],
+        whole[np.ix_(both, own)] @ left,
+        space.low[both],
+        space.high[both],
+        np.concatenate((wide, space.scale[always])),
+    )
+    return reads @ values[: len(unknown)], std, loose, np.max(reads * wide, axis=1)
 
 
 def reading(found: Weighed, name: str) -> Array:

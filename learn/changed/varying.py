@@ -36,6 +36,8 @@ MOUNTING, SERVO = np.radians(0.15), np.radians(0.15)
 """Typical between flights: mounting of the IMU about each axis, zero of each servo [rad]: our estimates."""
 BREEZE = 0.004
 """Typical between flights: force of the wind, relative to the weight: 0.4 m/s on rotors that drag 1 % per m/s."""
+GUST = 1.0
+"""Typical between flights: the wind in each level direction [m/s], where there is drag that sees it: light air."""
 LEFT = 0.2
 """Share of typical trims that is left for what else differs: our estimate."""
 WIND = "wind of the day"
@@ -51,6 +53,7 @@ def typical_of(vehicle: Vehicle, name: str) -> float:
         "rotor_thrust": ROTOR,
         "imu_misalignment": MOUNTING,
         "tilt_offset": SERVO,
+        "wind": GUST,
         WIND: BREEZE * vehicle.body.mass * GRAVITY,
     }
     return float(known.get(name, 0.0))
