@@ -164,11 +164,11 @@ def _rotors(case: Case) -> tuple[Flight, Hidden]:
 
 
 def _difference(healthy: Any, truth: Any) -> tuple[str, dict[str, float]]:
-    """The change as parameters of the catalogue."""
+    """The change as parameters of the catalogue, of a rotor's thrust relative to what it was."""
     lost = truth.thrust_gains / healthy.thrust_gains - 1.0
     if np.any(lost):
         k = int(np.argmin(lost))
-        return "rotor_thrust", {f"rotor_{k}": float(BUILT["thrust"] * lost[k])}
+        return "rotor_thrust", {f"rotor_{k}": float(lost[k])}
     moved, turned = truth.com_B - healthy.com_B, truth.imu_rotvec
     if np.any(moved):
         return "com_offset", _xyz(moved)

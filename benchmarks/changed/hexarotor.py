@@ -50,7 +50,7 @@ def servo_zero(degrees: float, seed: int) -> tuple[Hidden, There]:
 def added(effect: str, values: dict[str, Any], answers: tuple[str, ...]) -> There:
     """What the engine says that it hid, as parameters of the catalogue."""
     if effect == "weak_rotor":
-        return There(answers, "rotor_thrust", {f"rotor_{int(values['rotor'])}": -0.95 * float(values["loss"])})
+        return There(answers, "rotor_thrust", {f"rotor_{int(values['rotor'])}": -float(values["loss"])})
     if effect == "mass":
         return There(answers, "mass", {"added": MASS * float(values["relative"])})
     if effect in ("com_offset", "imu_turned"):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.changed.laws import Law, linearised
+from wrenchgap.learn.changed.laws import Law, beyond, linearised
 from wrenchgap.learn.changed.pool import Pool
 from wrenchgap.learn.changed.standing import residual
 from wrenchgap.learn.parallel import each
@@ -60,7 +60,7 @@ def changed_model(pool: Pool, changes: Mapping[str, Array]) -> Model:
     effects = {e.name: e for e in pool.model.effects}
     for name, theta in changes.items():
         one = laws[name]
-        effects[name] = ModelEffect(find(name), one.reference + np.clip(theta, one.bent.low, one.bent.high))
+        effects[name] = ModelEffect(find(name), one.reference + np.clip(theta, *beyond(one.bent)))
     return replace(pool.model, effects=tuple(effects[n] for n in sorted(effects)))
 
 

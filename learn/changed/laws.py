@@ -32,6 +32,9 @@ from wrenchgap.plant.model import Model
 ABSOLUTE = 0.3
 """Share of typical sizes up to which an effect that healthy flights do not show is taken to be in all flights."""
 
+BEYOND = 2.0
+"""Range of changes over that of a model's parameters: a battery that slid out of its place by a sixth of the arm."""
+
 
 @dataclass(frozen=True)
 class Law:
@@ -54,7 +57,8 @@ class Law:
         prior = change_prior(self.name)
         line = self.bent if self.torque is None else damaged(self.bent, self.torque)
         size = prior.share * line.scale
-        low, high = np.maximum(line.low, -prior.far * line.scale), np.minimum(line.high, prior.far * line.scale)
+        low, high = beyond(line)
+        low, high = np.maximum(low, -prior.far * line.scale), np.minimum(high, prior.far * line.scale)
         return replace(
             line,
             offset=line.offset * rows[:, None],
@@ -78,6 +82,16 @@ class Law:
             jacobian = np.concatenate((jacobian, line.offset[:, :, None]), axis=2)
             scale = np.append(scale, 1.0)
         return replace(line, jacobian=jacobian, scale=scale, low=-1e3 * scale, high=1e3 * scale)
+
+
+def beyond(line: Column) -> tuple[Array, Array]:
+    """How far parameters can change (P,), down and up: `BEYOND` times as far as a model file may be wrong, to sides on
+    which it is a size that stops them and no sign.
+    """  # noqa: D205
+    low, high = line.origin + line.low, line.origin + line.high
+    either = (low < 0.0) & (high > 0.0)
+    low, high = (np.where(either, BEYOND * x, x) for x in (low, high))
+    return low - line.origin, high - line.origin
 
 
 def laws(

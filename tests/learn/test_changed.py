@@ -5,18 +5,23 @@ centre of mass 7 mm off, no servo lag. None of that is news; what is hidden in t
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.learn.changed.beside import beside, changed_model
 from wrenchgap.learn.changed.changed import Baseline, Verdict, changed
+from wrenchgap.learn.changed.changed import _verdict as verdict_of
 from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.changed.propeller import MOST, damaged, read
 from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
+from wrenchgap.learn.changed.standing import residual
 from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
 from wrenchgap.learn.data.opening import open_flights
+from wrenchgap.learn.diagnose.timing import answering_axes
 from wrenchgap.learn.identify.trim import WORTH, typical
 from wrenchgap.learn.posterior.columns import Column
 
@@ -139,6 +144,66 @@ def test_healthy_flights_that_differ_as_vehicles_do_are_no_change(differing, aga
     found = against([differing(20004)], [differing(k) for k in (20000, 20001, 20002)], (*TRIED, "imu_misalignment"))
     assert found.verdict is Verdict.NOTHING
     assert found.odd == ()
+
+
+def test_a_mass_is_no_inertia_where_healthy_flights_differ_and_the_model_is_wrong(once, differing, against):
+    """4.32 kg in place of 4.0 under 5 % less thrust than the model has: what is lost in all flights multiplies it."""
+    from benchmarks.changed.fleet import Case
+    from benchmarks.changed.fleet import flown as fly
+
+    heavy, truth = once("heavier", lambda: fly(Case("hexa", "mass", 0.08, 20111, SECONDS)))
+    names = (*TRIED, "mass", "inertia", "imu_misalignment", "arm_reaction", "tilt_offset")
+    found = against([heavy], [differing(k) for k in (20000, 20001, 20002)], names)
+    assert found.names == ("mass",)
+    assert set(found.firm) <= {"mass"}
+    one = change(found, "mass", "added")
+    assert truth.parameters == {"added": pytest.approx(0.32)}
+    assert abs(one.change - 0.32) < 2.0 * np.hypot(one.std, one.scatter) < 0.1
+
+
+@pytest.fixture(scope="module")
+def pool(flown, wrong, baseline):
+    """Healthy flights and a suspect one, as they are compared."""
+    opened = open_flights([flown("weak_rotor", {"rotor": 4, "loss": 0.12})[0]], wrong)
+    flights = (*baseline.healthy, *opened)
+    return baseline._pooled(flights, answering_axes(tuple(baseline._timed(f) for f in flights)), lambda f, w: None)[0]
+
+
+def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):
+    """The model has 1.05 of the thrust, and its centre of mass at (6, -4) mm: at equal rotor speeds in hover, the
+    forces that healthy flights show are 1 / 1.05 of its own, and pass through the origin.
+    """
+    healthy = pool.only([0, 1, 2])
+    within = [x - means_by_flight(healthy.data, x)[healthy.data.flight] for x in (healthy.given, healthy.left)]
+    before, after = (np.sqrt(np.mean(x**2, axis=0)) for x in within)
+    assert np.all(after < (0.1, 0.1, 0.1, 0.5, 0.5, 0.5) * before)  # the arms' inertia is not among what is tried
+    commanded = np.median(healthy.data.commanded[:, 2])
+    shown, given = (healthy.data.predict(m.wrench_model).mean(axis=0) for m in (pool.model, wrong))
+    assert shown[2] / given[2] == pytest.approx(1.0 / 1.05, abs=0.01)
+    arm = (shown[3:5] - given[3:5]) / commanded  # of the force about the model's own centre of mass
+    assert np.all(arm / (-0.004, -0.006) > 0.4)  # the rest is taken for what flights differ by
+    assert np.all(arm / (-0.004, -0.006) < 1.2)
+
+
+def test_changes_are_exact_where_they_are_linearised(pool):
+    """All of them together, and the larger one without the other, are what the model with them predicts."""
+    changes = {"com_offset": np.array([0.012, 0.0, 0.0]), "thrust_scale": np.array([-0.01])}
+    there = beside(pool, [3], changes)
+    rows = there.rows([3])
+    assert np.array_equal(there.laws[0].bent.jacobian[~rows], pool.laws[0].bent.jacobian[~rows])
+    added = {o.name: o.bent.offset + o.bent.jacobian @ changes[o.name] for o in there.laws if o.name in changes}
+    suspect = there.only([3])
+    for names in (("com_offset", "thrust_scale"), ("com_offset",)):
+        model = changed_model(pool, {n: changes[n] for n in names})
+        straight = there.left - sum(added[n] for n in names)
+        np.testing.assert_allclose(straight[rows], residual(suspect.data, model), atol=1e-9)
+
+
+def test_what_leaves_far_more_than_any_healthy_flight_has_no_name():
+    found = SimpleNamespace(nothing=0.0)
+    assert verdict_of(found, ("body_drag",), ()) is Verdict.CHANGED
+    assert verdict_of(found, ("body_drag",), (2,)) is Verdict.UNKNOWN
+    assert verdict_of(SimpleNamespace(nothing=0.9), (), ()) is Verdict.NOTHING
 
 
 @pytest.mark.usefixtures("well")
