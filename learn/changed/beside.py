@@ -40,13 +40,8 @@ def beside(pool: Pool, suspects: Collection[int], changes: Mapping[str, Array], 
         return linearised(mine.data, model, name, one.reference, there)
 
     try:
-        found = dict(
-            zip(
-                (one.name for one in mine.laws),
-                each(work, [one.name for one in mine.laws], jobs, (mine, model)),
-                strict=True,
-            )
-        )
+        names = [one.name for one in mine.laws]
+        found = dict(zip(names, each(work, names, jobs, (mine, model)), strict=True))
         offsets = _offsets(mine, found, changes)
     except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
         return pool

@@ -222,4 +222,4 @@ def held(spectrum: Spectrum, low: Array, high: Array, rounds: int = 3) -> tuple[
         if np.any(weights[always] > -low) or np.any(weights[always] < -high):
             weights[always] = -bounded(A, whole[always, 0], low, high, scale)
         left = np.maximum(np.einsum("klij,i,j->kl", spectrum.products, weights, weights, optimize=True), 0.0)
-    return -weights[always], covariance, left
+    return -weights[always], np.asarray(covariance, dtype=float), left

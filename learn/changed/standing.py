@@ -34,8 +34,6 @@ SHOWS = 0.1
 GAIN = 3.0
 """Log likelihood that a model has to gain over the one before, everything common and by flight being free in both."""
 
-Laws = tuple[dict[str, Law], tuple[Untried, ...]]
-
 
 @dataclass(frozen=True)
 class Standing:
