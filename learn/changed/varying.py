@@ -41,6 +41,8 @@ GUST = 1.0
 LEFT = 0.2
 """Share of typical trims that is left for what else differs: our estimate."""
 WIND = "wind of the day"
+DRAG_TORQUE = "drag torque of each rotor"
+"""Beside its thrust: propellers of one make differ in both, and not by the same share."""
 FAR = 5.0
 """Deviation that no flight has, in standard deviations."""
 
@@ -53,6 +55,7 @@ def typical_of(vehicle: Vehicle, name: str) -> float:
         "rotor_thrust": ROTOR,
         "imu_misalignment": MOUNTING,
         "tilt_offset": SERVO,
+        DRAG_TORQUE: ROTOR,
         "wind": GUST,
         WIND: BREEZE * vehicle.body.mass * GRAVITY,
     }
@@ -84,6 +87,9 @@ def varying(data: Dataset, model: Model, laws: Sequence[Law], scales: dict[str, 
         if size > 0.0:
             usual = np.full(len(find(one.name).parameters(model.vehicle)), size)
             out.append(Varying(one.name, one.line.jacobian, scales.get(one.name, usual)))
+        if one.torque is not None:
+            usual = np.full(one.torque.shape[2], typical_of(model.vehicle, DRAG_TORQUE))
+            out.append(Varying(DRAG_TORQUE, one.torque, scales.get(DRAG_TORQUE, usual)))
     blown = Varying(WIND, blowing(data), scales.get(WIND, np.full(2, typical_of(model.vehicle, WIND))))
     return (*out, blown)
 
@@ -122,7 +128,9 @@ def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: in
     for v in parts:
         size = len(v.scale)
         usual, mine = typical_of(model.vehicle, v.name) ** 2, square[at : at + size]
-        if v.name != WIND and find(v.name).sparse:  # parts of one make: what one of them does, the others may
+        if v.name == DRAG_TORQUE or (
+            v.name != WIND and find(v.name).sparse
+        ):  # parts of one make: what one of them does, the others may
             out[v.name] = np.full(size, np.sqrt((mine.sum() + WORTH * usual) / (size * flights + WORTH)))
         else:
             out[v.name] = np.sqrt((mine + WORTH * usual) / (flights + WORTH))
