@@ -103,7 +103,7 @@ def sizes(found: Weighed, names: Sequence[str], healthy: Sequence[int] = ()) -> 
 
 def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Array, Array, Array, Array]:
     """The changes (P,), given that they are changes: with a prior that is too wide to pull; their standard deviations
-    (P,) with every trim held fixed, and with all that is always there free; the sizes (P,) of that prior.
+    (P,) with every trim held fixed, and with all that is always there free; the sizes (P,) of that prior on one flight.
 
     What a flight differs by as any other does, and a change of the same kind, are one sum: the prior of a change, which
     weighs sets, would leave a share of it to the former.
@@ -133,7 +133,8 @@ def deviations(found: Weighed, scored: Scored, names: Sequence[str]) -> tuple[Ar
         space.high[both],
         np.concatenate((wide, space.scale[always])),
     )
-    return reads @ values[: len(unknown)], std, loose, np.max(reads * wide, axis=1)
+    alone = np.where(sparse, relevant(fixed, fixed @ theta, low, high, usual, sparse, usual), WIDE * usual)
+    return reads @ values[: len(unknown)], std, loose, np.max(reads * alone, axis=1)
 
 
 def reading(found: Weighed, name: str) -> Array:

@@ -128,9 +128,8 @@ def renewed(parts: Sequence[Varying], theta: Array, variance: Array, flights: in
     for v in parts:
         size = len(v.scale)
         usual, mine = typical_of(model.vehicle, v.name) ** 2, square[at : at + size]
-        if v.name == DRAG_TORQUE or (
-            v.name != WIND and find(v.name).sparse
-        ):  # parts of one make: what one of them does, the others may
+        own = v.name in (WIND, DRAG_TORQUE)
+        if v.name == DRAG_TORQUE or (not own and find(v.name).sparse):  # parts of one make: what one does, others may
             out[v.name] = np.full(size, np.sqrt((mine.sum() + WORTH * usual) / (size * flights + WORTH)))
         else:
             out[v.name] = np.sqrt((mine + WORTH * usual) / (flights + WORTH))
