@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import wrenchgap as wg
 from benchmarks.meaning.flying import HEX, QUAD, Manner, fly
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.plant import model_file
@@ -76,3 +77,13 @@ def test_an_odometry_in_millimetres_is_no_accelerometer_in_another_unit(flown):
     flags = found(replace(flight, odometry=replace(flight.odometry, **lengths), checks=None), model)
     assert set(flags) == {"odometry-scale"}
     assert flags["odometry-scale"].mend.endswith(":mm")
+
+
+def test_one_order_among_twelve_rotors_is_exactly_the_commanded_wrench():
+    model = wg.load_model("tilt_hexarotor")
+    flight = wg.simulate(model, "multi_axis", duration=12.0, excitation=1.0, seed=5)
+    assert found(flight, model) == {}
+    rolled = replace(flight.actuators, rotor_speed=np.roll(flight.actuators.rotor_speed, 1, axis=1))
+    (check,) = found(replace(flight, actuators=rolled, checks=None), model).values()
+    assert check.name == "rotors"
+    assert "[1,2,3,4,5,6,7,8,9,10,11,0]" in check.mend

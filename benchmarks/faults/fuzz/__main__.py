@@ -28,7 +28,14 @@ KEPT = Path(__file__).with_name("corpus")
 WORK = Path(tempfile.gettempdir()) / "wrenchgap-fuzz"
 TURN = 120
 """Seconds of one target before it is the next one's turn."""
-LIMITS = ("-timeout=40", "-rss_limit_mb=3000", "-max_len=16384", "-print_final_stats=1", "-verbosity=1")
+LIMITS = (
+    "-timeout=60",
+    "-report_slow_units=60",
+    "-rss_limit_mb=3000",
+    "-max_len=16384",
+    "-print_final_stats=1",
+    "-verbosity=1",
+)
 LARGEST, ALL = 4000, 30_000
 """Bytes of an input that is kept, and of all of a target."""
 

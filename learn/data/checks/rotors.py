@@ -39,6 +39,8 @@ AGAINST = 0.5
 """Cosine with the motion about z from which on an opposite torque is worth a word."""
 DEGREES, OFF = 180.0 / np.pi, 4.0
 """Of a radian, and the factor by which inertia, lags and noise may change the torque that a motion needs."""
+SAME, EXACT = 0.97, 0.99
+"""Cosine with a commanded wrench above which the stated order is it, and above which another one is."""
 TURN = "turn every spin over"
 SEEN = 1e-3
 """Of the largest: singular values of thrusts below it tell nothing."""
@@ -56,11 +58,11 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         words = f"Read in deg/s, it turns as the logged actuators make it (cosine {alike:.2f}), in rad/s far too fast"
         yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
         return
-    if stated > fits:
+    if stated > fits and not _reordered(model.vehicle, seen, scale, stated):
         yield Check("rotors", "ok", f"The logged actuators make torques like {name} (cosine {stated:.2f}).")
         yield from _yaw(model.vehicle, seen, name)
         return
-    order = _order(model.vehicle, seen)
+    order = _order(model.vehicle, seen, scale)
     readings = {
         "spin": _made(_turned_over(model.vehicle), seen, seen.tilt, seen.speed),
         "tilt": _made(model.vehicle, seen, -seen.tilt, seen.speed),
@@ -68,7 +70,7 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     }
     found = {what: _alike(seen, made, scale) for what, made in readings.items()}
     what = max(found, key=lambda k: found[k])
-    if found[what] < fits or found[what] < stated + BETTER:
+    if found[what] < fits or (found[what] < stated + BETTER and stated < fits):
         words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
         if seen.wrench is not None:
             yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
@@ -117,6 +119,16 @@ def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
         yield Check("rotors", "bad" if alike < -FITS else "warn", f"{words}: {TURN} in the model file")
 
 
+def _reordered(vehicle: Vehicle, seen: Compared, scale: Array, stated: float) -> bool:
+    """Whether a commanded wrench like the rotors' is exactly that of another order: twelve rotors hide one."""
+    if seen.wrench is None or stated > SAME:
+        return False
+    assert seen.speed is not None
+    assert seen.tilt is not None
+    made = _made(vehicle, seen, seen.tilt, seen.speed[:, _order(vehicle, seen, scale)])
+    return _alike(seen, made, scale) > EXACT
+
+
 def _in_degrees(vehicle: Vehicle, seen: Compared, scale: Array) -> float:
     """Cosine between torques made and those of the motion with rates read in deg/s; 0 where sizes speak against it.
 
@@ -156,8 +168,28 @@ def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
     return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
 
 
-def _order(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
-    """Column of the log for each rotor (R,)."""
+def _order(vehicle: Vehicle, seen: Compared, scale: Array) -> NDArray[np.intp]:
+    """Column of the log for each rotor (R,): the likeliest of the assignment and of what people do."""
+    assert seen.tilt is not None
+    assert seen.speed is not None
+    tried = [*_usual(seen.speed.shape[1]), _assigned(vehicle, seen)]
+    alike = [_alike(seen, _made(vehicle, seen, seen.tilt, seen.speed[:, order]), scale) for order in tried]
+    return tried[int(np.argmax(np.round(alike, 3)))]
+
+
+def _usual(count: int) -> list[NDArray[np.intp]]:
+    """Orders in which rotors are counted: from another one on, backwards, upper before lower ones, and lower first.
+
+    The assignment knows what a rotor does at zero tilt; on arms that tilt far it may miss these.
+    """
+    plain: NDArray[np.intp] = np.arange(count)
+    layers = [plain.reshape(2, -1).T.ravel(), plain.reshape(-1, 2).T.ravel()] if count % 2 == 0 else []
+    pairs = [plain.reshape(-1, 2)[:, ::-1].ravel()] if count % 2 == 0 else []
+    return [*(np.roll(plain, k) for k in range(1, count)), plain[::-1], *layers, *pairs]
+
+
+def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
+    """Column of the log for each rotor (R,), by what each of both does."""
     _, known = vehicle.geometry()
     assert seen.speed is not None
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
