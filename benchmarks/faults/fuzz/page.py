@@ -10,7 +10,7 @@ TEXT = """{heading}
 `make fuzz` ([decision](decisions/0024-atheris.md)) searches with atheris, guided by coverage, in turns over logs,
 message definitions with messages, model files, stored GPs and trajectories. Made by `python -m benchmarks.faults.fuzz
 --minutes {minutes:.0f} --json docs/fuzz.json --page docs/reliability.md`: {minutes:.0f} minutes by the clock,
-{processor:.0f} minutes of processor time, one process at a time, {findings}.
+{processor:.0f} minutes of processor time, one process at a time; {findings} ([what](#what-damaged-files-showed)).
 
 - *branches*: places of the instrumented code (readers, plant, stored GPs, rosbags, pyulog, tomlkit) that were passed,
   with the corpus that is kept at the beginning and at the end;
@@ -24,7 +24,7 @@ def section(total: Mapping[str, Mapping[str, float]], findings: int) -> str:
     """Heading, words and table."""
     minutes = sum(sums["seconds"] for sums in total.values()) / 60.0
     processor = sum(sums["processor_s"] for sums in total.values()) / 60.0
-    said = "no fault was found" if not findings else f"{findings} faults were found, by place"
+    said = {0: "no fault was found", 1: "one fault was found"}.get(findings, f"{findings} faults were found")
     text = TEXT.format(heading=HEADING, minutes=minutes, processor=processor, findings=said)
     lines = [f"| {' | '.join(HEADS)} |", "|---" + "|---:" * (len(HEADS) - 1) + "|"]
     for target, sums in total.items():
