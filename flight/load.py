@@ -29,6 +29,7 @@ from wrenchgap.flight.flight import (
     Series,
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
+from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
 from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
@@ -76,8 +77,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         )
     sources = assignment.sources
     used = {source.topic: _stamped(log.tables[source.topic], source) for source in sources.values()}
-    motion = [sources[part].topic for part in ("imu", "gyroscope", "pose", "twist") if part in sources]
-    timing = one_clock(used, motion)
+    timing = one_clock(used, [sources[part].topic for part in ("imu", "gyroscope", "pose", "twist") if part in sources])
     builder = _Builder(log, assignment, timing, axis_names(unmeasured))
     if not builder.parts:
         raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
@@ -95,6 +95,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
         battery=builder.one("battery", 0),
     )
     builder.parts.clear()
+    give_back(max((len(series.time) for series in flight.series().values()), default=0))
     flight = without_axes(flight, {**unmeasured_axes(flight), **builder.unmeasured})
     notes = (*log.notes, *assignment.notes, *timing.notes, *builder.notes)
     return with_units(replace(flight, notes=notes, mapping=assignment.as_topics()), sources), timing

@@ -25,7 +25,7 @@ from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.stamps import interpolated, nominal_period
+from wrenchgap.flight.stamps import interpolated, nominal_period, pieces
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
 MAXIMUM_RATE = 250.0  # Hz
@@ -297,9 +297,14 @@ def held_mean(time: Array, stamps: Array, values: Array, period: float, window: 
     The last is held for one `period`. The integral of a held signal is piecewise linear, so this is exact.
     """
     knots = np.append(stamps, stamps[-1] + period)
-    integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values * np.diff(knots)[:, None], axis=0)))
-    upper, lower = (interpolated(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
-    return np.asarray((upper - lower) / window)
+    integral = np.zeros((len(knots), values.shape[1]))
+    np.multiply(values, np.diff(knots)[:, None], out=integral[1:])
+    np.cumsum(integral[1:], axis=0, out=integral[1:])
+    out = np.empty((len(time), values.shape[1]))
+    for piece in pieces(len(time)):
+        upper, lower = (interpolated(time[piece] + side * window / 2, knots, integral) for side in (1.0, -1.0))
+        out[piece] = (upper - lower) / window
+    return out
 
 
 def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:

@@ -126,6 +126,15 @@ def interpolated(time: Array, knots: Array, values: Array) -> Array:
     return np.asarray(row_kernels.interpolated(*whole))
 
 
+PIECE = 1 << 17
+"""Rows of hours of log that are worked on at a time where row by row will do: what lies in between stays small."""
+
+
+def pieces(count: int) -> list[slice]:
+    """`PIECE` rows each, the last one less; one piece of no row where there is none."""
+    return [slice(start, min(start + PIECE, count)) for start in range(0, max(count, 1), PIECE)]
+
+
 def spread(count: int, most: int, run: int) -> list[slice]:
     """Runs of `run` rows, evenly spread over `count`, in which some `most` rows lie; all of them where that is enough.
 

@@ -17,8 +17,12 @@ from functools import lru_cache
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.stamps import pieces
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Vehicle
+
+HOURS = 1 << 20
+"""Samples beyond which cosines and sines are worked out again each time rather than held."""
 
 
 def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = None) -> Actuation:
@@ -48,9 +52,19 @@ def _matrices(vehicle: Vehicle) -> tuple[Array, Array]:
 
 def rotor_wrench(actuation: Actuation) -> Array:
     """Wrench (N, 6) about O, in B, that these thrusts make."""
-    sums, wrench = _matrices(actuation.vehicle)
-    per_arm = actuation.thrust @ sums
-    cos, sin = actuation.posture.hold("per_arm", lambda: _per_arm(actuation.posture))
+    posture, thrust = actuation.posture, actuation.thrust
+    if len(thrust) <= HOURS:
+        return _summed(actuation.vehicle, thrust, posture.hold("per_arm", lambda: _per_arm(posture)))
+    out = np.empty((len(thrust), 6))
+    for k in pieces(len(out)):
+        out[k] = _summed(actuation.vehicle, thrust[k], _per_arm(Posture(actuation.vehicle, posture.tilt[k])))
+    return out
+
+
+def _summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
+    """Wrench (N, 6) of thrusts (N, R), `turn` (2, N, 2A) the cosines and sines of `_per_arm`."""
+    sums, wrench = _matrices(vehicle)
+    per_arm, (cos, sin) = thrust @ sums, turn
     half = per_arm.shape[1]
     return np.asarray((per_arm * cos) @ wrench[:half] + (per_arm * sin) @ wrench[half:])
 
@@ -63,4 +77,8 @@ def _per_arm(posture: Posture) -> Array:
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:
     """h(u), (N, 6) about O: what the commands make if the model is right."""
-    return rotor_wrench(actuation(vehicle, commands))
+    assert commands.rotor_speed is not None
+    out = np.empty((len(commands.rotor_speed), 6))
+    for piece in pieces(len(out)):
+        out[piece] = rotor_wrench(actuation(vehicle, commands.take(piece)))
+    return out

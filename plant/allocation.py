@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.stamps import pieces
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 
@@ -84,37 +85,48 @@ class Allocation:
         no rate limit is applied. The returned `wrench_B` is the request, before saturation.
         """
         arms, rotors = self.vehicle.geometry()
-        unknowns = wrench_B @ self.inverse.T
         count = len(wrench_B)
-        raw_tilt = np.zeros((count, len(arms)))
+        tilt: Array = np.zeros((count, len(arms)))
         weak = np.zeros((count, len(arms)), dtype=bool)
-        thrust_over_cf = np.zeros((count, len(rotors)))
+        limited, saturated = np.empty((count, len(rotors))), 0
+        for piece in pieces(count):
+            thrust_over_cf = self._thrusts(wrench_B[piece], tilt[piece], weak[piece])
+            speed = np.sqrt(np.maximum(thrust_over_cf, 0.0))
+            limited[piece] = np.clip(speed, rotors.speed_min, rotors.speed_max)
+            over = (limited[piece] != speed) | (thrust_over_cf < 0)
+            saturated += int(over.any(axis=1).sum())
+        if not arms.tilts.any():
+            return Commands(wrench_B, tilt, limited), Saturation(rotor_speed=saturated)
+        tilt = _hold(tilt, weak, previous_tilt)
+        before = tilt[:0] if previous_tilt is None else previous_tilt[None]
+        tilt = np.unwrap(np.vstack((before, tilt)), axis=0)[len(before) :]
+        tilt, rate_limited = _limit_rate(tilt, arms.tilt_rate_max, previous_tilt, dt)
+        in_range = np.clip(tilt, arms.tilt_min, arms.tilt_max)
+        return Commands(wrench_B, in_range, limited), Saturation(
+            rotor_speed=saturated,
+            tilt_rate=rate_limited,
+            tilt_range=int((in_range != tilt).any(axis=1).sum()),
+            held=int(weak.any(axis=1).sum()),
+        )
+
+    def _thrusts(self, wrench_B: Array, tilt: Array, weak: NDArray[np.bool_]) -> Array:
+        """Thrust over c_f (N, R) for wrenches (N, 6); writes the angles meant, and where thrust is too weak for one."""
+        arms, rotors = self.vehicle.geometry()
+        unknowns = wrench_B @ self.inverse.T
+        thrust_over_cf = np.zeros((len(wrench_B), len(rotors)))
         column = 0
         for arm, group in self._groups:
             if arms.tilts[arm]:
                 lat, ver = unknowns[:, column], unknowns[:, column + 1]
                 column += 2
                 thrust = np.hypot(lat, ver)
-                raw_tilt[:, arm] = np.arctan2(lat, ver)
+                tilt[:, arm] = np.arctan2(lat, ver)
                 weak[:, arm] = thrust < self.hold_thrust
             else:
                 thrust = unknowns[:, column]
                 column += 1
             thrust_over_cf[:, group] = (thrust / rotors.c_f[group].sum())[:, None]
-        tilt = _hold(raw_tilt, weak, previous_tilt)
-        before = tilt[:0] if previous_tilt is None else previous_tilt[None]
-        tilt = np.unwrap(np.vstack((before, tilt)), axis=0)[len(before) :]
-        tilt, rate_limited = _limit_rate(tilt, arms.tilt_rate_max, previous_tilt, dt)
-        in_range = np.clip(tilt, arms.tilt_min, arms.tilt_max)
-        speed = np.sqrt(np.maximum(thrust_over_cf, 0.0))
-        limited = np.clip(speed, rotors.speed_min, rotors.speed_max)
-        over = (limited != speed) | (thrust_over_cf < 0)
-        return Commands(wrench_B, in_range, limited), Saturation(
-            rotor_speed=int(over.any(axis=1).sum()),
-            tilt_rate=rate_limited,
-            tilt_range=int((in_range != tilt).any(axis=1).sum()),
-            held=int(weak.any(axis=1).sum()),
-        )
+        return thrust_over_cf
 
 
 def _hold(tilt: Array, weak: NDArray[np.bool_], previous: Array | None) -> Array:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.aerospace import enu, flu, quat_flu_to_enu, quat_of_euler
@@ -18,15 +20,16 @@ from wrenchgap.flight.formats.merging import Stamps, at, cubic
 from wrenchgap.flight.formats.table import Table
 
 PULSES = (700.0, 2300.0)
+MOSTLY = 0.5
+"""Share of the log for which outputs must carry pulses."""
 RPM = 2.0 * np.pi / 60.0
 MOTOR_FUNCTIONS = {**{33 + i: i for i in range(8)}, **{82 + i: 8 + i for i in range(4)}}
 """Motor by the value of a SERVOn_FUNCTION."""
-ATTITUDES: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("XKQ", ("Q1", "Q2", "Q3", "Q4")),
-    ("NKQ1", ("Q1", "Q2", "Q3", "Q4")),
-    ("AHR2", ("Q1", "Q2", "Q3", "Q4")),
-    ("ATT", ("Roll", "Pitch", "Yaw")),
-)
+QUATERNION = ("Q1", "Q2", "Q3", "Q4")
+ESTIMATORS = {"XK": ("XKF1", ("XKQ", "XKQ1")), "NK": ("NKF1", ("NKQ", "NKQ1")), "EKF": ("EKF1", ())}
+"""Positions and attitudes of EKF3, EKF2 and the first one; the latter, and quaternions with a 1, are of firmware 3."""
+OTHERS: tuple[tuple[str, tuple[str, ...]], ...] = (("AHR2", QUATERNION), ("ATT", ("Roll", "Pitch", "Yaw")))
+"""Attitudes besides: of the backup estimator, and angles of the one in use."""
 POSITION = ("PN", "PE", "PD")
 VELOCITY = ("VN", "VE", "VD")
 
@@ -61,7 +64,8 @@ class _Messages:
         yield from self._speeds()
         for name in ("BAT", "CURR"):
             if (found := self._numbers(name, "Volt")) is not None and np.any(found[1] > 0.0):
-                yield name, self._made("battery", found[0]).battery(found[1][:, 0])
+                whole = found[0].columns["Volt"].dtype.kind in "iu"  # firmware 3.3 and before: hundredths of a volt
+                yield name, self._made("battery", found[0]).battery(found[1][:, 0] * (0.01 if whole else 1.0))
                 return
 
     def _numbers(self, topic: str, *names: str) -> tuple[Table, Array] | None:
@@ -83,21 +87,33 @@ class _Messages:
             if gyro is not None and acc is not None:
                 name = "imu" if place == 0 else f"imu/{topic}"
                 yield topic, cropped(self._made(name, gyro[0]).imu(flu(gyro[1]), flu(acc[1])))
-        rate, force = self._numbers("GYR", "GyrX", "GyrY", "GyrZ"), self._numbers("ACC", "AccX", "AccY", "AccZ")
-        if rate is not None and force is not None:
-            stamps = [_sampled(table) for table, _ in (rate, force)]
-            specific = at(stamps[0], stamps[1], force[1])
-            yield "GYR + ACC", cropped(self._made("imu/raw", rate[0], stamps[0]).imu(flu(rate[1]), flu(specific)))
+        for one, other in (("GYR", "ACC"), ("GYR1", "ACC1")):  # the latter of firmware 3 and 4.0
+            rate, force = self._numbers(one, "GyrX", "GyrY", "GyrZ"), self._numbers(other, "AccX", "AccY", "AccZ")
+            if rate is not None and force is not None:
+                stamps = [_sampled(table) for table, _ in (rate, force)]
+                specific = at(stamps[0], stamps[1], force[1])
+                raw = self._made("imu/raw", rate[0], stamps[0]).imu(flu(rate[1]), flu(specific))
+                yield f"{one} + {other}", cropped(raw)
+                return
+
+    def _estimator(self) -> tuple[str, tuple[tuple[str, tuple[str, ...]], ...]]:
+        """Where positions are of the estimator in use (AHRS_EKF_TYPE; both are logged where both run), and attitudes.
+
+        Quaternions of the same one first: two estimators need not agree.
+        """
+        order = sorted(ESTIMATORS, key=lambda kind: kind != {2: "NK", 3: "XK"}.get(self._in_use()))
+        known = (kind for kind in order if self._numbers(ESTIMATORS[kind][0], *POSITION, *VELOCITY) is not None)
+        place, own = ESTIMATORS[next(known, order[0])]
+        return place, (*((name, QUATERNION) for name in own), *OTHERS)
+
+    def _in_use(self) -> int:
+        return int(self.parameters.get("AHRS_EKF_TYPE", 3))
 
     def _odometry(self) -> Iterator[tuple[str, Table]]:
-        sources = (
-            ("odometry", ("XKF1", "NKF1"), ATTITUDES),
-            ("odometry_truth", ("SIM2",), (("SIM", ATTITUDES[0][1]),)),
-        )
-        for name, positions, attitudes in sources:
-            place = next((p for p in positions if self._numbers(p, *POSITION, *VELOCITY) is not None), None)
+        sources = (("odometry", *self._estimator()), ("odometry_truth", "SIM2", (("SIM", QUATERNION),)))
+        for name, place, attitudes in sources:
             attitude = next((entry for entry in attitudes if self._numbers(*entry[:1], *entry[1]) is not None), None)
-            if place is None or attitude is None:
+            if attitude is None or self._numbers(place, *POSITION, *VELOCITY) is None:
                 continue
             table, quat = self._quaternions(*attitude)
             moved = self._numbers(place, *POSITION, *VELOCITY)
@@ -142,8 +158,11 @@ class _Messages:
         pulses = self.tables.get("RCOU")
         channels = [] if pulses is None else self._motor_channels(pulses)
         found = self._numbers("RCOU", *channels) if channels else None
-        if found is not None and np.all((found[1] >= PULSES[0]) & (found[1] <= PULSES[1])):
-            yield "RCOU", self._made("outputs_pwm", found[0]).actuators(found[1], unit="pwm")
+        if found is None:
+            return
+        sent = np.where((found[1] >= PULSES[0]) & (found[1] <= PULSES[1]), found[1], np.nan)
+        if np.isfinite(sent).all(axis=1).mean() > MOSTLY:  # disarmed, or behind a safety switch, there is no pulse: 0
+            yield "RCOU", cropped(self._made("outputs_pwm", found[0]).actuators(sent, unit="pwm"))
 
     def _motor_channels(self, table: Table) -> list[str]:
         """Channels in the order of the motors, by parameters, else those that carry pulses and change."""
@@ -155,19 +174,26 @@ class _Messages:
         }
         if motors:
             return [motors[number] for number in sorted(motors)]
-        moving = [c for c in channels if np.min(table.columns[c]) >= PULSES[0] and np.ptp(table.columns[c]) > 0]
+        moving = [c for c in channels if _pulses(table.columns[c])]
         if moving:
             self.notes.append(f"RCOU: no SERVOn_FUNCTION in the log; taken as motors, in order: {', '.join(moving)}.")
         return moving
 
     def _speeds(self) -> Iterator[tuple[str, Table]]:
-        """Measured speeds of all motors at the stamps of the first."""
-        every = [self._numbers("ESC" if i == 0 else f"ESC/{i}", "RPM") for i in range(12)]
+        """Measured speeds of all motors at the stamps of the first; of firmware 3 and 4.0 from ESC1, ESC2, ..."""
+        named = (["ESC", *(f"ESC/{i}" for i in range(1, 12))], [f"ESC{i}" for i in range(1, 9)])
+        every = [self._numbers(topic, "RPM") for topics in named for topic in topics]
         found = [part for part in every if part is not None and np.any(part[1])]
         if found:
             stamps = found[0][0].log_time_ns
             speeds = [found[0][1], *(at(stamps, table.log_time_ns, rpm) for table, rpm in found[1:])]
             yield "ESC", cropped(self._made("esc_measured", found[0][0]).actuators(np.hstack(speeds) * RPM))
+
+
+def _pulses(values: NDArray[Any]) -> bool:
+    """Whether a channel carries pulses that change, but for times without any."""
+    sent = values[values > 0]
+    return bool(len(sent) > MOSTLY * len(values) and np.min(sent) >= PULSES[0] and np.ptp(sent) > 0)
 
 
 def _sampled(table: Table) -> Stamps:

@@ -66,6 +66,10 @@ _KNOWN = _REFERENCE | frozenset(
 )
 
 
+LONGEST = 200
+"""Letters beyond which a header is no name: searched for meanings, thousands of them would take for ever."""
+
+
 @dataclass(frozen=True)
 class Meaning:
     """Of one column: `field` ("gyro", "ref position", ...), place along it, factor to SI, unit if one is stated."""
@@ -78,6 +82,8 @@ class Meaning:
 
 def meaning(header: str) -> Meaning | None:
     """What a column holds, or None where its header is not known."""
+    if len(header) > LONGEST:
+        return None
     name, bracketed = _split(header)
     for words, index in _indexed(name):
         for size in range(len(words) + 1):
@@ -88,8 +94,14 @@ def meaning(header: str) -> Meaning | None:
 
 def _split(header: str) -> tuple[list[str], str | None]:
     """Lower-case words, and the unit in brackets."""
-    match = re.fullmatch(r"\s*(.*?)\s*[\[(]([^\d][^\])]*)[\])]\s*", header)
-    name, unit = (match[1], match[2]) if match else (header, None)
+    name, unit = header.strip(), None
+    if name.endswith(("]", ")")):
+        inner = name[:-1]
+        first = max(inner.rfind("]"), inner.rfind(")"), 0)
+        for at in range(first, len(inner) - 1):  # the first bracket that the last one closes and that holds no number
+            if inner[at] in "[(" and not inner[at + 1].isdecimal():
+                name, unit = inner[:at].rstrip(), inner[at + 1 :]
+                break
     spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
     return [word.lower() for word in re.split(r"[^A-Za-z0-9µ]+", spaced) if word], unit
 

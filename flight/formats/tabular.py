@@ -18,7 +18,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats.headers import UNITS, meaning
+from wrenchgap.flight.formats.headers import LONGEST, UNITS, meaning
 from wrenchgap.flight.formats.merging import Stamps
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
@@ -163,7 +163,9 @@ def _stamps(column: Any, unit: str, header: str) -> tuple[Stamps, Any, str]:
     if numbers is None or numbers.notna().sum() < 0.5 * len(column):
         with warnings.catch_warnings():  # dates in several forms: pandas says that it reads them one by one
             warnings.simplefilter("ignore", UserWarning)
-            dates = pd.to_datetime(column, errors="coerce", utc=True).astype("datetime64[ns, UTC]")
+            dates = pd.to_datetime(column, errors="coerce", utc=True)
+        first, last = (stamp.tz_localize("UTC") for stamp in (pd.Timestamp.min, pd.Timestamp.max))  # of int64 ns
+        dates = dates.where((dates >= first) & (dates <= last)).astype("datetime64[ns, UTC]")
         known = dates.notna().to_numpy()
         stamps = np.where(known, dates.astype("int64").to_numpy(), 0)
         return stamps, known, f"Times are the dates of column {header}."
@@ -196,7 +198,7 @@ def _fields(columns: Columns) -> Columns:
     for header, values in columns.items():
         name = re.sub(r"\W+", "_", header).strip("_")
         out[name] = values
-        if match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name):
+        if len(name) <= LONGEST and (match := re.fullmatch(r"(\w+?)_?([wxyz]|\d+)", name)):
             series.setdefault(match[1], []).append(values)
     arrays = {name: np.stack(parts, 1) for name, parts in series.items() if len(parts) > 1 and name not in out}
     everything = {"data": np.stack(list(columns.values()), 1)} if columns else {}

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.stamps import pieces
 from wrenchgap.plant.state import Motion
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import cross, measured_wrench
@@ -56,8 +57,10 @@ def _wrench(vehicle: Vehicle, force: Array, omega: Array, omega_dot: Array) -> A
 
 def felt_at_origin(force: Array, omega: Array, omega_dot: Array, imu_position_B: Array) -> Array:
     """Specific force (N, 3) at O of an IMU that is at `imu_position_B` (3,): f - domega x r - omega x (omega x r)."""
-    r = imu_position_B
-    return np.asarray(force - cross(omega_dot, r) - cross(omega, cross(omega, r)))
+    r, out = imu_position_B, np.empty(np.shape(force))
+    for k in pieces(len(force)):
+        out[k] = force[k] - cross(omega_dot[k], r) - cross(omega[k], cross(omega[k], r))
+    return out
 
 
 def names_of(mask: Mask) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from scipy.signal import butter, sosfilt_zi, sosfreqz
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
+from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
@@ -95,12 +96,19 @@ def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
         raise FitError(f"nothing to filter at {cutoff_hz:g} Hz: no samples; see `wrenchgap inspect`")
     section, start = _section(dt, cutoff_hz)
     padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
-    flat = np.ascontiguousarray(signal, dtype=float).reshape(len(signal), -1)
-    return np.asarray(both_ways(section, start, flat, padding)).reshape(np.shape(signal))
+    flat = np.asarray(signal, dtype=float).reshape(len(signal), -1)
+    if len(flat) > PIECE:  # hours: one column after the other, for memory
+        out = np.empty(flat.shape)
+        for k in range(flat.shape[1]):
+            out[:, [k]] = both_ways(section, start, np.ascontiguousarray(flat[:, [k]]), padding)
+        return out.reshape(np.shape(signal))
+    return np.asarray(both_ways(section, start, np.ascontiguousarray(flat), padding)).reshape(np.shape(signal))
 
 
 def derivative(signal: Array, dt: float) -> Array:
     """Fourth-order central differences along axis 0, second order in the two samples at either end."""
+    if signal.ndim > 1 and len(signal) > PIECE:
+        return np.stack([derivative(column, dt) for column in np.moveaxis(signal, 1, 0)], axis=1)
     out = np.gradient(signal, dt, axis=0)
     out[2:-2] = (8.0 * (signal[3:-1] - signal[1:-3]) - (signal[4:] - signal[:-4])) / (12.0 * dt)
     return np.asarray(out)
@@ -135,10 +143,11 @@ def prepare(
     step = max(1, round(1.0 / (dt * (rate_hz or 5.0 * cutoff_hz))))
     keep = slice(trim, len(samples) - trim, step)
     omega = low_pass(samples.omega_B, dt, cutoff_hz)
-    omega_dot = derivative(omega, dt)
-    felt = felt_at_origin(low_pass(samples.specific_force_B, dt, cutoff_hz), omega, omega_dot, vehicle.imu_position_B)
+    omega, omega_dot = omega[keep].copy(), derivative(omega, dt)[keep]
+    force = low_pass(samples.specific_force_B, dt, cutoff_hz)[keep]
+    felt = felt_at_origin(force, omega, omega_dot, vehicle.imu_position_B)
     known = measured_axes(vehicle, samples.unmeasured)
-    measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))[keep]
+    measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))
     return Record(
         flight=samples.flight,
         dt=dt,
@@ -148,9 +157,9 @@ def prepare(
         keep=keep,
         time=samples.time[keep],
         measured=np.where(known, measured, np.nan),
-        commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep],
-        desired=None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep],
-        state_kept=replace(state.take(keep), omega_B=omega[keep]),
+        commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep].copy(),
+        desired=None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep].copy(),
+        state_kept=replace(state.take(keep), omega_B=omega),
         noise=np.where(known, _noise(samples, vehicle, cutoff_hz, imu), np.nan),
         source=source,
         has_pose=has_pose,
@@ -224,7 +233,7 @@ class Evaluator:
 
     def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:
         record = self.record
-        return low_pass(make(*arguments), record.dt, record.cutoff_hz)[record.keep]
+        return low_pass(make(*arguments), record.dt, record.cutoff_hz)[record.keep].copy()
 
 
 def _key(model: WrenchModel, place: str) -> Key:
@@ -305,7 +314,8 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
         )
     if not vehicle.has_rotors:
         return Commands(wrench), "none"
-    allocated, _ = Allocation(vehicle).allocate(about_origin(vehicle.body, wrench), dt=samples.dt)
+    asked = np.concatenate([about_origin(vehicle.body, wrench[piece]) for piece in pieces(len(wrench))])
+    allocated, _ = Allocation(vehicle).allocate(asked, dt=samples.dt)
     return Commands(wrench, allocated.tilt, allocated.rotor_speed), "allocated"
 
 

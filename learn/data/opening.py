@@ -14,6 +14,7 @@ from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, st
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Flight, Gap, Samples
+from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside, part
 from wrenchgap.learn.data.between import within as kept_within
@@ -102,6 +103,7 @@ def opened(
         return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
     known = _sent(resampled.samples, model.vehicle)
     phases = phases_of(known, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
+    give_back(max(map(len, resampled.samples)))
     asked.pass_(against_model(played, model, _flown(resampled.samples, phases)))
     within = kept_within(resampled.samples, between, found)
     parts, left_out = _parts(within, resampled.samples, phases, model.vehicle, known)

@@ -34,6 +34,7 @@ from scipy.optimize import minimize_scalar
 
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
+from wrenchgap.flight.stamps import pieces
 from wrenchgap.flight.topic_offsets import differences, odometry_motion
 from wrenchgap.learn.data.blocks import SIGNIFICANT
 from wrenchgap.learn.data.measurement import Record, from_actuators
@@ -142,13 +143,20 @@ def _measured(flight: Flight, vehicle: Vehicle) -> Signal:
     """Measured wrenches (N, 6) half-way between samples, where a difference of rates is an angular acceleration."""
     rate, felt = _motion(flight)
     accelerating = differences("measured", rate.time, np.diff(rate.values, axis=0), rate.gaps)
-    w, f = (
-        np.stack([np.interp(accelerating.time, s.time, column) for column in s.values.T], axis=1) for s in (rate, felt)
-    )
-    r, a = vehicle.imu_position_B, accelerating.values
-    if flight.imu is not None:
-        f = f - np.cross(a, r) - np.cross(w, np.cross(w, r))
-    return replace(accelerating, values=measured_wrench(vehicle.body, Motion(w, a, f)), axes=AXES)
+    r, out = vehicle.imu_position_B, np.empty((len(accelerating.time), 6))
+    for piece in pieces(len(out)):
+        at, a = accelerating.time[piece], accelerating.values[piece]
+        w, f = (_between(at, s) for s in (rate, felt))
+        if flight.imu is not None:
+            f = f - np.cross(a, r) - np.cross(w, np.cross(w, r))
+        out[piece] = measured_wrench(vehicle.body, Motion(w, a, f))
+    return replace(accelerating, values=out, axes=AXES)
+
+
+def _between(at: Array, signal: Signal) -> Array:
+    """A signal (N, C) at times (K,), increasing, straight between its samples."""
+    near = slice(max(np.searchsorted(signal.time, at[0]) - 1, 0), np.searchsorted(signal.time, at[-1]) + 1)
+    return np.stack([np.interp(at, signal.time[near], column) for column in signal.values[near].T], axis=1)
 
 
 def _motion(flight: Flight) -> tuple[Signal, Signal]:

@@ -2,8 +2,10 @@
 
 The parameters name a frame (FRAME_CLASS, FRAME_TYPE: `plant.drafts.frames`) and no lengths, so the arm has to be said.
 Motor outputs are pulse widths: u = 0 at MOT_PWM_MIN + MOT_SPIN_MIN (MAX - MIN), u = 1 at MOT_SPIN_MAX likewise; thrust
-goes with MOT_THST_EXPO u^2 + (1 - MOT_THST_EXPO) u, which is MOT_THST_HOVER in hover. INS_POS1_* are in x forward, y
-right, z down. Source: ArduPilot parameter reference and "Motor Thrust Scaling" (ardupilot.org).
+goes with MOT_THST_EXPO u^2 + (1 - MOT_THST_EXPO) u, which is MOT_THST_HOVER in hover. Where MOT_PWM_MIN and _MAX are 0,
+the default of firmware before 4.1, the range is that of the throttle's channel, RC3_MIN to RC3_MAX (RCMAP_THROTTLE).
+INS_POS1_* are in x forward, y right, z down. Source: ArduPilot parameter reference and "Motor Thrust Scaling"
+(ardupilot.org), AP_MotorsMulticopter.
 """
 
 from __future__ import annotations
@@ -75,15 +77,26 @@ def command_of(parameters: Parameters) -> CommandDraft:
     def read(name: str) -> tuple[float, bool]:
         return float(parameters.get(name, USUAL[name])), name not in parameters
 
-    (low, _), (high, unknown), (idle, _), (full, _) = (
-        read(f"MOT_{name}") for name in ("PWM_MIN", "PWM_MAX", "SPIN_MIN", "SPIN_MAX")
-    )
+    (low, high), named, unknown = _pulses(parameters)
+    (idle, _), (full, _) = (read(f"MOT_{name}") for name in ("SPIN_MIN", "SPIN_MAX"))
     (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER")
     ends = [low + share * (high - low) for share in (idle, full)]
     keys = {
         "unit": Said("pwm", "motor outputs of RCOU [us]"),
-        "range": Said(ends, "MOT_PWM_MIN, _MAX, MOT_SPIN_MIN, _MAX", assumed=unknown),
+        "range": Said(ends, f"{named}, MOT_SPIN_MIN, _MAX", assumed=unknown),
         "factor": Said(factor, "MOT_THST_EXPO" + (", ArduPilot's default" if curve else ""), assumed=curve),
     }
     words = f"hovering at MOT_THST_HOVER = {hover:.3g}" + (", ArduPilot's default" if still else "")
     return CommandDraft(keys, hover=Said(hover, words, assumed=still))
+
+
+def _pulses(parameters: Parameters) -> tuple[tuple[float, float], str, bool]:
+    """Smallest and largest pulse [us], of which parameters, and whether they are but usual."""
+    throttle = f"RC{int(parameters.get('RCMAP_THROTTLE', 3.0))}"
+    for low, high in (("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"{throttle}_MIN", f"{throttle}_MAX")):
+        if high not in parameters:
+            break  # a file of some parameters: what the others are is not known
+        found = float(parameters.get(low, 0.0)), float(parameters[high])
+        if 0.0 < found[0] < found[1]:
+            return found, f"{low}, _MAX", False
+    return (USUAL["MOT_PWM_MIN"], USUAL["MOT_PWM_MAX"]), "MOT_PWM_MIN, _MAX", True

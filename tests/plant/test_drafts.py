@@ -253,6 +253,17 @@ def test_ardupilot_parameters_hover_at_the_learned_throttle(tmp_path):
     assert first == pytest.approx([0.3 * np.sqrt(0.5), -0.3 * np.sqrt(0.5), 0.0], abs=1e-6)  # front right
 
 
+def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_path):
+    text = ARDUPILOT.replace("MOT_PWM_MIN,1000", "MOT_PWM_MIN,0").replace("MOT_PWM_MAX,2000", "MOT_PWM_MAX,0")
+    (tmp_path / "old.param").write_text(text + "RC3_MIN,1100\nRC3_MAX,1900\n")
+    found = drafted(tmp_path / "old.param", Given(mass=2.2, arm=0.3)).command.keys["range"].value
+    assert found == pytest.approx((1100.0 + 0.15 * 800.0, 1100.0 + 0.95 * 800.0))
+    (tmp_path / "less.param").write_text(text)
+    said = drafted(tmp_path / "less.param", Given(mass=2.2, arm=0.3)).command.keys["range"]
+    assert said.value == pytest.approx((1150.0, 1950.0))
+    assert said.assumed
+
+
 @pytest.mark.parametrize(
     ("text", "given", "message"),
     [

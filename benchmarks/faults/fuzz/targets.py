@@ -106,8 +106,10 @@ def definition(data: bytes) -> None:
 
 TARGETS: dict[str, Target] = {
     "log": log,
+    "compiled": log,
     "definition": definition,
     "model": model,
     "process": process,
     "trajectory": trajectory,
 }
+"""By name; `compiled` is `log` with compiled kernels (`child`)."""

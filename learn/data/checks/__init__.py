@@ -19,7 +19,7 @@ from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.compared import compared
 from wrenchgap.learn.data.checks.rotors import rotors
 from wrenchgap.learn.data.checks.vehicle import of_vehicle
-from wrenchgap.learn.data.checks.wrench import axes, force_unit, torque_unit
+from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model
 
 FASTER = 2.5
@@ -33,7 +33,7 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
         found += rotors(flight, model, seen)
     if seen is not None and all(check.level != "bad" for check in found):
-        found += force_unit(flight, model, seen)
+        found += [*force_unit(flight, model, seen), *speed_unit(flight, seen)]
         if all(check.level == "ok" for check in found):  # a wrong inertia has said so
             found += torque_unit(flight, model, seen)
         if not any(check.level == "bad" for check in found):

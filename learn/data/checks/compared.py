@@ -39,10 +39,12 @@ class Compared:
     """K samples in the air, low-passed at `CUTOFF_HZ`. `measured` (K, 6) is m f and J domega + omega x J omega.
 
     `wrench` (K, 6) is the commanded one (None: not logged), `actuators` the logged tilt and speed with the wrench that
-    the model makes of them, `made`; all in B about the centre of mass. `parts` are the stretches, as slices; `dt` [s].
+    the model makes of them, `made`; all in B about the centre of mass. `omega` (K, 3) are the rates that go with
+    `measured`, `parts` the stretches, as slices; `dt` [s].
     """
 
     measured: Array
+    omega: Array
     wrench: Array | None
     made: Array | None
     tilt: Array | None
@@ -62,7 +64,7 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
         return None  # said where the flight is prepared: these are not the rotors of this vehicle
     if not rows or not measured_axes(vehicle, stretches[0].unmeasured).all():
         return None
-    measured = np.concatenate([row[0] for row in rows])
+    measured, omega = (np.concatenate([row[0][k] for row in rows]) for k in (0, 1))
     joined = [
         None if any(row[k] is None for row in rows) else np.concatenate([row[k] for row in rows]) for k in range(1, 5)
     ]
@@ -74,7 +76,7 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     felt = np.linalg.norm(measured[:, :3], axis=1)
     usual, high = np.percentile(size, (50, 90))  # the median, unless most of the log is on the ground
     flying = (size > LIFTED * (usual if usual > 0.05 * high else high)) & (felt > LIFTED * vehicle.body.mass * GRAVITY)
-    ends = np.cumsum([0, *(len(row[0]) for row in rows)])
+    ends = np.cumsum([0, *(len(row[0][0]) for row in rows)])
     inside = np.zeros(len(flying), dtype=bool)
     inside[ends[1:-1]] = True  # where a stretch begins
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flying, [False])).astype(int)))
@@ -85,7 +87,7 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     dt = stretches[0].dt
     trim = int(0.5 / dt)
     parts = [slice(p.start + trim, p.stop - trim) for p in parts if (p.stop - p.start) * dt > SHORTEST]
-    return Compared(measured, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
+    return Compared(measured, omega, wrench, made, tilt, speed, tuple(parts), dt) if parts else None
 
 
 def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
@@ -101,7 +103,7 @@ def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
     return out
 
 
-Row = tuple[Array, Array | None, Array | None, Array | None, Array | None]
+Row = tuple[tuple[Array, Array], Array | None, Array | None, Array | None, Array | None]
 
 
 def _row(samples: Samples, vehicle: Vehicle) -> Row:
@@ -113,8 +115,8 @@ def _row(samples: Samples, vehicle: Vehicle) -> Row:
     wrench = None if samples.wrench_cmd_B is None else low_pass(samples.wrench_cmd_B, dt, cutoff)
     logged = _logged(samples, vehicle)
     if logged is None:
-        return measured, wrench, None, None, None
-    return measured, wrench, low_pass(logged.wrench_B, dt, cutoff), logged.tilt, logged.rotor_speed
+        return (measured, omega), wrench, None, None, None
+    return (measured, omega), wrench, low_pass(logged.wrench_B, dt, cutoff), logged.tilt, logged.rotor_speed
 
 
 def _logged(samples: Samples, vehicle: Vehicle) -> Commands | None:

@@ -1,7 +1,8 @@
 """Order and spin of the rotors and the sign of tilt: what the model makes of the logged actuators, against a witness.
 
 The witness is the commanded wrench where it is logged: the allocation makes it of these very actuators, so that nothing
-but the model stands between them. Else it is the motion.
+but the model stands between them. Else it is the motion above `FAST_HZ`, where torques turn the vehicle; below,
+commands answer what disturbs it, and the rotors of a hover make torques that the motion does not show at all.
 
 The order is found from how the witness goes with each column of the log: with T (K, R) the thrusts of the columns and W
 (K, 4) force along z and torques, W = T B has the least-squares solution of smallest norm B (R, 4), and row j is what
@@ -20,7 +21,7 @@ from scipy.optimize import linear_sum_assignment
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
-from wrenchgap.flight.checks.motion import cosine
+from wrenchgap.flight.checks.motion import cosine, rms
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
 from wrenchgap.learn.data.measurement import low_pass
@@ -28,10 +29,18 @@ from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.plant.wrench_model import about_com
+from wrenchgap.plant.wrench_model import about_com, cross
 
 FITS, BETTER = 0.8, 0.25
 """Cosine with the witness that another reading must reach, and by how much more than as stated."""
+MOVES = 0.65
+"""Likewise with the motion, in which there is more than the rotors made: real hovers have 0.66 to 0.89."""
+AGAINST = 0.5
+"""Cosine with the motion about z from which on an opposite torque is worth a word."""
+DEGREES, OFF = 180.0 / np.pi, 4.0
+"""Of a radian, and the factor by which inertia, lags and noise may change the torque that a motion needs."""
+SAME, EXACT = 0.97, 0.99
+"""Cosine with a commanded wrench above which the stated order is it, and above which another one is."""
 TURN = "turn every spin over"
 SEEN = 1e-3
 """Of the largest: singular values of thrusts below it tell nothing."""
@@ -41,14 +50,19 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     """Whether another order, spin or sign of tilt explains the witness, and the stated one does not."""
     if seen.made is None or seen.speed is None or seen.tilt is None:
         return
-    name = "the commanded wrench" if seen.wrench is not None else "the motion"
+    name, fits = ("the commanded wrench", FITS) if seen.wrench is not None else ("the motion", MOVES)
     scale = _scale(model.vehicle, seen)
     stated = _alike(seen, seen.made, scale)
-    if stated > FITS:
+    alike = _in_degrees(model.vehicle, seen, scale)
+    if alike > max(MOVES, stated):
+        words = f"Read in deg/s, it turns as the logged actuators make it (cosine {alike:.2f}), in rad/s far too fast"
+        yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
+        return
+    if stated > fits and not _reordered(model.vehicle, seen, scale, stated):
         yield Check("rotors", "ok", f"The logged actuators make torques like {name} (cosine {stated:.2f}).")
         yield from _yaw(model.vehicle, seen, name)
         return
-    order = _order(model.vehicle, seen)
+    order = _order(model.vehicle, seen, scale)
     readings = {
         "spin": _made(_turned_over(model.vehicle), seen, seen.tilt, seen.speed),
         "tilt": _made(model.vehicle, seen, -seen.tilt, seen.speed),
@@ -56,7 +70,7 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     }
     found = {what: _alike(seen, made, scale) for what, made in readings.items()}
     what = max(found, key=lambda k: found[k])
-    if found[what] < FITS or found[what] < stated + BETTER:
+    if found[what] < fits or (found[what] < stated + BETTER and stated < fits):
         words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
         if seen.wrench is not None:
             yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
@@ -71,6 +85,7 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         yield Check("rotors", "bad", words, option(flight, "*-1", "tilt"))
         return
     words += f"the columns of the rotor speeds in the order {', '.join(map(str, order))} by {found[what]:.2f}"
+    words += "" if seen.wrench is not None else ", unless it is the IMU that is turned about z"
     yield Check("rotors", "bad", words, _columns(flight, [int(k) for k in order]))
 
 
@@ -96,12 +111,40 @@ def _columns(flight: Flight, order: list[int]) -> str:
 def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
     """Spins: the torque about z alone, of vehicles whose rotors make it by drag."""
     assert seen.made is not None
-    witness = seen.measured if seen.wrench is None else seen.wrench
-    truth = moving(seen, witness)[:, [5]]
-    alike = max((cosine(truth, moving(seen, seen.made, tau)[:, [5]]) for tau in LAGS), key=abs)
-    if alike < -FITS:
+    fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
+    truth = moving(seen, witness, fast=fast)[:, [5]]
+    alike = max((cosine(truth, moving(seen, seen.made, tau, fast=fast)[:, [5]]) for tau in LAGS), key=abs)
+    if alike < -(AGAINST if fast else FITS):
         words = f"The logged actuators make a torque about z opposite to {name} (cosine {alike:.2f})"
-        yield Check("rotors", "bad", f"{words}: {TURN} in the model file")
+        yield Check("rotors", "bad" if alike < -FITS else "warn", f"{words}: {TURN} in the model file")
+
+
+def _reordered(vehicle: Vehicle, seen: Compared, scale: Array, stated: float) -> bool:
+    """Whether a commanded wrench like the rotors' is exactly that of another order: twelve rotors hide one."""
+    if seen.wrench is None or stated > SAME:
+        return False
+    assert seen.speed is not None
+    assert seen.tilt is not None
+    made = _made(vehicle, seen, seen.tilt, seen.speed[:, _order(vehicle, seen, scale)])
+    return _alike(seen, made, scale) > EXACT
+
+
+def _in_degrees(vehicle: Vehicle, seen: Compared, scale: Array) -> float:
+    """Cosine between torques made and those of the motion with rates read in deg/s; 0 where sizes speak against it.
+
+    J domega shrinks by the factor, omega x J omega by its square.
+    """
+    if seen.wrench is not None or seen.made is None:
+        return 0.0
+    whirl = cross(seen.omega, seen.omega @ vehicle.body.inertia.T)
+    slower = (seen.measured[:, 3:] - whirl) / DEGREES + whirl / DEGREES**2
+    read = replace(seen, measured=np.hstack((seen.measured[:, :3], slower)))
+    felt, less, made = (
+        rms(moving(seen, torque, fast=True) / scale) for torque in (seen.measured[:, 3:], slower, seen.made[:, 3:])
+    )
+    if not (felt > DEGREES / OFF * made and 1.0 / OFF < less / max(made, 1e-12) < OFF):
+        return 0.0
+    return _alike(read, seen.made, scale)
 
 
 def _scale(vehicle: Vehicle, seen: Compared) -> Array:
@@ -113,10 +156,10 @@ def _scale(vehicle: Vehicle, seen: Compared) -> Array:
 
 def _alike(seen: Compared, made: Array, scale: Array) -> float:
     """Cosine of torques made with those of the witness, at the likeliest lag."""
-    witness = seen.measured if seen.wrench is None else seen.wrench
-    truth = moving(seen, witness[:, 3:]) / scale
-    lags = LAGS if seen.wrench is None else (0.0,)
-    return max(cosine(truth, moving(seen, made[:, 3:], tau) / scale) for tau in lags)
+    fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
+    truth = moving(seen, witness[:, 3:], fast=fast) / scale
+    lags = LAGS if fast else (0.0,)
+    return max(cosine(truth, moving(seen, made[:, 3:], tau, fast=fast) / scale) for tau in lags)
 
 
 def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
@@ -125,19 +168,39 @@ def _made(vehicle: Vehicle, seen: Compared, tilt: Array, speed: Array) -> Array:
     return low_pass(wrench, seen.dt, min(4.0, 0.3 / seen.dt))
 
 
-def _order(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
-    """Column of the log for each rotor (R,)."""
+def _order(vehicle: Vehicle, seen: Compared, scale: Array) -> NDArray[np.intp]:
+    """Column of the log for each rotor (R,): the likeliest of the assignment and of what people do."""
+    assert seen.tilt is not None
+    assert seen.speed is not None
+    tried = [*_usual(seen.speed.shape[1]), _assigned(vehicle, seen)]
+    alike = [_alike(seen, _made(vehicle, seen, seen.tilt, seen.speed[:, order]), scale) for order in tried]
+    return tried[int(np.argmax(np.round(alike, 3)))]
+
+
+def _usual(count: int) -> list[NDArray[np.intp]]:
+    """Orders in which rotors are counted: from another one on, backwards, upper before lower ones, and lower first.
+
+    The assignment knows what a rotor does at zero tilt; on arms that tilt far it may miss these.
+    """
+    plain: NDArray[np.intp] = np.arange(count)
+    layers = [plain.reshape(2, -1).T.ravel(), plain.reshape(-1, 2).T.ravel()] if count % 2 == 0 else []
+    pairs = [plain.reshape(-1, 2)[:, ::-1].ravel()] if count % 2 == 0 else []
+    return [*(np.roll(plain, k) for k in range(1, count)), plain[::-1], *layers, *pairs]
+
+
+def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
+    """Column of the log for each rotor (R,), by what each of both does."""
     _, known = vehicle.geometry()
     assert seen.speed is not None
-    witness = seen.measured if seen.wrench is None else seen.wrench
+    fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
     axes = [2, 3, 4, 5]
     effect = np.stack([_effect(vehicle, r)[axes] for r in range(len(known))])
-    target = moving(seen, witness[:, axes])
+    target = moving(seen, witness[:, axes], fast=fast)
     best: NDArray[np.intp] = np.arange(len(known))
     cost = -np.inf
-    for tau in LAGS if seen.wrench is None else (0.0,):
+    for tau in LAGS if fast else (0.0,):
         thrust = low_pass(known.c_f.mean() * seen.speed**2, seen.dt, min(4.0, 0.3 / seen.dt))
-        found = np.linalg.pinv(moving(seen, thrust, tau), rcond=SEEN) @ target
+        found = np.linalg.pinv(moving(seen, thrust, tau, fast=fast), rcond=SEEN) @ target
         size = np.maximum(np.std(target, axis=0), 1e-12)
         a, b = (_normalised(rows / size) for rows in (effect, found))
         likeness = a @ b.T

@@ -51,6 +51,17 @@ def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         yield _speeds(flight, ratio, said)
 
 
+def speed_unit(flight: Flight, seen: Compared) -> Iterator[Check]:
+    """Rotor speeds against the commanded wrench where both are logged: thrusts go with the square of a unit."""
+    if seen.wrench is None or seen.made is None:
+        return
+    sent, made = flown(seen, seen.wrench)[:, :3], flown(seen, seen.made)[:, :3]
+    ratio = abs(float(np.median(np.sum(sent * made, axis=1) / np.maximum(np.sum(sent**2, axis=1), 1e-12))))
+    found = _speeds(flight, ratio, f"The logged rotors' force is {ratio:.3g} times the commanded one")
+    if found.name == "rotor-speed-unit":
+        yield found
+
+
 def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
     """The words that bring a force to newtons, and what it seems to be."""
     units = {"g": mass * GRAVITY, "kgf": GRAVITY, "m/s^2": mass, "mN": 1e-3}
@@ -94,7 +105,8 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     quick = _quick_ratio(seen, inertia, used)
     small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
     if (small and quick < 1.0) or ((large or ratio > WILD * usual) and quick > TORQUE[1]):
-        words = "Nmm" if 0.2 < ratio / 1000.0 < 5.0 else f"torque*{factor(1.0 / ratio)}"
+        unit = ratio if small else quick  # what answers disturbances is larger than what moves the vehicle
+        words = "Nmm" if 0.2 < unit / 1000.0 < 5.0 else f"torque*{factor(1.0 / unit)}"
         kind = "in Nmm" if words == "Nmm" else "normalised, in another unit, or vehicle.inertia is not this vehicle's"
         yield Check("torque-unit", "bad", f"{said}: it is {kind}", option(flight, words, "commanded"))
         return

@@ -36,6 +36,18 @@ def phases_of(
 
     `keep` are names of phases that are found but not left out.
     """
+    found = _grounded(parts, vehicle)
+    limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
+    limited = [p for p in limited if not _within(p, found)]
+    if _seconds(limited) > MOSTLY * _flown(parts, found):
+        why = "for most of the flight: is vehicle.rotor.speed_max too low?"
+        limited = [replace(p, why=why, left_out=False) for p in limited]
+    every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
+    return tuple(sorted(every, key=lambda phase: (phase.start, phase.stop)))
+
+
+def _grounded(parts: Sequence[tuple[Samples, Commands, str]], vehicle: Vehicle) -> list[Phase]:
+    """On the ground, taking off, landing, crashed; the signals that tell are gone when this returns."""
     seen = [one for samples, commands, _ in parts if (one := signals(samples, commands, vehicle)) is not None]
     found: list[Phase] = []
     if seen:
@@ -46,13 +58,7 @@ def phases_of(
         for part, flags in zip(seen, on, strict=True):
             lost = crashes(part, flags, scale, usual)
             found += [p for p in ground(part, flags, vehicle) if not _within(p, lost)] + lost
-    limited = [p for one in parts for p in saturations(*one, vehicle, cutoff_hz)]
-    limited = [p for p in limited if not _within(p, found)]
-    if _seconds(limited) > MOSTLY * _flown(parts, found):
-        why = "for most of the flight: is vehicle.rotor.speed_max too low?"
-        limited = [replace(p, why=why, left_out=False) for p in limited]
-    every = (replace(p, left_out=False) if p.name in keep else p for p in (*found, *limited))
-    return tuple(sorted(every, key=lambda phase: (phase.start, phase.stop)))
+    return found
 
 
 def _within(phase: Phase, others: Sequence[Phase]) -> bool:

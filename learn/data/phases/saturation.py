@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
 from wrenchgap.learn.data.phases.signals import FEWEST
@@ -63,8 +64,12 @@ def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
     _, rotors = vehicle.geometry()
     assert commands.rotor_speed is not None
     if source == "allocated":
-        asked = Allocation(vehicle).achievable(about_origin(vehicle.body, commands.wrench_B))
-        return np.asarray(asked - nominal_wrench(vehicle, commands))
+        allocation, asked = Allocation(vehicle), np.empty((len(commands.rotor_speed), 6))
+        for piece in pieces(len(asked)):
+            sent = commands.take(piece)
+            asked[piece] = allocation.achievable(about_origin(vehicle.body, sent.wrench_B))
+            asked[piece] -= nominal_wrench(vehicle, sent)
+        return asked
     within, missing = np.clip(commands.rotor_speed, 0.0, rotors.speed_max), np.zeros((len(commands.rotor_speed), 6))
     beyond = np.flatnonzero((within != commands.rotor_speed).any(axis=1))
     if len(beyond):

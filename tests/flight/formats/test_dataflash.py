@@ -127,6 +127,65 @@ def test_commands_speeds_battery_and_parameters(log, found, tmp_path):
         flight.in_si(found)
 
 
+def firmware_3(autopilots):
+    """Names and layouts of ArduCopter 3.6: an instance is part of the name, and pulses are 0 while disarmed."""
+    log, time, slow = autopilots.Dataflash({"AHRS_EKF_TYPE": 2}), at_rate(200), at_rate(10)
+    seen, moved = autopilots.Climb(time), autopilots.Climb(slow)
+    for name, factor in (("1", 1.0), ("2", 0.5)):
+        late = micro(time) + 700.0  # written after it was sampled
+        log.add(f"GYR{name}", "QQfff", "TimeUS,SampleUS,GyrX,GyrY,GyrZ", late, micro(time), *(factor * seen.gyro.T))
+        numbers = factor * seen.accelerometer.T
+        log.add(f"ACC{name}", "QQfff", "TimeUS,SampleUS,AccX,AccY,AccZ", late, micro(time), *numbers)
+    columns, angles = "TimeUS,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD", np.zeros((3, len(slow)))
+    for kind, factor in (("N", 1.0), ("X", 7.0)):
+        log.add(f"{kind}KQ1", "Qffff", "TimeUS,Q1,Q2,Q3,Q4", micro(time), *seen.q.T)
+        numbers = *angles, *(factor * moved.v_ned.T), 0.0 * slow, *(factor * moved.ned.T)
+        log.add(f"{kind}KF1", "QccCfffffff", columns, micro(slow), *numbers)
+    for motor, rpm in enumerate((6000.0, 6600.0), 1):
+        volt = 0.0 * slow + 15.8
+        log.add(f"ESC{motor}", "QeC", "TimeUS,RPM,Volt", micro(slow), 0.0 * slow + rpm, volt)
+    log.add("CURR", "Qhhh", "TimeUS,Throttle,Volt,Curr", micro(slow), 0.0 * slow, 0.0 * slow + 1580, 0.0 * slow)
+    armed = at_rate(50) > 1.0
+    moving = armed * (1400 + 10 * np.round(np.sin(at_rate(50))))
+    log.add("RCOU", "QHHH", "TimeUS,C1,C2,C3", micro(at_rate(50)), moving, moving + 100 * armed, 0 * armed)
+    return log
+
+
+def test_names_and_layouts_of_firmware_3(autopilots, tmp_path):
+    path = firmware_3(autopilots).save(tmp_path / "old.bin")
+    found = flight.load(path, {"imu": "/ardupilot/imu/raw", "rotor_speed": "/ardupilot/esc_measured"})
+    seen = seen_at(found, found.imu, autopilots)
+    np.testing.assert_allclose(found.imu.omega_B[:, 1], -seen.gyro[:, 1], atol=1e-6)
+    np.testing.assert_allclose(found.imu.specific_force_B[:, 2], -seen.accelerometer[:, 2], atol=1e-5)
+    np.testing.assert_allclose(found.actuators.rotor_speed[3], [200 * np.pi, 220 * np.pi], rtol=1e-6)
+    np.testing.assert_allclose(found.battery.voltage, 15.8, rtol=1e-6)
+    seen = seen_at(found, found.odometry, autopilots)
+    np.testing.assert_allclose(found.odometry.position_E[:, 1], seen.ned[:, 0], atol=3e-4)  # of the estimator in use
+    nose = so3.rotate(found.odometry.quat_EB, np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(nose[:, 2], np.sin(seen.pitch), atol=1e-6)
+
+
+def test_pulses_begin_when_the_vehicle_is_armed(autopilots, tmp_path):
+    log = firmware_3(autopilots)
+    pulses = flight.load(log.save(tmp_path / "old.bin")).actuators
+    assert pulses.unit == "pwm"
+    np.testing.assert_array_equal(pulses.rotor_speed[:, 1] - pulses.rotor_speed[:, 0], 100.0)
+    assert pulses.rotor_speed.min() >= 1390.0
+    assert len(pulses.time) == (at_rate(50) > 1.0).sum()
+
+
+def test_quaternions_of_the_second_estimator_in_firmware_4(autopilots, tmp_path):
+    log, time, slow = autopilots.Dataflash({"AHRS_EKF_TYPE": 2}), at_rate(50), at_rate(10)
+    seen, moved = autopilots.Climb(time), autopilots.Climb(slow)
+    sensors(log, autopilots.Climb)
+    log.add("NKQ", "QBffff", "TimeUS,C,Q1,Q2,Q3,Q4", micro(time), 0 * time, *seen.q.T, instance="C")
+    numbers = *moved.v_ned.T, *moved.ned.T
+    log.add("NKF1", "QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD", micro(slow), 0 * slow, *numbers, instance="C")
+    found = flight.load(log.save(tmp_path / "log.bin"))
+    nose = so3.rotate(found.odometry.quat_EB, np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(nose[:, 2], np.sin(seen_at(found, found.odometry, autopilots).pitch), atol=1e-6)
+
+
 @pytest.mark.parametrize("share", [0.002, 0.3, 0.9999])
 def test_a_log_that_was_cut(log, tmp_path, share):
     path = log.save(tmp_path / "log.bin")

@@ -54,6 +54,11 @@ def test_what_it_does_not_say(header):
     assert meaning(header) is None
 
 
+@pytest.mark.parametrize("header", [" " * 5000 + "[a", "gyro_x" + " [" * 5000, "1" * 100_000, "a b " * 50_000])
+def test_what_is_too_long_for_a_name_is_none(header):
+    assert meaning(header) is None  # by a search through all its parts it would not end
+
+
 @pytest.mark.parametrize(("header", "unit"), [("pwm_1", "pwm"), ("motor_1 [us]", "pwm"), ("throttle_2", "normalised")])
 def test_commands_that_are_no_speeds(header, unit):
     assert meaning(header).unit == unit

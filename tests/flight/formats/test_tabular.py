@@ -73,6 +73,16 @@ def test_dates_semicolons_commas_comments_and_a_byte_order_mark(logs, time, tmp_
     agrees(flight.load(path), logs, time)
 
 
+def test_dates_that_no_count_of_nanoseconds_reaches_are_left_out(logs, time, tmp_path):
+    dates = pd.to_datetime(time, unit="s", origin="2024-05-01").astype(str).to_numpy(dtype=object)
+    dates[5], dates[9] = "0001-01-25", "9999-12-31"
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"timestamp": dates} | columns(logs, time)).to_csv(path, index=False)
+    found = flight.load(path)
+    np.testing.assert_allclose(found.imu.time, np.delete(time, [5, 9]), atol=1e-7)
+    assert any("2 row(s)" in note and "no time" in note for note in found.notes)
+
+
 def test_dates_of_several_forms_are_read_and_nothing_stands_on_the_screen(logs, time, tmp_path):
     dates = pd.to_datetime(time, unit="s", origin="2024-05-01").astype(str).to_numpy(dtype=object)
     dates[0], dates[1] = "no date", "1 May 2024 00:00:00.01"
