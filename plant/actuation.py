@@ -49,16 +49,13 @@ def _matrices(vehicle: Vehicle) -> tuple[Array, Array]:
 def rotor_wrench(actuation: Actuation) -> Array:
     """Wrench (N, 6) about O, in B, that these thrusts make."""
     sums, wrench = _matrices(actuation.vehicle)
-    per_arm = actuation.thrust @ sums
-    cos, sin = actuation.posture.hold("per_arm", lambda: _per_arm(actuation.posture))
-    half = per_arm.shape[1]
-    return np.asarray((per_arm * cos) @ wrench[:half] + (per_arm * sin) @ wrench[half:])
-
-
-def _per_arm(posture: Posture) -> Array:
-    """Cosines and sines (2, N, 2A), once for the arms' thrusts and once for their drag torques."""
-    cos, sin = np.split(posture.turn, 2, axis=1)
-    return np.stack((np.hstack((cos, cos)), np.hstack((sin, sin))))
+    turn = actuation.posture.turn
+    per_arm = (actuation.thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques
+    cos, sin = np.split(turn[:, None], 2, axis=2)
+    half = per_arm.shape[1] * per_arm.shape[2]
+    return np.asarray(
+        (per_arm * cos).reshape(-1, half) @ wrench[:half] + (per_arm * sin).reshape(-1, half) @ wrench[half:]
+    )
 
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:
