@@ -1,18 +1,17 @@
-"""How long `explain` takes on a ten-minute log at 200 Hz against the whole catalogue.
+"""How long `explain` takes on a ten-minute log at 200 Hz against the whole catalogue, on one core and on several.
 
-    python -m benchmarks.explain_speed [--minutes 10] [--profile N] [--json FILE]
+    python -m benchmarks.explain_speed                      # ten minutes, a table; nothing is written
+    python -m benchmarks.explain_speed --page               # and docs/performance.md
+    python -m benchmarks.explain_speed --minutes 2 --jobs 1 --profile 30
 
 The log is one simulated minute (tilt_hexarotor, multi-axis excitation, a hidden centre-of-mass offset and servo lag)
-with fresh sensor noise for every repetition, a second of silence between them. Wall and CPU seconds are printed beside
-those of reading the log, and the ratio; the goal is 60 s of wall time on 2 cores. --hide replaces what is hidden
-(repeat it; what is hard to name takes longer). --profile prints the N functions in which most time goes; it works on
-one core, since a profile does not see into workers. --jobs sets how many work otherwise (default: all cores).
+with fresh sensor noise for every repetition, a second of silence between them. As with the command, workers start while
+the log is read. Processor seconds are those of all processes; seconds by the clock say something on an idle machine
+only. --hide replaces what is hidden (repeat it; what is hard to name takes longer). --profile prints the N functions
+in which most time goes, of a run on one core, since a profile does not see into workers.
 """
 
-import argparse
 import cProfile
-import json
-import os
 import pstats
 import tempfile
 import time
@@ -21,14 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import pages
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.parallel import cores, get_ready
 from wrenchgap.learn.posterior.explain import explain
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.sensors import imu_errors
-from wrenchgap.replay.cli.console import progress
 
 HIDDEN = ("com_offset=x:-0.004,y:0.007,z:-0.005", "servo_lag=tau:0.03")
 MINUTE = 60.0
@@ -60,53 +59,76 @@ def joined(parts):
 
 
 def clock():
-    """Wall and CPU seconds, the CPU of finished workers included."""
-    return np.array((time.perf_counter(), sum(os.times()[:4])))
+    """Seconds by the clock, processor seconds of this process and of its workers so far."""
+    import psutil
+
+    own = psutil.Process()
+    times = [process.cpu_times() for process in (own, *own.children(recursive=True))]
+    return np.array((time.perf_counter(), sum(t.user + t.system for t in times)))
 
 
-def since(start):
-    """What has passed, by name."""
-    return dict(zip(("wall_s", "cpu_s"), (clock() - start).tolist(), strict=True))
+def rows(minutes, hidden, jobs, profile):
+    """What was measured, as it comes: the same log on so many cores each."""
+    model = model_file.load("tilt_hexarotor")
+    with tempfile.TemporaryDirectory() as folder:
+        path = flight.write(long_flight(minutes, hidden), Path(folder) / "long.mcap")
+        one = None
+        for count in jobs:
+            begun = clock()
+            get_ready(count)
+            opened = open_flight(path, model)
+            read = clock()
+            profiler = cProfile.Profile(time.process_time)
+            if profile and count == 1:
+                profiler.enable()
+            found = explain([opened], model, jobs=count)
+            profiler.disable()
+            done = clock()
+            if profile and count == 1:
+                for order in ("tottime", "cumtime"):
+                    pstats.Stats(profiler).sort_stats(order).print_stats(profile)
+            one = one or (done - read)[0]
+            yield {
+                "minutes": minutes,
+                "cores": count,
+                "reading_s": (read - begun).tolist(),
+                "explaining_s": (done - read).tolist(),
+                "faster": one / (done - read)[0],
+                "verdict": found.verdict,
+                "effects": list(found.effects),
+                "weights": [s.weight for s in found.posterior.sets[:3]],
+            }
+
+
+def table(found, load):
+    """In Markdown."""
+    heads = (
+        "minutes",
+        "cores",
+        "read, processor s",
+        "explain, processor s",
+        "explain, s by the clock",
+        "times as fast",
+    )
+    lines = []
+    for row in found:
+        wall, processor = row["explaining_s"]
+        cells = [f"{row['minutes']:g}", f"{row['cores']}", f"{row['reading_s'][1]:.1f}", f"{processor:.1f}"]
+        lines.append([*cells, f"{wall:.1f}", f"{row['faster']:.2f}"])
+    same = all(row["weights"] == found[0]["weights"] for row in found)
+    said = f"The same digits on any number of cores: {'yes' if same else 'no'}."
+    return pages.markdown(heads, lines, f"{said} {load}", left=0)
 
 
 def main():
-    """Make the log, read it, explain it."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=int, default=10)
+    """Measure; with --page, renew the page."""
+    parser = pages.options(__doc__)
+    parser.add_argument("--minutes", type=int, default=10, help="of log")
     parser.add_argument("--hide", action="append", metavar="EFFECT=P:V,...")
     parser.add_argument("--profile", type=int, default=0, metavar="N", help="print the N costliest functions")
-    parser.add_argument("--jobs", type=int, default=cores())
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    model = model_file.load("tilt_hexarotor")
-    with tempfile.TemporaryDirectory() as folder:
-        path = flight.write(long_flight(options.minutes, options.hide or HIDDEN), Path(folder) / "long.mcap")
-        size = path.stat().st_size
-        start = clock()
-        opened = open_flight(path, model)
-        reading = since(start)
-    jobs = 1 if options.profile else options.jobs
-    profiler = cProfile.Profile()
-    start = clock()
-    with progress("explaining") as report:
-        if options.profile:
-            profiler.enable()
-        found = explain([opened], model, jobs=jobs, progress=report)
-        profiler.disable()
-    explaining = since(start)
-    ratio = explaining["cpu_s"] / reading["cpu_s"]
-    samples = sum(map(len, opened.records))
-    print(f"log: {options.minutes} min, {size / 1e6:.0f} MB, {samples} compared samples, {jobs} at work")
-    for words, seconds in (("reading", reading), ("explaining", explaining)):
-        print(f"{words:10s} {seconds['wall_s']:7.1f} s wall {seconds['cpu_s']:7.1f} s CPU")
-    print(f"explaining takes {ratio:.1f} times the CPU of reading; verdict {found.verdict}: {', '.join(found.effects)}")
-    if options.profile:
-        pstats.Stats(profiler).sort_stats("tottime").print_stats(options.profile)
-        pstats.Stats(profiler).sort_stats("cumtime").print_stats(options.profile)
-    if options.json:
-        body = {"minutes": options.minutes, "jobs": jobs, "reading": reading, "explaining": explaining}
-        body |= {"ratio_cpu": ratio, "verdict": found.verdict, "effects": list(found.effects)}
-        options.json.write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
+    parser.add_argument("--jobs", type=int, nargs="+", default=sorted({1, min(2, cores())}))
+    asked = parser.parse_args()
+    pages.measure(asked, "explain", rows(asked.minutes, asked.hide or HIDDEN, asked.jobs, asked.profile), table)
 
 
 if __name__ == "__main__":

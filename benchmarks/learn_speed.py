@@ -8,10 +8,6 @@ makes for the process that it keeps: 3 outputs on 200 points from 3 starts each,
 nothing else: no choice of points, no held-out time, no verdict. Processor time, because the machine may be busy.
 """
 
-import argparse
-import json
-import os
-import re
 import tempfile
 from pathlib import Path
 from time import process_time
@@ -19,6 +15,7 @@ from time import process_time
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks import pages
 from benchmarks.explain_speed import HIDDEN, long_flight
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
@@ -26,7 +23,6 @@ from wrenchgap.learn.identify import learning
 from wrenchgap.learn.process import by_gpy, likelihood, train
 from wrenchgap.plant import model_file
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 MODEL = "tilt_hexarotor"
 STAGES = {
     "alternatives": "other inputs and inference",
@@ -35,7 +31,7 @@ STAGES = {
 }
 
 
-def timed(module, name, spent, told):
+def noting(module, name, spent, told):
     """Let a function of a module say how long it takes; gives what undoes that."""
     inner = getattr(module, name)
 
@@ -62,7 +58,7 @@ def measured(opened, model):
         return found
 
     train.SEARCHES["closed-form"] = noted
-    undo = [timed(learning, name, spent, told) for name, told in STAGES.items()]
+    undo = [noting(learning, name, spent, told) for name, told in STAGES.items()]
     begin = process_time()
     learning.learn([opened], model)
     whole = process_time() - begin
@@ -83,44 +79,34 @@ def measured(opened, model):
     }
 
 
-def lines(row, minutes, load):
-    """The table in Markdown."""
-    head = [
-        "minutes",
-        *(f"{told}, s" for told in STAGES.values()),
-        "learn, whole, s",
-        "its fit alone, s",
-        "GPy's own fit, s",
-        "whole / GPy's fit",
-    ]
-    times = [f"{row['stages_s'].get(told, 0.0):.2f}" for told in STAGES.values()]
-    cells = [f"{minutes:g}", *times, f"{row['whole_s']:.2f}", f"{row['ours_s']:.2f}", f"{row['gpy_s']:.2f}"]
-    out = ["| " + " | ".join(head) + " |", "|" + " ---: |" * len(head)]
-    out.append("| " + " | ".join([*cells, f"{row['ratio']:.1f}"]) + " |")
-    said = f"{row['searches']} searches on {row['points']} points; largest difference of the log likelihoods "
-    return "\n".join([*out, "", f"{said}{row['apart']:.1g}. {load}"])
+def rows(minutes):
+    """The row of a log of so many minutes."""
+    model = model_file.load(MODEL)
+    with tempfile.TemporaryDirectory() as folder:
+        opened = open_flight(flight.write(long_flight(minutes, HIDDEN), Path(folder) / "log.mcap"), model)
+    yield {"minutes": minutes, **measured(opened, model)}
+
+
+def table(found, load):
+    """In Markdown."""
+    stages = [f"{told}, s" for told in STAGES.values()]
+    heads = ["minutes", *stages, "learn, whole, s", "its fit alone, s", "GPy's own fit, s", "whole / GPy's fit"]
+    lines, said = [], []
+    for row in found:
+        times = [f"{row['stages_s'].get(told, 0.0):.2f}" for told in STAGES.values()]
+        cells = [f"{row['minutes']:g}", *times, f"{row['whole_s']:.2f}", f"{row['ours_s']:.2f}", f"{row['gpy_s']:.2f}"]
+        lines.append([*cells, f"{row['ratio']:.1f}"])
+        apart = f"largest difference of the log likelihoods {row['apart']:.1g}"
+        said.append(f"{row['searches']} searches on {row['points']} points; {apart}.")
+    return pages.markdown(heads, lines, " ".join([*said, load]), left=0)
 
 
 def main():
     """Measure; with --page, renew the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = pages.options(__doc__)
     parser.add_argument("--minutes", type=int, default=10, help="of log")
-    parser.add_argument("--json", type=Path, help="write the row")
-    parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
     asked = parser.parse_args()
-    model, before = model_file.load(MODEL), os.getloadavg()[0]
-    with tempfile.TemporaryDirectory() as folder:
-        opened = open_flight(flight.write(long_flight(asked.minutes, HIDDEN), Path(folder) / "log.mcap"), model)
-    row = measured(opened, model)
-    load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    text = lines(row, asked.minutes, load)
-    print(text)
-    if asked.json:
-        asked.json.write_text(json.dumps(row, indent=1) + "\n", encoding="utf-8")
-    if asked.page:
-        page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- learn -->\n).*?(<!-- /learn -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + "\n" + m[2], page), encoding="utf-8")
+    pages.measure(asked, "learn", rows(asked.minutes), table)
 
 
 if __name__ == "__main__":

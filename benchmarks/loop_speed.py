@@ -9,17 +9,13 @@ wrench of rotors and effects at 1 kHz, log included. With solve_ivp (RK45) the s
 for 5 ms, in which it integrates the plant to a relative 1e-6; it has no sensors, and no effects that remember.
 """
 
-import argparse
-import json
-import os
-import re
 from functools import partial
-from pathlib import Path
-from time import process_time
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks import pages
+from benchmarks.pages import timed
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.flight_computer import FlightComputer
@@ -29,7 +25,6 @@ from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory import named
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 MODEL = model_file.load("tilt_hexarotor")
 RATE = 1000.0
 STATELESS = ("com_offset", "body_drag", "rotor_drag", "wind")
@@ -49,13 +44,6 @@ def truth(names):
         parameters = catalogue()[name].parameters(MODEL.vehicle)
         made.append(make_effect(MODEL.vehicle, name, tuple(p.start or 0.5 * p.scale for p in parameters)))
     return MODEL.with_effects(made)
-
-
-def timed(act):
-    """Processor time of an act [s], and what it gave."""
-    start = process_time()
-    found = act()
-    return process_time() - start, found
 
 
 def by_solve_ivp(model, trajectory, seconds):
@@ -109,39 +97,23 @@ def rows(seconds):
 def table(found, load):
     """In Markdown."""
     heads = ("plant", "compiled, x real time", "plain numpy", "solve_ivp", "ratio to plain", "ratio to solve_ivp")
-    heads = (*heads, "apart from plain [m]", "from solve_ivp [m]")
-    lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    lines = []
     for row in found:
         ours, plain, theirs = row["compiled_s"], row["plain_s"], row.get("solve_ivp_s")
         cells = [row["plant"], f"{row['seconds'] / ours:.0f}", f"{row['seconds'] / plain:.1f}"]
         cells += ["-" if theirs is None else f"{row['seconds'] / theirs:.1f}", f"{plain / ours:.0f}"]
         cells += ["-" if theirs is None else f"{theirs / ours:.0f}", f"{row['apart_from_plain_m']:.0e}"]
         cells.append("-" if theirs is None else f"{row['apart_from_solve_ivp_m']:.0e}")
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([*lines, "", load])
+        lines.append(cells)
+    return pages.markdown((*heads, "apart from plain [m]", "from solve_ivp [m]"), lines, load)
 
 
 def main():
     """Measure; with --page, renew the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = pages.options(__doc__)
     parser.add_argument("--seconds", type=float, default=20.0, help="of flight")
-    parser.add_argument("--json", type=Path, help="write the rows, as they come")
-    parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
     asked = parser.parse_args()
-    found, before = [], os.getloadavg()[0]
-    for row in rows(asked.seconds):
-        found.append(row)
-        print(json.dumps(row), flush=True)
-        if asked.json:
-            asked.json.parent.mkdir(parents=True, exist_ok=True)
-            asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    text = table(found, load)
-    print(text)
-    if asked.page:
-        page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- loop -->\n).*?(\n<!-- /loop -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + m[2], page), encoding="utf-8")
+    pages.measure(asked, "loop", rows(asked.seconds), table)
 
 
 if __name__ == "__main__":

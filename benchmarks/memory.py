@@ -11,9 +11,7 @@ costs, without Python, numba and the libraries. *Kept* is what the flight amount
 the series, the stretches on one clock and the records, every buffer once.
 """
 
-import argparse
 import json
-import os
 import re
 import resource
 import subprocess
@@ -24,13 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import pages
 from benchmarks.explain_speed import HIDDEN, long_flight
 from wrenchgap import flight
 from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 
-PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 MODEL, SHORT = "tilt_hexarotor", 12.0
 COMMANDS = {
     "inspect": ["inspect", "LOG"],
@@ -71,7 +69,7 @@ def peak(words):
     return int(memory) * 1024 / 1e6, float(took)
 
 
-def rows(folder, chosen, minutes):
+def measured(folder, chosen, minutes):
     """A line for each command, as it is measured."""
     model = model_file.load(MODEL)
     short = flight.write(
@@ -100,45 +98,34 @@ def rows(folder, chosen, minutes):
         }
 
 
-def lines(found, load):
-    """The table in Markdown."""
+def rows(chosen, minutes):
+    """The lines, in a folder that goes again."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield from measured(Path(folder), chosen, minutes) if chosen else ()
+
+
+def table(found, load):
+    """In Markdown."""
     heads = ("command", "peak, 12 s, MB", "peak, 10 min, MB", "difference, MB", "kept, MB", "difference / kept")
-    out = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    lines = []
     for row in found:
-        more = row["peak_MB"] - row["short_MB"]
-        out.append(
-            f"| {row['command']} | {row['short_MB']:.0f} | {row['peak_MB']:.0f} | {more:.0f} | {row['kept_MB']:.0f} "
-            f"| {row['ratio']:.1f} |"
-        )
-    return "\n".join([*out, "", load])
+        sizes = (row["short_MB"], row["peak_MB"], row["peak_MB"] - row["short_MB"], row["kept_MB"])
+        lines.append([row["command"], *(f"{size:.0f}" for size in sizes), f"{row['ratio']:.1f}"])
+    here = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+    return pages.markdown(heads, lines, f"The benchmark itself took {here} MiB. {load}")
 
 
 def main():
     """Measure; with --page, renew the page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = pages.options(__doc__)
     parser.add_argument("--minutes", type=int, default=10, help="of log")
     parser.add_argument("--command", nargs="*", choices=list(COMMANDS), default=list(COMMANDS))
-    parser.add_argument("--json", type=Path, help="write the rows, as they come")
     parser.add_argument(
         "--with-rows", type=Path, metavar="JSON", help="rows of an earlier run, in front of the new ones"
     )
-    parser.add_argument("--page", action="store_true", help="write the table into docs/performance.md")
     asked = parser.parse_args()
-    found = json.loads(asked.with_rows.read_text(encoding="utf-8")) if asked.with_rows else []
-    with tempfile.TemporaryDirectory() as folder:
-        for row in rows(Path(folder), asked.command, asked.minutes) if asked.command else ():
-            found.append(row)
-            print(json.dumps(row), flush=True)
-            if asked.json:
-                asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    here = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-    load = f"The benchmark itself took {here} MiB; {os.cpu_count()} cores."
-    text = lines(found, load)
-    print(text)
-    if asked.page:
-        page = PAGE.read_text(encoding="utf-8")
-        mark = re.compile(r"(<!-- memory -->\n).*?(<!-- /memory -->)", re.DOTALL)
-        PAGE.write_text(mark.sub(lambda m: m[1] + text + "\n" + m[2], page), encoding="utf-8")
+    earlier = json.loads(asked.with_rows.read_text(encoding="utf-8")) if asked.with_rows else []
+    pages.measure(asked, "memory", rows(asked.command, asked.minutes), table, earlier)
 
 
 if __name__ == "__main__":

@@ -6,12 +6,14 @@ import argparse
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from time import process_time
+from typing import Any, TypeVar
 
 PERFORMANCE = Path(__file__).parents[1] / "docs" / "performance.md"
 Row = dict[str, Any]
+T = TypeVar("T")
 
 
 def renewed(text: str, tables: Mapping[str, str]) -> str:
@@ -41,12 +43,31 @@ def options(words: str) -> argparse.ArgumentParser:
     return parser
 
 
-def measure(asked: argparse.Namespace, name: str, rows: Iterable[Row], table: Callable[[list[Row], str], str]) -> None:
-    """Print the rows as they come, then the table; with --json and --page, keep them.
+def timed(act: Callable[[], T]) -> tuple[float, T]:
+    """Processor time of an act [s], and what it gave."""
+    start = process_time()
+    found = act()
+    return process_time() - start, found
+
+
+def markdown(heads: Sequence[str], lines: Iterable[Sequence[str]], load: str, left: int = 1) -> str:
+    """A table, its first `left` columns to the left, the others to the right; under it what is said of the load."""
+    out = ["| " + " | ".join(heads) + " |", "|" + " --- |" * left + " ---: |" * (len(heads) - left)]
+    return "\n".join([*out, *("| " + " | ".join(cells) + " |" for cells in lines), "", load])
+
+
+def measure(
+    asked: argparse.Namespace,
+    name: str,
+    rows: Iterable[Row],
+    table: Callable[[list[Row], str], str],
+    earlier: Iterable[Row] = (),
+) -> None:
+    """Print the rows as they come, then the table; with --json and --page, keep them, behind the `earlier` ones.
 
     `table(rows, load)` is Markdown, which stands between the marks `name` of the page.
     """
-    found: list[Row] = []
+    found: list[Row] = list(earlier)
     before = os.getloadavg()[0]
     for row in rows:
         found.append(row)

@@ -11,12 +11,12 @@ derivative in nlopt's L-BFGS, on the first steps of the same log. Processor time
 
 import tempfile
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 
 from benchmarks import pages
 from benchmarks.explain_speed import HIDDEN, long_flight
+from benchmarks.pages import timed
 from wrenchgap import flight
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.compensate.fast import warm
@@ -69,13 +69,6 @@ class WithGPy:
         return np.stack(slopes, axis=1) * unit
 
 
-def timed(act):
-    """Processor time of an act [s], and what it gave."""
-    start = process_time()
-    found = act()
-    return process_time() - start, found
-
-
 def rows(folder, minutes):
     """What was measured, as it comes."""
     made, log = long_flight(minutes, HIDDEN), folder / "long.mcap"
@@ -111,13 +104,13 @@ def table(found, load):
     """In Markdown."""
     heads = ("steps", "read and open, s", "replay, s", "write, s", "x real time", "one step, us", "GPy in nlopt, us")
     heads = (*heads, "ratio", "apart [Nm]")
-    lines = ["| " + " | ".join(heads) + " |", "| ---: |" * 1 + " ---: |" * (len(heads) - 1)]
+    lines = []
     for row in found:
         took = [row[k] for k in ("open_s", "replay_s", "write_s")]
         cells = [f"{row['steps']:,}", *(f"{t:.1f}" for t in took), f"{60.0 * row['minutes'] / sum(took):.0f}"]
         cells += [f"{row['step_us']:.0f}", f"{row['gpy_step_us']:,.0f}", f"{row['gpy_step_us'] / row['step_us']:.0f}"]
-        lines.append("| " + " | ".join([*cells, f"{row['apart_Nm']:.0e}"]) + " |")
-    return "\n".join([*lines, "", load])
+        lines.append([*cells, f"{row['apart_Nm']:.0e}"])
+    return pages.markdown(heads, lines, load, left=0)
 
 
 def main():

@@ -26,6 +26,7 @@ from typing import IO, Any, ParamSpec, TypeVar
 
 import cloudpickle
 from joblib.externals import loky
+from joblib.externals.loky import process_executor
 from joblib.externals.loky.backend import resource_tracker
 from threadpoolctl import threadpool_limits
 
@@ -44,6 +45,9 @@ HELD = 6
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "NUMEXPR")} | {
     "VECLIB_MAXIMUM_THREADS": "1"
 }
+GROWN = 1_500_000_000
+"""Bytes by which a worker may have grown when an item is done: the columns of a search and what its evaluators
+remember take some 600 MB. One that has grown more is replaced by a new process, which reads everything anew."""
 DIED = (
     "the work ended without a result: a process of it died (out of memory, or ended from outside); "
     "use shorter or fewer logs, or try again"
@@ -122,6 +126,7 @@ def _shared_out(pool: Any, question: str, work: Callable[[str], T], items: Seque
 def begin(own: Sequence[str]) -> None:
     """How a worker begins: Ctrl-C is its parent's business, and the user's own effects are those of the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    process_executor._MAX_MEMORY_LEAK_SIZE = GROWN
     own_effects.use(map(Path, own))
 
 

@@ -54,25 +54,22 @@ def rotor_wrench(actuation: Actuation) -> Array:
     """Wrench (N, 6) about O, in B, that these thrusts make."""
     posture, thrust = actuation.posture, actuation.thrust
     if len(thrust) <= HOURS:
-        return _summed(actuation.vehicle, thrust, posture.hold("per_arm", lambda: _per_arm(posture)))
+        return _summed(actuation.vehicle, thrust, posture.turn)
     out = np.empty((len(thrust), 6))
     for k in pieces(len(out)):
-        out[k] = _summed(actuation.vehicle, thrust[k], _per_arm(Posture(actuation.vehicle, posture.tilt[k])))
+        out[k] = _summed(actuation.vehicle, thrust[k], Posture(actuation.vehicle, posture.tilt[k]).turn)
     return out
 
 
 def _summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
-    """Wrench (N, 6) of thrusts (N, R), `turn` (2, N, 2A) the cosines and sines of `_per_arm`."""
+    """Wrench (N, 6) of thrusts (N, R), `turn` (N, 2A) the cosines and sines of the tilts."""
     sums, wrench = _matrices(vehicle)
-    per_arm, (cos, sin) = thrust @ sums, turn
-    half = per_arm.shape[1]
-    return np.asarray((per_arm * cos) @ wrench[:half] + (per_arm * sin) @ wrench[half:])
-
-
-def _per_arm(posture: Posture) -> Array:
-    """Cosines and sines (2, N, 2A), once for the arms' thrusts and once for their drag torques."""
-    cos, sin = np.split(posture.turn, 2, axis=1)
-    return np.stack((np.hstack((cos, cos)), np.hstack((sin, sin))))
+    per_arm = (thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques
+    cos, sin = np.split(turn[:, None], 2, axis=2)
+    half = per_arm.shape[1] * per_arm.shape[2]
+    return np.asarray(
+        (per_arm * cos).reshape(-1, half) @ wrench[:half] + (per_arm * sin).reshape(-1, half) @ wrench[half:]
+    )
 
 
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:

@@ -23,6 +23,7 @@ mass c, wrench (F, M_O) about O and f_O the specific force at O:
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -139,6 +140,13 @@ class WrenchModel:
             if isinstance(item.effect, BodyEffect):
                 body = item.effect.apply(body, item.theta)
         self.body = body
+
+    @cached_property
+    def dynamics(self) -> Array:
+        """Mass, centre of mass, inertia and its inverse, with the body effects; the vehicle's own first three (35,)."""
+        own = self.vehicle.body
+        parts = (self.body.mass, self.body.com_B, self.body.inertia, np.linalg.inv(self.body.inertia))
+        return np.concatenate([np.ravel(x) for x in (*parts, own.mass, own.com_B, own.inertia)])
 
     def context(self, state: State) -> Context:
         """What effects on thrusts and wrench look at in these states (N samples): with the air as the model has it."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,8 @@ class Dataset:
     `measured` and `commanded` are (K, 6); `block` (K,) numbers the blocks of time and `flight` (K,) the flights;
     `weights` (6,) puts newtons and newton metres on one scale; `independence` is the share of samples that count as
     independent. `answering` are the axes on which commands answer the motion (`learn.data.answering`). An axis that one
-    of the records did not measure is out: NaN in `measured` and `noise`, weight zero.
+    of the records did not measure is out: NaN in `measured` and `noise`, weight zero. `source` is what these are
+    `unanswering` of.
     """
 
     records: tuple[Record, ...]
@@ -42,6 +44,11 @@ class Dataset:
     weights: Array
     independence: float
     answering: tuple[int, ...] = ()
+    source: Dataset | None = field(default=None, repr=False, compare=False)
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Pickled by its source, which the other process may have."""
+        return super().__reduce_ex__(protocol) if self.source is None else (Dataset.unanswering, (self.source,))
 
     def predict(self, model: WrenchModel) -> Array:
         """Predicted measured wrench (K, 6)."""
@@ -50,12 +57,28 @@ class Dataset:
     @cached_property
     def evaluators(self) -> tuple[Evaluator, ...]:
         """One for each record; they remember what models have in common."""
-        return tuple(Evaluator(record) for record in self.records)
+        return self.source.evaluators if self.source else tuple(Evaluator(record) for record in self.records)
 
     @cached_property
     def answerable(self) -> Array:
         """Orthonormal basis (K, A) of what those answers could explain on an axis."""
         return answerable(self.records, self.block)
+
+    def unanswering(self) -> Dataset:
+        """The same flights, the wrench as it is; what was worked out of their records is shared."""
+        return replace(self, answering=(), source=self)
+
+    @property
+    def root(self) -> Dataset:
+        """What remembers for these data: the source, or themselves."""
+        return self.source or self
+
+    @cached_property
+    def starts(self) -> dict[tuple[str, ...], tuple[Array, Array, Array]]:
+        """By the names of effects: where their fit began, what was left there (K, 6), its derivatives (K, 6, P). Kept
+        by the table of these data for that of those `unanswering`, which begins in the same places.
+        """  # noqa: D205
+        return {}
 
     def unanswered(self, values: Array) -> Array:
         """Values (K, 6, ...) without what commands that answer the motion could explain, on the axes where they do."""

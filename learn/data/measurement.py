@@ -28,6 +28,7 @@ from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
@@ -211,7 +212,7 @@ class Evaluator:
             own = (key, air, item.name, item.theta.tobytes())
             made = partial(self._filter, model.addition, item, act, rotors, record.state)
             total = total + _kept(self._added, own, 32, made)
-        return model.report(total, record.state_kept, body)
+        return report(model, total, record.state_kept, body)
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)

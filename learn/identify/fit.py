@@ -45,6 +45,7 @@ from wrenchgap.plant.model import Model
 __all__ = ["Fit", "fit", "held_out", "with_fit"]
 
 Array = NDArray[np.float64]
+Starts = dict[tuple[str, ...], tuple[Array, Array, Array]]
 
 
 def fit(
@@ -57,6 +58,7 @@ def fit(
     near: Mapping[str, Array] | None = None,
     iterations: int = 8,
     tick: Callable[[], None] | None = None,
+    starts: Starts | None = None,
 ) -> Fit:
     """Fit the named effects together on `data`; other effects of `model` stay as they are.
 
@@ -64,6 +66,7 @@ def fit(
     to begin from, `near` are values by effect to begin from where there is none. `base` is a fit of the leading names:
     its values are the start and its derivatives are kept, so that trying one more effect costs no more than that effect
     (a chord iteration; converges to the same optimum a little more slowly). `tick` is called after each derivative.
+    `starts` are those of `Dataset.starts`: taken out where they are there, put in where not.
     Raises FitError where an effect cannot be fitted on this data.
     """
     for name in names:
@@ -71,17 +74,30 @@ def fit(
         if reason is not None:
             raise FitError(str(reason))
     with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
-        return _fit(Problem(data, model, tuple(names), base, tick), start or base, near, iterations)
+        problem = Problem(data, model, tuple(names), base, tick)
+        if starts is None:
+            return _fit(problem, problem.start(start or base, near), None, iterations)
+        return _fit(problem, *_begun(problem, starts), iterations)
 
 
-def _fit(problem: Problem, begin: Fit | None, near: Mapping[str, Array] | None, iterations: int) -> Fit:
+def _begun(problem: Problem, starts: Starts) -> tuple[Point, Array]:
+    """Where a fit begins, and the derivatives there."""
+    if (begun := starts.pop(problem.names, None)) is not None:
+        x, residual, effects = begun
+        return Point(x, residual), np.concatenate((effects, problem.bias_jacobian), axis=2)
+    point = problem.start(None)
+    jacobian = problem.jacobian(point)
+    starts[problem.names] = point.x, point.residual, jacobian[:, :, : problem.size].copy()
+    return point, jacobian
+
+
+def _fit(problem: Problem, point: Point, jacobian: Array | None, iterations: int) -> Fit:
     """The passes of `fit`."""
     data = problem.data
-    point = problem.start(begin, near)
     known = data.measured_axes
     size = np.sqrt(np.mean((data.unanswered(point.residual) * data.weights)[:, known] ** 2))
     weights = data.weights / max(float(size), 1e-30)
-    point, jacobian, first = problem.minimise(point, None, weights, iterations)
+    point, jacobian, first = problem.minimise(point, jacobian, weights, iterations)
     left = np.sqrt(np.mean(data.unanswered(point.residual) ** 2, axis=0))
     weights = np.where(known, 1.0 / np.where(known, np.maximum(left, data.noise), 1.0), 0.0)
     point, jacobian, second = problem.minimise(point, jacobian, weights, iterations)
@@ -134,13 +150,14 @@ def held_out(
     point = Point(np.concatenate((fitted.theta, fitted.bias.ravel())), fitted.residual)
     out = np.empty_like(fitted.residual)
     fold = data.block % folds if groups is None else groups
+    swept, rest = data.unanswered(fitted.jacobian), data.unanswered(fitted.residual)
     for f in range(int(fold.max()) + 1):
         test = fold == f
         if not test.any():
             continue
         if test.all():
             raise FitError("the log is too short to hold anything out; needs at least two blocks of 2 s")
-        step = problem.step(point, fitted.jacobian, fitted.axis_weights, ~test)
+        step = problem.step_of(point, swept[~test], rest[~test], fitted.axis_weights)
         change = fitted.jacobian[test] @ step
         if not exact and np.linalg.norm(change) < SMALL * np.linalg.norm(point.residual[test]):
             out[test] = point.residual[test] - change

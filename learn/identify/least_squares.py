@@ -206,20 +206,20 @@ class Problem:
         data_part = self.data.independence * float(np.sum((self.data.unanswered(residual) * weights) ** 2))
         return data_part + float(np.sum((x / self.scale) ** 2))
 
-    def step(
-        self, point: Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
-    ) -> Array:
-        """Gauss-Newton step within the bounds, from the rows given."""
-        H, g = self.normal_equations(point, jacobian, weights, rows)
+    def step(self, point: Point, jacobian: Array, weights: Array) -> Array:
+        """Gauss-Newton step within the bounds."""
+        return self.step_of(point, self.data.unanswered(jacobian), self.data.unanswered(point.residual), weights)
+
+    def step_of(self, point: Point, jacobian: Array, residual: Array, weights: Array) -> Array:
+        """The step from these rows of `Dataset.unanswered` derivatives and residuals, of some of the samples."""
+        H, g = self.normal_equations(jacobian, residual, weights)
         return self.bounded_step(point, H * np.outer(self.scale, self.scale), g * self.scale)
 
-    def normal_equations(
-        self, point: Point, jacobian: Array, weights: Array, rows: NDArray[np.bool_] | slice = slice(None)
-    ) -> tuple[Array, Array]:
-        """Curvature H and gradient g of the data's half of the cost, without the prior."""
+    def normal_equations(self, jacobian: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+        """Curvature H and gradient g of the data's half of the cost, without the prior, as in `step_of`."""
         factor = np.sqrt(self.data.independence) * weights
-        A = (self.data.unanswered(jacobian)[rows] * factor[:, None]).reshape(-1, point.x.size)
-        return A.T @ A, A.T @ (self.data.unanswered(point.residual)[rows] * factor).reshape(-1)
+        A = (jacobian * factor[:, None]).reshape(-1, jacobian.shape[2])
+        return A.T @ A, A.T @ (residual * factor).reshape(-1)
 
     def bounded_step(self, point: Point, H: Array, g: Array) -> Array:
         """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
@@ -231,7 +231,8 @@ class Problem:
 
     def find_relevance(self, point: Point, jacobian: Array, weights: Array, rounds: int = 200) -> None:
         """Set the prior's sizes of sparse parameters to what the evidence says, on the linearised problem."""
-        H, g = self.normal_equations(point, jacobian, weights)
+        data = self.data
+        H, g = self.normal_equations(data.unanswered(jacobian), data.unanswered(point.residual), weights)
         least = 1e-2 * self.scale
         x = point.x.copy()
         for _ in range(rounds):

@@ -37,7 +37,7 @@ def linearised(on: Ground, linear: Scorer, sets: Sequence[Keys], jobs: int) -> l
         columns, theta = lines[by_name[name]]
         return linearised_together(on, columns, theta, noise)
 
-    return list(each(work, list(by_name), jobs, (on.data, on.model)))
+    return list(each(work, list(by_name), jobs, (on.data.root, on.model)))
 
 
 def likeliest(anew: dict[Keys, Contender | None]) -> Contender | None:
@@ -87,7 +87,7 @@ def around(on: Ground, linear: Scorer, centre: Contender, jobs: int) -> Scorer:
             except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
                 return None
 
-        moved |= {c.key: c for c in each(work, others, jobs, (on.data, on.model)) if c is not None}
+        moved |= {c.key: c for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
     spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
     spectrum.calm(linear.spectrum.factors)
     scorer = Scorer(spectrum, linear.reference)
@@ -124,7 +124,7 @@ def with_rests(
             theta = [c.scored.theta[k] for k in c.keys]
             return linearised_together(on, [columns[k] for k in c.keys], theta, noise, rests, known)
 
-        found = each(work, list(by_name), jobs, (on.data, on.model))
+        found = each(work, list(by_name), jobs, (on.data.root, on.model))
         anew.update((c.keys, new) for c, new in zip(sets, found, strict=True) if new is not None)
 
     mine = [c for c in heavy if c.keys in anew and asked(c, rests, bends, own=True)]

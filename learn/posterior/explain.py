@@ -240,15 +240,19 @@ def _searched(on: Ground, chosen: Candidates, jobs: int, tell: Progress) -> tupl
     """Candidates by themselves and sets of them. Where commands answer the motion, on the wrench as it is too: that
     counts where a set leaves no disturbance which they could have answered.
     """  # noqa: D205
-    tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.4 * f, words))
-    found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.4 + 0.2 * f, words))
-    if on.data.answering:
+    twice = bool(on.data.answering)
+    tried = table(on, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 * f, words), twice=twice)
+    if twice:
         free = unanswering(on)
         if may_be_undisturbed(on, free, tried.columns):
-            again = table(free, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.6 + 0.1 * f, words))
-            other = posterior(free, again.columns, jobs=jobs, progress=lambda f, words: tell(0.7 + 0.1 * f, words))
+            again = table(
+                free, chosen.tried, jobs=jobs, progress=lambda f, words: tell(0.3 + 0.2 * f, words), twice=True
+            )
+            other = posterior(free, again.columns, jobs=jobs, progress=lambda f, words: tell(0.5 + 0.2 * f, words))
             if undisturbed(on, free, other):
                 return free, again, other
+        on.data.starts.clear()
+    found = posterior(on, tried.columns, jobs=jobs, progress=lambda f, words: tell(0.7 + 0.1 * f, words))
     return on, tried, found
 
 

@@ -144,7 +144,7 @@ def members(on: Ground, found: Posterior, names: Sequence[str], best: Fitted, jo
     def without(name: str) -> Array:
         return fitted(on, that_act([n for n in names if n != name], on.own), best.fit).left
 
-    left = dict(zip(names, each(without, names, jobs, (on.data, on.model)), strict=True))
+    left = dict(zip(names, each(without, names, jobs, (on.data.root, on.model)), strict=True))
     weights = on.data.weights
     after = on.data.unanswered(best.left)
     out = []

@@ -73,8 +73,7 @@ class Spectrum:
         self.scale = np.concatenate([one, *(x for c in columns for x in (c.scale, one)), always])
         sparse = [np.zeros(1, bool), *(x for c in columns for x in (c.sparse, np.zeros(1, bool)))]
         self.sparse = np.concatenate([*sparse, np.zeros(limit.size, bool)])
-        whole = np.concatenate(stacked, axis=2)[:, self.axes]
-        self.coefficients, self.block, hertz = transformed(data.records, whole)
+        self.coefficients, self.block, hertz = side_by_side(data.records, stacked, self.axes)
         self.hertz = hertz
         _, self.band = np.unique(np.digitize(hertz, EDGES), return_inverse=True)
         self.starts = np.flatnonzero(np.diff(self.block, prepend=-1))
@@ -159,21 +158,44 @@ def transformed(
     records: Sequence[Record], stacked: Array, *, without_mean: bool = False
 ) -> tuple[Array, NDArray[np.intp], Array]:
     """Cosine coefficients (K, L, Q) of the blocks of all records; the block and the frequency [Hz] of each (K,)."""
-    out: list[Array] = []
+    out = np.empty(stacked.shape)
+    cuts, block, hertz = blocks_of_time(records)
+    for own in cuts:
+        part = stacked[own]
+        part = part - part.mean(axis=0) if without_mean else part
+        out[own] = dct(part, axis=0, norm="ortho", type=2)
+    return out, block, hertz
+
+
+def side_by_side(
+    records: Sequence[Record], parts: Sequence[Array], axes: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp], Array]:
+    """`transformed` of these axes of arrays (K, 6, .) side by side, which would be large twice."""
+    ends = np.cumsum([0, *(part.shape[2] for part in parts)])
+    cuts, block, hertz = blocks_of_time(records)
+    out = np.empty((len(block), len(axes), ends[-1]))
+    for own in cuts:
+        for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
+            out[own, :, low:high] = part[own][:, axes]
+        out[own] = dct(out[own], axis=0, norm="ortho", type=2)
+    return out, block, hertz
+
+
+def blocks_of_time(records: Sequence[Record]) -> tuple[list[slice], NDArray[np.intp], Array]:
+    """Samples of each block; of the coefficients (K,) the block, and the frequency [Hz]."""
+    cuts: list[slice] = []
     block: list[NDArray[np.intp]] = []
     hertz: list[Array] = []
     at = 0
     for record in records:
         n, dt = len(record), record.dt_kept
-        cuts = np.linspace(0, n, max(1, round(n * dt / SECONDS)) + 1).astype(int)
-        for first, last in itertools.pairwise(cuts):
-            part = stacked[at + first : at + last]
-            part = part - part.mean(axis=0) if without_mean else part
-            out.append(dct(part, axis=0, norm="ortho", type=2))
+        ends = np.linspace(0, n, max(1, round(n * dt / SECONDS)) + 1).astype(int)
+        for first, last in itertools.pairwise(ends):
+            cuts.append(slice(at + first, at + last))
             hertz.append(np.arange(last - first) / (2 * (last - first) * dt))
             block.append(np.full(last - first, len(block)))
         at += n
-    return np.concatenate(out), np.concatenate(block), np.concatenate(hertz)
+    return cuts, np.concatenate(block), np.concatenate(hertz)
 
 
 def mean_squares(coefficients: Array, band: NDArray[np.intp]) -> Array:

@@ -13,7 +13,7 @@ from wrenchgap.learn.data.blocks import LARGE_EVIDENCE, LEAST_EVIDENCE, contrast
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
 from wrenchgap.learn.identify.air import companions
-from wrenchgap.learn.identify.fit import Fit, fit, held_out
+from wrenchgap.learn.identify.fit import Fit, Starts, fit, held_out
 from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column, column
@@ -116,20 +116,24 @@ class Table:
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def table(on: Ground, names: Sequence[str], *, jobs: int = 1, progress: Progress | None = None) -> Table:
-    """Try every effect of `names` by itself, air that moves together with each drag that it acts through."""
+def table(
+    on: Ground, names: Sequence[str], *, jobs: int = 1, progress: Progress | None = None, twice: bool = False
+) -> Table:
+    """Try every effect of `names` by itself, air that moves together with each drag that it acts through. `twice` says
+    that the same is asked of these data and of those `unanswering`: fits begin where the other's did.
+    """  # noqa: D205
     wanted = [n for n in names if n in that_act([n], on.own)]
 
     def attempt(name: str) -> str | tuple[Candidate, list[Column]]:
         try:
-            return _attempt(on, name, names)
+            return _attempt(on, name, names, on.data.root.starts if twice else None)
         except (ModelError, np.linalg.LinAlgError) as error:  # an inertia that no body has, say
             return str(error).removeprefix(f"effect {name}: ")
 
     candidates: list[Candidate] = []
     columns: list[Column] = []
     failed: dict[str, str] = {}
-    shared = (on.data, on.model)
+    shared = (on.data.root, on.model)
     for k, (name, found) in enumerate(zip(wanted, each(attempt, wanted, jobs, shared), strict=True)):
         if progress is not None:
             progress(k / max(len(wanted), 1), f"trying {name}")
@@ -154,12 +158,12 @@ def with_effects(on: Ground, fitted: Fit, names: Sequence[str]) -> Fit:
     return replace(fitted, effects=tuple(effects))
 
 
-def _attempt(on: Ground, name: str, names: Sequence[str]) -> tuple[Candidate, list[Column]]:
+def _attempt(on: Ground, name: str, names: Sequence[str], starts: Starts | None) -> tuple[Candidate, list[Column]]:
     """`name` by itself and with what comes with it: the better of them by held-out time, and the columns of all."""
-    best, line = _candidate(on, (name,))
+    best, line = _candidate(on, (name,), starts)
     columns = [line]
     for other in companions(name, on.own, names):
-        both, line = _candidate(on, (name, other))
+        both, line = _candidate(on, (name, other), starts)
         columns.append(line)
         gained = evidence(best.residual, both.residual)
         t = contrast(on.data, best.residual, both.residual).t
@@ -168,8 +172,8 @@ def _attempt(on: Ground, name: str, names: Sequence[str]) -> tuple[Candidate, li
     return replace(best, fit=replace(best.fit, effects=())), columns  # effects may not survive pickling
 
 
-def _candidate(on: Ground, added: tuple[str, ...]) -> tuple[Candidate, Column]:
-    found = fit(on.data, on.model, added)
+def _candidate(on: Ground, added: tuple[str, ...], starts: Starts | None) -> tuple[Candidate, Column]:
+    found = fit(on.data, on.model, added, starts=starts)
     left = held_out(on.data, on.model, added, found, exact=False)
     weights = on.data.weights
     line = column(on.data, on.model, found, added)

@@ -12,7 +12,6 @@ the direct regression in a closed loop is unbiased: Forssell and Ljung, Automati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ CLOSE = 0.35
 
 def unanswering(on: Ground) -> Ground:
     """The same flights, the wrench as it is."""
-    return ground(replace(on.data, answering=()), on.model)
+    return ground(on.data.unanswering(), on.model)
 
 
 def may_be_undisturbed(on: Ground, free: Ground, columns: Sequence[Column]) -> bool:

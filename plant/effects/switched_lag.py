@@ -37,6 +37,18 @@ def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMe
     if len(signal) == 1:
         out, _ = step(*inputs, state[None], up, down, dt)
         return out, (signal[-1], out[-1])
+    from wrenchgap.plant.switched_kernel import steps  # numba: no help page waits for it
+
+    out = steps(np.ascontiguousarray(inputs[0]), np.ascontiguousarray(signal), np.array(state, float), up, down, dt)
+    return out, (signal[-1], out[-1])
+
+
+def solved_at_once(
+    signal: Array, up: float, down: float, dt: float, memory: LagMemory | None
+) -> tuple[Array, LagMemory]:
+    """`switched_lag` in plain numpy, all samples together: what the compiled steps are compared with."""
+    before, state = (signal[0], signal[0]) if memory is None else memory
+    inputs = np.vstack((before[None], signal[:-1])), signal
     out, _ = first_order(signal, (up * down) ** 0.5, dt, (before, state))
     enough = CLOSE * float(np.abs(signal).max())
     for _ in range(len(signal)):  # after k iterations the first k samples are exact, so this always ends

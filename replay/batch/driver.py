@@ -30,6 +30,8 @@ AHEAD = 3
 """Logs that are handed over for each thread of a worker, so that none waits for the next."""
 CHUNK = 16
 """Logs whose content one task identifies."""
+UNWATCHED = {"distributed.worker.profile.enabled": False}
+"""Workers of this machine do not sample their own stacks: Dask keeps the trees of an hour, 0.1 to 0.5 MB a log."""
 PATIENCE = "15s"
 """How long a scheduler is waited for."""
 
@@ -70,7 +72,9 @@ def client(scheduler: str | None = None, workers: int | None = None, memory: str
             "memory_limit": memory,
             "silence_logs": logging.CRITICAL,
         }
-        with warnings.catch_warnings():
+        import dask
+
+        with warnings.catch_warnings(), dask.config.set(UNWATCHED):
             warnings.filterwarnings("ignore", message="Port .* is already in use")  # the link says which is taken
             cluster = distributed.LocalCluster(**options)
         with cluster, distributed.Client(cluster) as found:

@@ -4,6 +4,7 @@ Flights of the independent engine, declared to have commands that answer on four
 commands, and so no evidence as long as a disturbance may have made it.
 """
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,34 @@ def test_a_lag_is_evidence_where_nothing_but_noise_is_left(late, hexarotor):
     assert found.effects == plain.effects
     assert found.firm == plain.firm
     np.testing.assert_array_equal(found.fit.theta, plain.fit.theta)
+
+
+def test_fits_that_begin_where_others_did_are_the_same(late, hexarotor):
+    """The derivatives where a fit begins do not depend on what answers: a second table takes those of the first."""
+    on = ground(replace(late, answering=ANSWERING), hexarotor)
+    free = unanswering(on)
+    alone = table(free, NAMES)
+    first = table(on, NAMES, twice=True)
+    assert set(on.data.starts) == {(name,) for name in NAMES}
+    again = table(free, NAMES, twice=True)
+    assert not on.data.starts
+    for one, other in zip(alone.candidates, again.candidates, strict=True):
+        np.testing.assert_array_equal(one.fit.theta, other.fit.theta)
+        np.testing.assert_array_equal(one.residual, other.residual)
+    assert any(
+        not np.array_equal(a.residual, b.residual) for a, b in zip(first.candidates, alone.candidates, strict=True)
+    )
+
+
+def test_unanswering_data_share_what_was_worked_out(late):
+    data = replace(late, answering=ANSWERING)
+    free = data.unanswering()
+    assert free.answering == ()
+    assert free.evaluators is data.evaluators
+    assert free.root is data
+    copied = pickle.loads(pickle.dumps((data, free)))
+    assert copied[1].root is copied[0]  # one copy of the records, not two
+    np.testing.assert_array_equal(copied[1].measured, late.measured)
 
 
 def test_it_is_none_where_something_else_is_left(late, hexarotor):

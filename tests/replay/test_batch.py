@@ -208,6 +208,9 @@ def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
     found = [s for s in sources.found([str(logs)]) if s.name != "twice.mcap"]
     killed = []
     with driver.client(workers=2) as client:
+        # what Dask would sample of each worker's stacks is kept for an hour: memory that grows with the logs
+        sampled = client.run(lambda: __import__("dask").config.get("distributed.worker.profile.enabled"))
+        assert set(sampled.values()) == {False}
 
         def tell(done, total, failed, log):
             if done == 1:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wrenchgap.plant.effects.switched_lag import step, switched_lag
+from wrenchgap.plant.effects.switched_lag import solved_at_once, step, switched_lag
 from wrenchgap.plant.state import Commands
 
 UP, DOWN = 0.0125, 0.025
@@ -81,4 +81,15 @@ def test_one_sample_at_a_time_is_all_at_once_on_wild_commands(bench, up, down):
     for one in signal:
         out, memory = switched_lag(one[None], up, down, bench.dt, memory)
         rows.append(out[0])
-    np.testing.assert_allclose(whole, rows, rtol=1e-11)
+    np.testing.assert_allclose(whole, rows, rtol=1e-11, atol=1e-10)  # of samples of some 600
+
+
+@pytest.mark.parametrize(("up", "down"), [(UP, DOWN), (0.06, 0.02), (0.2, 0.001)])
+def test_compiled_steps_are_the_plain_form(bench, up, down):
+    """The triangular system of all samples, solved by Newton's method, from rest and from a memory."""
+    signal = 600.0 + 300.0 * np.random.default_rng(6).normal(size=(400, 3))
+    for memory in (None, (np.full(3, 500.0), np.array([450.0, 600.0, 900.0]))):
+        ours, kept = switched_lag(signal, up, down, bench.dt, memory)
+        plain, same = solved_at_once(signal, up, down, bench.dt, memory)
+        np.testing.assert_allclose(ours, plain, rtol=1e-11, atol=1e-10)
+        np.testing.assert_allclose(kept[1], same[1], rtol=1e-11, atol=1e-10)
