@@ -11,8 +11,9 @@ radius of gyration, since a force attacks somewhere. A band is open where
     a > LOUD^2 s    and    a > UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
 
 the last since a law that bends what it is given is off at other frequencies too. One gust or touch is no verdict: the
-loudest tenth of the blocks of time, and one more, is left aside, and a band is not open where a block was `BENDS` times
-louder than the others: that has bent the fit. The slowest band is left out: biases, batteries and trims are there,
+loudest tenth of the blocks of time, and one more, is left aside. A block `BENDS` times louder than the others has bent the
+fit: then a band is open only where a is more than four times the mean square of what the set adds there, since a
+bent fit errs by what it adds. The slowest band is left out: biases, batteries and trims are there,
 and the noise of angular accelerations is least. Where commands answer the motion nothing is said: turbulence is open at
 all frequencies.
 """
@@ -64,13 +65,15 @@ def open_bands(on: Ground, found: Posterior, left: Array) -> tuple[OpenBand, ...
     loudness = np.sum((each / noise)[:, present > 0] * np.bincount(band)[present > 0, None], axis=(1, 2))
     aside = np.argsort(loudness)[-1 - math.floor(UNUSUAL * len(loudness)) :]
     usual = ~np.isin(block, aside)
-    before, after = (mean_squares(coefficients[usual, :, k], band[usual]) for k in range(2))
+    coefficients, band = coefficients[usual], band[usual]
+    before, after = (mean_squares(coefficients[:, :, k], band) for k in range(2))
+    adds = mean_squares(coefficients[:, :, 0] - coefficients[:, :, 1], band)
     inexact = found.best.contender.scored.inexact
     anywhere = np.average(inexact, axis=0, weights=np.bincount(band))
     there = np.maximum(before - noise, 0.0)
     off = inexact + leaking(there, axes) + _levers(there, axes, on.data.weights[axes])
     loud = after > np.maximum.reduce([LOUD**2 * noise, UNEXPLAINED**2 * before, FAR**2 * np.maximum(off, anywhere)])
-    loud &= (after > each.max(axis=0) / BENDS**2) & (present > 0)[:, None]
+    loud &= (after > np.minimum(each.max(axis=0) / BENDS**2, 4.0 * adds)) & (present > 0)[:, None]
     edges = (0.0, *EDGES, float(hertz.max()))
     rows = [
         OpenBand(int(axes[j]), edges[present[k]], edges[present[k] + 1], float(np.sqrt(after[k, j] / noise[k, j])))

@@ -106,6 +106,15 @@ def test_one_touch_is_no_verdict(plain):
     assert bands(plain, noise + swing, noise + swing)
 
 
+def test_a_block_that_bends_the_fit_excuses_what_the_set_adds_and_no_more(plain):
+    """Fifty times louder for two seconds. All of the time: a set that adds the same swing, or adds nothing there."""
+    time = np.concatenate([r.time for r in plain.records])
+    noise, swing = sensed(plain, 8), sine(plain, 0.95, 2.0, FORCE_Y)
+    once = 50.0 * swing * ((time > time[0] + 10.2) & (time < time[0] + 12.2))[:, None]
+    assert bands(plain, noise + once, noise + once + swing) == ()
+    assert bands(plain, noise + once + swing, noise + once + swing)
+
+
 def test_trends_are_nobodys(plain):
     given = sensed(plain, 5) + sine(plain, 0.02, 3.0, FORCE_Y)
     assert bands(plain, given, given) == ()
