@@ -11,11 +11,10 @@ radius of gyration, since a force attacks somewhere. A band is open where
     a > LOUD^2 s    and    a > UNEXPLAINED^2 b    and    a > FAR^2 (d + e)    and    a > FAR^2 D
 
 the last since a law that bends what it is given is off at other frequencies too. One gust or touch is no verdict: the
-loudest tenth of the blocks of time, and one more, is left aside. A block `BENDS` times louder than the others has bent the
-fit: then a band is open only where a is more than four times the mean square of what the set adds there, since a
-bent fit errs by what it adds. The slowest band is left out: biases, batteries and trims are there,
-and the noise of angular accelerations is least. Where commands answer the motion nothing is said: turbulence is open at
-all frequencies.
+loudest tenth of the blocks of time, and one more, is left aside. A block `BENDS` times louder than the others has bent
+the fit: then a band is open only where a is more than four times the mean square of what the set adds there, since a
+bent fit errs by what it adds. The slowest band is left out: biases, batteries and trims are there, and the noise of
+angular accelerations is least. Where commands answer the motion nothing is said: turbulence is open at all frequencies.
 """
 
 from __future__ import annotations
