@@ -22,10 +22,11 @@ from wrenchgap.learn.data.errors import weighted
 from wrenchgap.plant.actuation import actuation, rotor_wrench
 from wrenchgap.plant.vehicle import Vehicle
 
-LEAST_SHARE = 0.9
+LEAST_SHARE = 0.75
 """Share from which on what is left is said to be one rotor's. Turbulence gives some 0.5 on a quadrotor (its rotors
-share the vertical axis), one that slips 0.99 (benchmarks/field)."""
-AHEAD = 0.3
+share the vertical axis), one that slips 0.8 in turbulence or with its drag torque as it was, else 0.99
+(benchmarks/field)."""
+AHEAD = 0.4
 """By how much its share must exceed that of rotors elsewhere: two on one shaft push alike."""
 
 

@@ -42,6 +42,10 @@ PLAIN = 1.0
 """Damping ratio of what does not swing."""
 SAME = 1.15
 """Ratio of the frequencies found in E and B up to which they are one and the same oscillation."""
+FAINT = 0.5
+"""Power above the sensors' noise, over that of the noise, from which on an axis is looked at."""
+BEYOND_NOISE = 6.0
+"""Standard errors in the sensors' noise by which a weakly damped answer must be better: some hundred are tried."""
 LEAST_SHARE = 0.25
 """Smallest share of what is left above the noise that an oscillator must take off to be worth mentioning."""
 
@@ -76,7 +80,7 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
         return None
     inputs, target, noise = _signals(data, data.measured - residual, residual, frame)
     excess = np.mean(target**2, axis=0) - noise**2
-    loud = excess > noise**2
+    loud = excess > FAINT * noise**2
     if not loud.any():
         return None
     target, noise, excess = target[:, loud], noise[loud], float(np.sum((excess / noise**2)[loud]))
@@ -97,9 +101,12 @@ def _in_frame(data: Dataset, residual: Array, frame: Frame) -> Oscillation | Non
     plain = min(cost(slow, PLAIN), given)
     share = (plain - cost(f, zeta)) / excess
     before = left(slow, PLAIN) if cost(slow, PLAIN) < given else target
-    gain = np.sum((before / noise) ** 2 - (left(f, zeta) / noise) ** 2, axis=1)
+    after = left(f, zeta)
+    gain = np.sum((before / noise) ** 2 - (after / noise) ** 2, axis=1)
     t = float(paired_t(by_block(data.block, gain)))
-    return Oscillation(f, zeta, frame, share, t) if t > UNSTEADY and share > LEAST_SHARE and zeta < LOOSE else None
+    chance = 2.0 * float(np.linalg.norm((before - after) / noise)) / np.sqrt(data.independence)
+    sure = t > UNSTEADY and float(gain.sum()) > BEYOND_NOISE * chance
+    return Oscillation(f, zeta, frame, share, t) if sure and share > LEAST_SHARE and zeta < LOOSE else None
 
 
 def _steps(zeta: float) -> Array:

@@ -13,8 +13,9 @@ What a verdict needs (`_verdict`):
 
     unknown   force or torque stay above `LOUD` times the noise and above the share `UNEXPLAINED` of what they were, the
               worst `UNUSUAL` of the time left aside, and where commands answer the motion `PREDICTABLE` of that
-              depends on what was logged; or an oscillation is found in what is left, or all of it pushes where one
-              rotor does
+              depends on what was logged; or something is named, and a band of frequency of what is left is open
+              (`learn.posterior.open_bands`); or an oscillation is found in what is left, or all of it pushes where
+              one rotor does
     nothing   no effect was named
     group     another effect would do as well in the place of the largest member
     effect    else
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Lack, Untried
-from wrenchgap.learn.data.blocks import by_block
+from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, by_block
 from wrenchgap.learn.data.dataset import Dataset, dataset, spread_out
 from wrenchgap.learn.data.errors import energy, force_and_torque, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
@@ -47,6 +48,7 @@ from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
+from wrenchgap.learn.posterior.open_bands import OpenBand, open_bands
 from wrenchgap.learn.posterior.posterior import Posterior, posterior
 from wrenchgap.learn.posterior.sets import LOUD
 from wrenchgap.learn.posterior.table import Candidate, Ground, Table, ground, table
@@ -74,8 +76,6 @@ then fitted to everything."""
 UNEXPLAINED = 0.25
 """Structure is left where the rms of force or torque stays above `LOUD` times the noise and above this share of what
 it was."""
-QUIET = 1.5
-"""Rms over the noise below which nothing is looked for in what is left."""
 PREDICTABLE = 0.3
 """Share of what is left that must depend on what was logged to be missing physics, where commands answer the motion:
 those answer turbulence too (`learn.diagnose.relevance.Relevance.driven`)."""
@@ -90,12 +90,13 @@ class Explanation(Result):
     """What is missing, according to the logs. `rms_*` are (6,) held-out; `noise` (6,) is the sensor noise.
 
     `effects` are the members' names, that with the largest share of the error first; `ranking` has every candidate by
-    itself. `posterior` weighs the sets, `open` are axes (6,) on which structure is left. `oscillation` is one found in
-    the residual, `one_rotor` the rotor in whose direction it pushes; `depends` says on what it depends, where axes
-    are open; `concentrated` is the share of
-    the residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
+    itself. `posterior` weighs the sets, `open` are axes (6,) on which structure is left, `bands` the frequencies at
+    which what is named leaves some. `oscillation` is one found in the residual, `one_rotor` the rotor in whose
+    direction it pushes; `depends` says on what it depends, where axes are open; `concentrated` is the share of the
+    residual that sits in the worst tenth of the time; `left` is its rms over that of the noise, the worse of force
     and torque. `timing` is that of each of `flights`; `validation` the test on flights that were not fitted, where
-    some were given; `answering` are the axes on which commands answered a disturbance.
+    some were given; `answering` are the axes on which commands answered a disturbance. `named_there` says that what
+    is named pushes where `one_rotor` pushes: the mean of what comes and goes, whose name is open.
     """
 
     verdict: Verdict
@@ -118,6 +119,8 @@ class Explanation(Result):
     timing: tuple[FlightTiming, ...] = ()
     validation: Validation | None = None
     answering: tuple[int, ...] = ()
+    bands: tuple[OpenBand, ...] = ()
+    named_there: bool = False
 
     @property
     def reduction(self) -> Array:
@@ -135,8 +138,14 @@ class Explanation(Result):
 
     @property
     def firm(self) -> tuple[str, ...]:
-        """Names in nine tenths of the weight of all sets, of an effect with several forms that of its family."""
-        named = {family(n) for n in self.effects}
+        """Names in nine tenths of the weight of all sets, of an effect with several forms that of its family; none that
+        another stands in the place of (`Member.alike`), that one rotor makes which comes and goes, or whose evidence is
+        all on axes that are open: what is left there may have made it.
+        """  # noqa: D205
+        if self.named_there:
+            return ()
+        shown = ~self.open if self.verdict is Verdict.UNKNOWN else np.ones(6, dtype=bool)
+        named = {family(m.name) for m in self.members if not m.alike and m.by_axis[shown].sum() > LEAST_EVIDENCE}
         return tuple(n for n in self.posterior.firm if n in named)
 
     @property
@@ -209,9 +218,11 @@ def search_dataset(
     every, whole = (on, best) if some is data.records else _whole(data, model, [m.name for m in named], best)
     own = {e.name: e.theta for e in model.effects}
     found = found.at({e.name: e.theta - own.get(e.name, 0.0) for e in whole.fit.effects}, model.vehicle)
-    swinging = oscillation(on.data, best.left) if _over_noise(on.data, best.left) > QUIET else None
-    loud = _open(on, best.left)
+    swinging = oscillation(on.data, best.left)
+    bands = open_bands(on, found, best.left) if named else ()
+    loud = _open(on, best.left) | np.isin(np.arange(6), [b.axis for b in bands])
     pushing = one_rotor(on.data, model.vehicle, best.left) if loud.any() else None
+    mean = one_rotor(on.data, model.vehicle, on.given - best.left) if pushing and named else None
     depends = relevance(on.data, best.left) if loud.any() and len(np.unique(on.data.block)) >= FEWEST else None
     verdict = _verdict(on, named, loud, swinging or pushing, depends)
     failed = tuple(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())
@@ -233,6 +244,8 @@ def search_dataset(
         _concentrated(on.data, best.left),
         _over_noise(on.data, best.left),
         answering=data.answering,
+        bands=bands,
+        named_there=bool(pushing and mean and set(pushing.rotors) & set(mean.rotors)),
     )
 
 

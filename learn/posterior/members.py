@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -64,7 +64,8 @@ class Member:
 
     `share` of the given model's energy is lost without it; `significance` and `evidence` are those of the set with it
     against the set without it, on held-out time, without what commands that answer the motion could explain
-    (`learn.data.answering`); `probability` is that of the effect or one of its group.
+    (`learn.data.answering`), `by_axis` (6,) the evidence of each; `probability` is that of the effect or one of its
+    group.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Member:
     evidence: float
     probability: float
     rivals: tuple[Rival, ...]
+    by_axis: Array = field(default_factory=lambda: np.zeros(6))
 
     @property
     def needed(self) -> bool:
@@ -161,6 +163,7 @@ def members(on: Ground, found: Posterior, names: Sequence[str], best: Fitted, jo
                 evidence(before, after),
                 found.probability({name} | alike),
                 rivals,
+                np.array([evidence(before[:, [k]], after[:, [k]]) for k in range(6)]),
             )
         )
     return tuple(sorted(out, key=lambda m: -m.share))

@@ -1,12 +1,15 @@
-"""What an explanation leaves, in words: what swings, which rotor it comes from, on what it depends."""
+"""What an explanation leaves, in words: at which frequencies, what swings, from which rotor, on what it depends."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.diagnose.one_rotor import OneRotor
 from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.open_bands import OpenBand
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import where
 
@@ -16,7 +19,7 @@ CONCENTRATED = 0.7
 
 def clue(found: Explanation) -> str:
     """Sentences on what nothing explains."""
-    clues = []
+    clues = [f"{bands_in_words(found.bands)}."] if found.bands else []
     if found.oscillation is not None:
         words = oscillation_in_words(found.oscillation)
         clues.append(f"{words[:1].upper()}{words[1:]}.")
@@ -34,6 +37,17 @@ def clue(found: Explanation) -> str:
             f"{100 * found.concentrated:.0f} % of the residual sits in a tenth of the time: see `wrenchgap where`."
         )
     return " ".join(clues)
+
+
+def bands_in_words(bands: Sequence[OpenBand]) -> str:
+    """One clause: on each axis the frequencies at which more than the noise is left, the loudest axis first."""
+    said = []
+    for axis in dict.fromkeys(b.axis for b in bands):
+        own = [b for b in bands if b.axis == axis]
+        low, high = min(b.low_hz for b in own), max(b.high_hz for b in own)
+        times = max(b.over_noise for b in own)
+        said.append(f"{AXES[axis]} at {low:.2g} to {high:.2g} Hz ({times:.2g} times the noise)")
+    return f"What is named leaves more than noise in {', '.join(said)}"
 
 
 def oscillation_in_words(found: Oscillation) -> str:
@@ -65,6 +79,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
     return {
         "over_noise": found.left,
         "in_worst_tenth": found.concentrated,
+        "bands": [{**b.__dict__, "axis": AXES[b.axis]} for b in found.bands],
         "swing": None if mode is None else {**mode.__dict__, "words": oscillation_in_words(mode)},
         "one_rotor": None if rotor is None else {"rotors": [name(k) for k in rotor.rotors], "share": rotor.share},
         "depends_on": None if depends is None else where.relevance_json(depends),

@@ -52,6 +52,23 @@ def test_what_no_effect_explains_is_unknown(plain, hexarotor):
     assert explain(replace(plain, measured=ringing), hexarotor).verdict == "unknown"
 
 
+def test_a_name_is_no_explanation_while_a_band_is_open(offset, hexarotor):
+    """A force that beats at 1 Hz, by less than the sensors' noise, whatever is commanded: the centre of mass is as
+    firm as before, but not all there is.
+    """
+    data, names = offset.data, SOME
+    time = np.concatenate([r.time for r in data.records])
+    beating = data.measured.copy()
+    beating[:, 1] += 0.8 * np.sqrt(2.0) * data.noise[1] * np.sin(2 * np.pi * 0.95 * time)
+    before, after = (explain(d, hexarotor, names) for d in (data, replace(data, measured=beating)))
+    assert (before.verdict, before.bands) == ("effect", ())
+    assert after.verdict == "unknown"
+    assert [(b.axis, b.low_hz, b.high_hz) for b in after.bands] == [(1, 0.7, 1.2)]
+    assert after.open.tolist() == [False, True, False, False, False, False]
+    assert after.effects == before.effects
+    assert "com_offset" in after.firm
+
+
 def test_many_flights_are_searched_in_part_and_fitted_in_full(offset, hexarotor):
     """Ten flights, more than the search looks at: the answer is that of one, and every flight gets its own bias."""
     records = [replace(r, flight=f"flight {k}") for k in range(10) for r in offset.data.records]

@@ -51,6 +51,20 @@ def test_what_pushes_at_two_arms_is_not_one_rotors(plain, hexarotor):
     assert one_rotor(plain, hexarotor.vehicle, left) is None
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_gusts_do_not_hide_a_rotor_that_slips(plain, hexarotor, seed):
+    """Gusts on all axes alike, a third of what the rotor makes."""
+    rng = np.random.default_rng(50 + seed)
+    slip = slips(plain, seed)[:, None] * push(plain, 2, hexarotor.vehicle.rotors.spin[4])
+    gust = np.cumsum(rng.standard_normal(plain.measured.shape), axis=0)
+    gust = (gust - gust.mean(axis=0)) / gust.std(axis=0) / plain.weights / np.sqrt(6.0)  # one newton over all axes
+    gust *= np.sqrt(np.mean(np.sum((slip * plain.weights) ** 2, axis=1))) / 3.0
+    found = one_rotor(plain, hexarotor.vehicle, white(plain, seed) + slip + gust)
+    assert found is not None
+    assert {k // 2 for k in found.rotors} == {2}
+    assert 0.75 < found.share < 0.97
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_and_gusts_are_nobodys(plain, hexarotor, seed):
     """A gust: force and torque of equal strength along every axis, changing slowly."""

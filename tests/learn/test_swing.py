@@ -110,6 +110,22 @@ def test_a_pendulum_is_found_at_its_frequency_and_in_the_world(tumbling, length)
     assert found.share > 0.6
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pendulum_that_leaves_less_than_the_noise_is_found(tumbling, seed):
+    load = tumbling.pendulum(0.7)
+    load *= 0.8 * tumbling.data.noise[:3].mean() / load[:, :3].std(axis=0).max()
+    found = tumbling.search(load + tumbling.noise(20 + seed))
+    assert found.frame != "B"
+    assert found.frequency_hz == pytest.approx(np.sqrt(G / 0.7) / (2 * np.pi), rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_that_is_louder_than_was_thought_does_not_swing(tumbling, shaken, seed):
+    """By more than half of its power on every axis."""
+    assert tumbling.search(tumbling.noise(30 + seed, 1.3)) is None
+    assert shaken.search(shaken.noise(40 + seed, 1.3)) is None
+
+
 def test_the_rest_of_the_residual_does_not_hide_a_pendulum(tumbling):
     """Twice the sensor noise, and slow forces that have nothing to do with it."""
     wind = tumbling.ringing(2, 0.2, 2, 10.0)

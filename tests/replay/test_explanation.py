@@ -21,6 +21,7 @@ from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.resonance import Oscillation
 from wrenchgap.learn.posterior import table
 from wrenchgap.learn.posterior.explain import Verdict
+from wrenchgap.learn.posterior.open_bands import OpenBand
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.explanation import members, not_tried, short, summary, to_json, what_next
@@ -133,6 +134,40 @@ def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
     assert all(clue in words for clue in ("com_offset", "0.72 Hz", "0.012", "75 %", "heading", "62 %", "81 %"))
     assert "height" not in words  # looked at, and not chosen
     assert not re.search("Hz|heading", summary(replace(nothing, verdict=Verdict.UNKNOWN)))
+
+
+def test_open_bands_are_told_by_axis(named):
+    bands = (OpenBand(4, 2.0, 3.0, 6.6), OpenBand(0, 0.7, 1.2, 4.14), OpenBand(0, 0.3, 0.7, 3.0))
+    found = replace(named, verdict=Verdict.UNKNOWN, bands=bands)
+    assert "torque_y at 2 to 3 Hz (6.6 times the noise), force_x at 0.3 to 1.2 Hz (4.1 times the noise)" in summary(
+        found
+    )
+    told = to_json(found)["left"]["bands"]
+    assert told[1] == {"axis": "force_x", "low_hz": 0.7, "high_hz": 1.2, "over_noise": 4.14}
+    assert to_json(named)["left"]["bands"] == []
+
+
+def test_firm_is_nothing_that_another_stands_in_the_place_of(named, grouped):
+    assert named.firm == ("com_offset",)
+    assert named.members[0].alike == ()
+    assert not set(grouped.firm) & set(grouped.groups[0])
+    rival = replace(grouped.members[0].alike[0], names=("mass",))
+    assert replace(named, members=(replace(named.members[0], rivals=(rival,)),)).firm == ()
+
+
+def test_firm_is_nothing_that_a_rotor_makes_which_comes_and_goes(named):
+    assert replace(named, named_there=True).firm == ()
+
+
+def test_firm_is_nothing_whose_evidence_is_on_open_axes_alone(named):
+    """The evidence of each axis adds up to all; where it is in torques only, open torques may have made it."""
+    (member,) = named.members
+    assert member.by_axis.sum() == pytest.approx(member.evidence)
+    forces = np.arange(6) < 3
+    turning = replace(member, by_axis=np.where(forces, 0.0, member.by_axis))
+    unsure = replace(named, verdict=Verdict.UNKNOWN, members=(turning,))
+    assert replace(unsure, open=forces).firm == ("com_offset",)
+    assert replace(unsure, open=~forces).firm == ()
 
 
 def commands(lines):
