@@ -122,6 +122,7 @@ def test_nominal_errors_are_of_the_papers_size():
 def test_rows_that_are_missing_are_kept_one_by_one(experiment, monkeypatch):
     """Where the run is interrupted, what was made before is in the results already."""
     kept = Output().read(experiment.__name__.split(".")[-1])
+    kept.pop("corrected", None)
     for name in ("knowledge", "own", "one", "on_engine", "summary"):
         monkeypatch.setattr(experiment, name, Mock(return_value=(np.arange(5.0), np.ones((5, 3)))), raising=False)
     monkeypatch.setattr(figure8, "on_engine", Mock(return_value={m.ALL_TOGETHER.name: np.ones(3)}))

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.sets import LOUD
-from wrenchgap.learn.posterior.spectrum import EDGES, LEAK, leaking, mean_squares, sensor_spectrum, transformed
+from wrenchgap.learn.posterior.spectrum import EDGES, LEAK, leaking, sensor_spectrum, transformed
 from wrenchgap.learn.posterior.table import Ground
 
 UNEXPLAINED = 0.4
@@ -64,11 +64,14 @@ def open_bands(on: Ground, found: Posterior, left: Array) -> tuple[OpenBand, ...
     loudness = np.sum((each / noise)[:, present > 0] * np.bincount(band)[present > 0, None], axis=(1, 2))
     aside = np.argsort(loudness)[-1 - math.floor(UNUSUAL * len(loudness)) :]
     usual = ~np.isin(block, aside)
+    kept = np.bincount(band[usual], minlength=len(present))
+    if not kept.any():  # a flight of one block or two
+        return ()
     coefficients, band = coefficients[usual], band[usual]
-    before, after = (mean_squares(coefficients[:, :, k], band) for k in range(2))
-    adds = mean_squares(coefficients[:, :, 0] - coefficients[:, :, 1], band)
+    before, after = (_means(coefficients[:, :, k], band, kept) for k in range(2))
+    adds = _means(coefficients[:, :, 0] - coefficients[:, :, 1], band, kept)
     inexact = found.best.contender.scored.inexact
-    anywhere = np.average(inexact, axis=0, weights=np.bincount(band))
+    anywhere = np.average(inexact, axis=0, weights=kept)
     there = np.maximum(before - noise, 0.0)
     off = inexact + leaking(there, axes) + _levers(there, axes, on.data.weights[axes])
     loud = after > np.maximum.reduce([LOUD**2 * noise, UNEXPLAINED**2 * before, FAR**2 * np.maximum(off, anywhere)])
@@ -79,6 +82,12 @@ def open_bands(on: Ground, found: Posterior, left: Array) -> tuple[OpenBand, ...
         for k, j in zip(*np.nonzero(loud), strict=True)
     ]
     return tuple(sorted(rows, key=lambda b: -b.over_noise))
+
+
+def _means(coefficients: Array, band: NDArray[np.intp], count: NDArray[np.intp]) -> Array:
+    """Mean squares (bands, axes) of coefficients (K, axes); zero in a band of which the time left has none."""
+    sums = [np.bincount(band, weights=x**2, minlength=len(count)) for x in coefficients.T]
+    return np.asarray(np.stack(sums, axis=1) / np.maximum(count, 1)[:, None])
 
 
 def _by_block(coefficients: Array, block: NDArray[np.intp], band: NDArray[np.intp]) -> Array:

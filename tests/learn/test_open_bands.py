@@ -124,3 +124,15 @@ def test_where_commands_answer_turbulence_nothing_is_said(plain):
     given = sensed(plain, 6) + sine(plain, 0.95, 3.0, FORCE_Y)
     assert bands(plain, given, given)
     assert bands(replace(plain, answering=(3, 4, 5)), given, given) == ()
+
+
+@pytest.mark.parametrize("blocks", [1, 2, 3])
+def test_a_flight_of_few_blocks_is_no_error(plain, blocks):
+    """The loudest are left aside, and with them, it may be, all of the time, or that in which there were slow bands."""
+    record = plain.records[0]
+    count = int(np.searchsorted(plain.block, np.unique(plain.block)[blocks]))
+    short = {k: getattr(record, k)[:count] for k in ("time", "measured", "commanded")}
+    whole = {k: getattr(plain, k)[:count] for k in ("measured", "commanded", "block", "flight")}
+    part = replace(plain, records=(replace(record, **short),), **whole)
+    swing = 5.0 * sensed(plain, 1)[:count]
+    assert bands(part, swing, swing) == () or blocks > 1
