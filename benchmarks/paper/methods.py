@@ -21,7 +21,7 @@ from wrenchgap.learn.process.train import fit_linear
 from wrenchgap.plant.effects.lag import first_order
 from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.compensation.compensators import combined
+from wrenchgap.replay.compensation.compensators import combined, compensator
 
 LEAD = 0.1
 """Horizon over which physics leads the lags [s]; shorter pushes the actuators harder."""
@@ -164,15 +164,21 @@ LEADING_BOTH = with_gp(f"physics, lags led by {LEAD:g} s, + GP", physics=True, l
 ON_A_LINE = with_gp("GP on a linear mean", mean="linear")
 PAPERS = with_gp("GP, points chosen as in the paper", method="pyclustering", scale="raw")
 
+
+def _together(gp: GaussianProcess, model: Model, settings: Settings) -> Any:
+    """With an observer; without one where `learn` gives none, since it would remove little of what is left."""
+    return (combined if gp.provenance.observer_hz is not None else compensator)(gp, model, settings)
+
+
 JUDGED = with_gp("GP, as far as held-out time supports it", guarded=True)
 TOGETHER = Method(
     "combined: that GP and an observer of the log's bandwidth",
-    lambda known: combined(known.gp(guarded=True), known.model, known.settings),
+    lambda known: _together(known.gp(guarded=True), known.model, known.settings),
 )
 """Feed-forward and feedback (`compensate.Combined`)."""
 ALL_TOGETHER = Method(
     "combined: physics + GP and an observer of the log's bandwidth",
-    lambda known: combined(known.gp(physics=True, guarded=True), known.physics, known.settings),
+    lambda known: _together(known.gp(physics=True, guarded=True), known.physics, known.settings),
 )
 """The same on top of what `explain` names."""
 
