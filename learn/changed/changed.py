@@ -1,10 +1,11 @@
 """What changed between healthy flights and suspect ones: the one way from opened flights to that answer.
 
 All flights are one linear problem (`learn.changed.pool`), about what the healthy ones show in common
-(`learn.changed.standing`). What the model is wrong by in all of them is there and free within typical sizes, every flight has a trim of its own as large as healthy flights differ by, and candidates are
-changes: what effects add on the suspect flights only. Sets of changes are weighed as sets of effects are
-(`learn.posterior`). So a thrust scale, a trim, an unmodelled drag that is in all flights drops out, and a difference
-that healthy flights show among themselves is no change.
+(`learn.changed.standing`). What the model is wrong by in all of them is there and free within typical sizes, every
+flight has a trim of its own as large as healthy flights differ by, and candidates are changes: what effects add on the
+suspect flights only. Sets of changes are weighed as sets of effects are (`learn.posterior`). So a thrust scale, a trim,
+an unmodelled drag that is in all flights drops out, and a difference that healthy flights show among themselves is no
+change.
 
     changed   nothing having changed has less than `CHANCE` of the weight, and the heaviest set has a name
     unknown   so too, but the heaviest set only says that there is a wrench; or the suspect flights leave far more
