@@ -16,7 +16,7 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import Law, beyond, linearised
 from wrenchgap.learn.changed.pool import Pool
-from wrenchgap.learn.changed.standing import residual
+from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.plant.effects import find
@@ -24,9 +24,11 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 
 
-def beside(pool: Pool, suspects: Collection[int], changes: Mapping[str, Array], jobs: int = 1) -> Pool:
+def beside(
+    pool: Pool, suspects: Collection[int], changes: Mapping[str, Array], points: Mapping[str, Array], jobs: int = 1
+) -> Pool:
     """The pool with all laws linearised anew on the suspect flights, where these effects have changed by `changes`
-    (each (P,)); as it was where no vehicle can be so.
+    (each (P,)), and other effects by themselves at `points` or where they are; as it was where no vehicle can be so.
 
     Every change has the offset that makes it exact on top of the larger ones: what remains with smaller ones left out
     is as exact as it was.
@@ -36,7 +38,7 @@ def beside(pool: Pool, suspects: Collection[int], changes: Mapping[str, Array], 
 
     def work(name: str) -> Column:
         one = next(law for law in mine.laws if law.name == name)
-        there = one.reference + changes.get(name, one.bent.theta)
+        there = one.reference + changes.get(name, points.get(name, one.bent.theta))
         return linearised(mine.data, model, name, one.reference, there)
 
     try:
@@ -60,33 +62,36 @@ def changed_model(pool: Pool, changes: Mapping[str, Array]) -> Model:
 
 
 def _offsets(mine: Pool, found: Mapping[str, Column], changes: Mapping[str, Array]) -> dict[str, Array]:
-    """What each change adds (K, 6) besides its derivatives times its size, on top of the larger ones."""
-    alone = {n: float(np.linalg.norm(_added(mine, {n: theta}))) for n, theta in changes.items()}
+    """What each change adds (K, 6) besides its derivatives times its size, on top of the larger ones; all from what
+    these effects are on healthy flights.
+    """  # noqa: D205
+    there = {n: np.zeros_like(theta) for n, theta in changes.items()}
+    healthy = left_by(mine.data, changed_model(mine, there))
+
+    def added(some: Mapping[str, Array]) -> Array:
+        return healthy - left_by(mine.data, changed_model(mine, {**there, **some}))
+
+    alone = {n: float(np.linalg.norm(added({n: theta}))) for n, theta in changes.items()}
     out: dict[str, Array] = {}
-    there: dict[str, Array] = {}
+    larger: dict[str, Array] = {}
     before = np.zeros_like(mine.left)
     for name in sorted(changes, key=lambda n: -alone[n]):
-        there[name] = changes[name]
-        after = _added(mine, there)
+        larger[name] = changes[name]
+        after = added(larger)
         out[name] = after - before - found[name].jacobian @ changes[name]
         before = after
     return out
 
 
-def _added(mine: Pool, changes: Mapping[str, Array]) -> Array:
-    return mine.left - residual(mine.data, changed_model(mine, changes))
-
-
 def _with(one: Law, new: Column, rows: NDArray[np.bool_], offset: Array | None) -> Law:
-    """The law with new derivatives on these rows; with an `offset` it is one that has changed by `new.theta`."""
-    line, bent = one.line.jacobian.copy(), one.bent.jacobian.copy()
-    line[rows] = bent[rows] = new.jacobian
-    added = one.bent.offset.copy()
-    added[rows] = new.offset if offset is None else offset
-    straight = one.bent is one.line and not np.any(added)
-    first = replace(one.line, jacobian=line)
-    return replace(
-        one,
-        line=first,
-        bent=first if straight else replace(one.bent, jacobian=bent, offset=added, theta=new.theta),
-    )
+    """The law with new derivatives on these rows; with an `offset` it is one that has changed by `new.theta`.
+
+    What a lag is on healthy flights stays in all flights as it was: its change has a line of its own.
+    """
+    bent, added = one.bent.jacobian.copy(), one.bent.offset.copy()
+    bent[rows], added[rows] = new.jacobian, new.offset if offset is None else offset
+    changed = replace(one.bent, jacobian=bent, offset=added, theta=new.theta)
+    if one.bent is not one.line:
+        return replace(one, bent=changed)
+    line = replace(one.line, jacobian=bent)
+    return replace(one, line=line, bent=changed if np.any(added) else line)

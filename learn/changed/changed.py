@@ -36,12 +36,13 @@ from wrenchgap.learn.changed.scatter import means_by_flight, scatter_between
 from wrenchgap.learn.changed.search import Weighed, weigh
 from wrenchgap.learn.changed.sizes import Alone, Size, candidate_changes, deviations, louder, sizes
 from wrenchgap.learn.changed.spectrum import answered
-from wrenchgap.learn.changed.standing import Standing, residual, standing
+from wrenchgap.learn.changed.standing import Standing, standing
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import dataset, spread_out
 from wrenchgap.learn.data.opening import OpenFlight, distinct
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing_of
 from wrenchgap.learn.identify.candidates import Candidates, candidates
+from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.trim import typical
 from wrenchgap.learn.parallel import cores
 from wrenchgap.learn.posterior.classes import Class
@@ -210,8 +211,8 @@ class Baseline:
         suspect = dataset(odd, self.model, answering)
         found = together(usual.laws, chosen.tried, suspect, usual.model, data.measured_axes, self.jobs)
         untried = (*chosen.untried, *usual.failed)
-        given = residual(data, self.model)
-        left = residual(data, usual.model)
+        given = left_by(data, self.model)
+        left = left_by(data, usual.model)
         return Pool(data, usual.model, left, found, typical(self.model), {}, {}, given), untried
 
 
@@ -253,7 +254,7 @@ def compared(pool: Pool, good: Sequence[int], mine: Sequence[int], jobs: int = 1
     loud = louder(found, mine)
     verdict = _verdict(found, () if best is None else best.names, loud)
     names = () if verdict is Verdict.NOTHING or best is None else best.names
-    certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE
+    certain = verdict is Verdict.CHANGED and len(names) <= AT_ONCE and found.settled
     firm = tuple(n for n in found.posterior.firm if n not in NAMELESS) if certain else ()
     values: list[dict[tuple[str, str], float]] = [{} for _ in pool.names]
     if names:

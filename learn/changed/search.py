@@ -33,10 +33,12 @@ KEPT = 30
 """Sets that are weighed."""
 BEHIND = 12.0
 """Log odds behind the best set from which on a set is not weighed."""
-ROUNDS = 4
-"""Of search and new derivatives, at most."""
+ROUNDS = 6
+"""Of search and new derivatives, at most; what is then still far from where it was linearised is not established."""
 FAR = 0.3
-"""Change from where it was linearised, in sizes of its prior, that calls for new derivatives."""
+"""Change from where it was linearised, in sizes of its prior (of a lag outside the best set, of itself where that is
+more), that calls for new derivatives.
+"""
 NEAR = 2.0
 """Difference of two predictions, in standard errors, that flights cannot show."""
 
@@ -56,12 +58,15 @@ class ChangeScorer(Scorer):
 
 @dataclass(frozen=True)
 class Weighed:
-    """Sets of changes with their weights; the scorer that says more of each."""
+    """Sets of changes with their weights; the scorer that says more of each. With `settled` the heaviest set is near
+    where it was linearised.
+    """  # noqa: D205
 
     posterior: Posterior
     scorer: ChangeScorer
     pool: Pool
     suspects: tuple[int, ...]
+    settled: bool
 
     @property
     def nothing(self) -> float:
@@ -75,24 +80,26 @@ def weigh(pool: Pool, suspects: Collection[int], jobs: int = 1) -> Weighed:
     Changes are linearised where their laws are, then where they are found: of what happens to commands by itself (two
     lags that are each half right make up for what their lines lack), and everything beside the best set.
     """
-    rows = pool.rows(suspects)
+    rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
     for number in range(ROUNDS):
         scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects))
-        late, moved = _moved(scorer)
-        if number + 1 == ROUNDS or not (late or moved):
+        late, far = _late(scorer, vehicle), _moved(scorer)
+        if number + 1 == ROUNDS or not (late or far):
             break
-        renewed = [again(pool.data, pool.model, o, late[o.name]) if o.name in late else o for o in pool.laws]
-        pool = replace(pool, laws=tuple(renewed))
-        if moved:
-            changes = {n: read(pool.model.vehicle, n, len(theta)) @ theta for n, theta in moved.items()}
-            pool = beside(pool, suspects, changes, jobs)
+        turned = turned or far
+        if turned:
+            best = ordered(scorer)[0].theta
+            changes = {n: read(vehicle, n, len(theta)) @ theta for n, theta in best.items()}
+            pool = beside(pool, suspects, changes, late, jobs)
+        else:
+            renewed = [again(pool.data, pool.model, o, late[o.name]) if o.name in late else o for o in pool.laws]
+            pool = replace(pool, laws=tuple(renewed))
     log = ordered(scorer)
     kept = [s for s in log[:KEPT] if s.log_probability > log[0].log_probability - BEHIND]
     contenders = [contender(scorer, s.keys) for s in kept]
     sets = merged(contenders, weights(contenders))
-    vehicle = pool.model.vehicle
     found = Posterior(sets, grouped(sets, scorer, vehicle), settled(sets, vehicle))
-    return Weighed(found, scorer, pool, tuple(suspects))
+    return Weighed(found, scorer, pool, tuple(suspects), not far)
 
 
 def worth_a_name(scorer: ChangeScorer, name: str) -> bool:
@@ -102,25 +109,33 @@ def worth_a_name(scorer: ChangeScorer, name: str) -> bool:
     return float(np.max(np.abs(scorer((name,)).theta[name]) / scorer.spectrum.columns[name].scale)) >= MATERIAL
 
 
-def _moved(scorer: Scorer) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Lags and delays that are far from where they were linearised by themselves, with their values; the changes of the
-    best set with theirs, if one of them is.
-    """  # noqa: D205
+def _late(scorer: Scorer, vehicle: Vehicle) -> dict[str, Array]:
+    """Lags and delays outside the best set that are far from where they were linearised by themselves, with values."""
     best, nothing = ordered(scorer)[0], scorer(()).log_probability
     late: dict[str, Array] = {}
-    far = False
     for name, column in scorer.spectrum.columns.items():
-        alone = scorer((name,))
-        bent = find(name).place == "commands" and alone.log_probability > nothing
-        if bent and name not in best.theta and _far(alone.theta[name], column):
+        effect, alone = find(name), scorer((name,))
+        lags = effect.place == "commands" and any(p.start != 0.0 for p in effect.parameters(vehicle))
+        better = alone.log_probability > nothing
+        size = np.maximum(column.scale, np.abs(column.theta))
+        if lags and better and name not in best.theta and _far(alone.theta[name], column, size):
             late[name] = alone.theta[name]
-        straight = find(name).place == "thrusts" and find(name).sparse  # a gain
-        far = far or (name in best.theta and not straight and _far(best.theta[name], column))
-    return late, dict(best.theta) if far else {}
+    return late
 
 
-def _far(theta: Array, column: Column) -> bool:
-    return float(np.max(np.abs(theta - column.theta) / column.scale)) > FAR
+def _moved(scorer: Scorer) -> bool:
+    """Whether a change of the best set is far from where it was linearised; gains are straight lines."""
+    columns = scorer.spectrum.columns
+    bent = {
+        name: theta
+        for name, theta in ordered(scorer)[0].theta.items()
+        if not (find(name).place == "thrusts" and find(name).sparse)
+    }
+    return any(_far(theta, columns[name], columns[name].scale) for name, theta in bent.items())
+
+
+def _far(theta: Array, column: Column, size: Array) -> bool:
+    return float(np.max(np.abs(theta - column.theta) / size)) > FAR
 
 
 def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:

@@ -21,7 +21,7 @@ from wrenchgap.learn.changed.scatter import means_by_flight
 from wrenchgap.learn.changed.spectrum import answered
 from wrenchgap.learn.data.applicable import Untried
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.trim import typical
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
@@ -32,7 +32,10 @@ ROUNDS = 2
 SHOWS = 0.1
 """Share of what is left on an axis (rms) from which on what an effect adds there is put into the model."""
 GAIN = 3.0
-"""Log likelihood that a model has to gain over the one before, everything common and by flight being free in both."""
+"""Log likelihood that a model gains over the one before if another round is worth it, everything common and by flight
+being free in both; one that loses as much is not taken. Straight lines about a lag that all flights have are no better
+for healthy flights than its own line is, and for suspect flights, where it may have changed, they are.
+"""
 
 
 @dataclass(frozen=True)
@@ -57,23 +60,19 @@ def standing(healthy: Dataset, given: Model, names: Sequence[str], jobs: int = 1
             pool, theta, now = _solved(healthy, better)
         except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
             break
-        if len(better.laws) < len(here.laws) or now < worth + GAIN:
+        if len(better.laws) < len(here.laws) or now < worth - GAIN:
             break
-        here, worth = better, now
+        gained, here, worth = now - worth, better, now
+        if gained < GAIN:
+            break
     return here
-
-
-def residual(data: Dataset, model: Model) -> Array:
-    """What a model leaves (K, 6) [N, Nm], without trims."""
-    problem = Problem(data, model, ())
-    return problem.at(np.zeros(problem.low.size)).residual
 
 
 def _solved(healthy: Dataset, about: Standing) -> tuple[Pool, Array, float]:
     """The healthy flights by themselves about a model: all that is common and by flight, within the bounds of physics;
     the log likelihood.
     """  # noqa: D205
-    left = residual(healthy, about.model)
+    left = left_by(healthy, about.model)
     pool = Pool(healthy, about.model, left, tuple(about.laws.values()), typical(about.model), {}, {}, left)
     pool = calibrated(pool, range(len(pool.names)))
     spectrum = pool.spectrum()

@@ -285,3 +285,9 @@ def beyond_blocks(data: Dataset, scores: Array, inverse: Array, within: Array) -
     np.add.at(flights, data.flight, scores)
     between = count / (count - 1) * inverse @ (flights.T @ flights) @ inverse
     return np.diag(np.maximum(np.diag(between) - np.diag(within), 0.0))
+
+
+def left_by(data: Dataset, model: Model) -> Array:
+    """What a model leaves of the measured wrench (K, 6) [N, Nm], without trims; zero on axes not measured."""
+    problem = Problem(data, model, ())
+    return problem.at(np.zeros(problem.low.size)).residual

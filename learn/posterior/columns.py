@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import Fit
-from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
@@ -53,8 +53,7 @@ class Column:
 def column(data: Dataset, model: Model, fitted: Fit, names: tuple[str, ...]) -> Column:
     """The column of `names` from their fit."""
     problem = Problem(data, model, names)
-    without = Problem(data, model, ())
-    left = without.at(np.zeros(without.low.size)).residual
+    left = left_by(data, model)
     part = slice(0, problem.size)
     own = {e.name: e.theta for e in model.effects}
     sizes = {n: len(find(n).parameters(model.vehicle)) for n in names}

@@ -29,7 +29,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.candidates import candidates
-from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import DULL, Column
 from wrenchgap.learn.posterior.score import saturated
@@ -120,8 +120,7 @@ def declared(data: Dataset, model: Model, names: Sequence[str], points: Points |
     A derivative at no lag at all says nothing of lags: where a parameter starts away from zero, it is linearised at its
     typical size at least. Effects that the model refuses there are left out.
     """
-    left = Problem(data, model, ())
-    base = left.at(np.zeros(left.low.size)).residual
+    base = left_by(data, model)
     own = tuple(e.name for e in model.effects)
     single = [n for n in names if n in that_act([n], own)]
     out = []
@@ -162,9 +161,8 @@ def evidence_of(
     data: Dataset, model: Model, columns: Sequence[Column], known: Sequence[Column] = (), idle: Sequence[str] = ()
 ) -> Evidence:
     """The evidence of one flight's data on these columns."""
-    left = Problem(data, model, ())
     trim = trim_of(model)
-    base = left.at(np.zeros(left.low.size)).residual
+    base = left_by(data, model)
     space = Spectrum(data, base, columns, trim, known)
     space.calm(space.loud(space.coefficients @ saturated(space)[1]))
     trims, axes = space.always[: len(trim.axes)], space.axes

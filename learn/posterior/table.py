@@ -14,7 +14,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
 from wrenchgap.learn.identify.air import companions
 from wrenchgap.learn.identify.fit import Fit, Starts, fit, held_out
-from wrenchgap.learn.identify.least_squares import Problem
+from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column, column
 from wrenchgap.plant.air import that_act
@@ -79,8 +79,7 @@ class Ground:
 
 def ground(data: Dataset, model: Model) -> Ground:
     """What the model leaves on these flights."""
-    problem = Problem(data, model, ())
-    left = problem.at(np.zeros(problem.low.size)).residual
+    left = left_by(data, model)
     known = tuple(uncertain(data, model, e) for e in model.effects if e.std is not None and np.any(e.std > 0.0))
     return Ground(data, model, left, held_out(data, model, (), fit(data, model, ())), known)
 

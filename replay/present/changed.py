@@ -11,6 +11,7 @@ from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Alone, Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
@@ -139,8 +140,7 @@ def summary(found: Changed) -> str:
             )
         return f"Nothing changed that is beyond what healthy flights differ by.{nearest}"
     if found.verdict is Verdict.UNKNOWN:
-        loud = f" on {', '.join(found.louder)}" if found.louder else ""
-        return f"Something changed{loud}, and no effect of the catalogue says what."
+        return _unknown(found)
     said = []
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
@@ -151,6 +151,17 @@ def summary(found: Changed) -> str:
     alike = f" Indistinguishable on these flights: {' or '.join(others)}." if others else ""
     firm = "" if found.firm else " No single effect is firm."
     return f"Changed: {' and '.join(said)}.{alike}{firm}"
+
+
+def _unknown(found: Changed) -> str:
+    if not found.louder:
+        return "Something changed, and no effect of the catalogue says what."
+    nearest = [n for n in found.names if n not in NAMELESS]
+    likeliest = f" Nearest, and not established: {' + '.join(nearest)}." if nearest else ""
+    return (
+        f"Something changed on {', '.join(found.louder)}, and no effect of the catalogue says what: beside the nearest "
+        f"of them the suspect flights leave far more than any healthy flight does.{likeliest}"
+    )
 
 
 def in_words(found: Changed, size: Size) -> str:

@@ -18,10 +18,11 @@ from wrenchgap.learn.changed.places import towards, where_of
 from wrenchgap.learn.changed.priors import change_prior
 from wrenchgap.learn.changed.propeller import MOST, damaged, read
 from wrenchgap.learn.changed.scatter import means_by_flight, noise_of_means, scatter_between
-from wrenchgap.learn.changed.standing import residual
+from wrenchgap.learn.changed.search import _late as late
 from wrenchgap.learn.changed.varying import Varying, renewed, seeming, typical_of
 from wrenchgap.learn.data.opening import open_flights
 from wrenchgap.learn.diagnose.timing import answering_axes
+from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.trim import WORTH, typical
 from wrenchgap.learn.posterior.columns import Column
 
@@ -188,7 +189,7 @@ def test_what_healthy_flights_show_is_what_the_model_is_wrong_by(pool, wrong):
 def test_changes_are_exact_where_they_are_linearised(pool):
     """All of them together, and the larger one without the other, are what the model with them predicts."""
     changes = {"com_offset": np.array([0.012, 0.0, 0.0]), "thrust_scale": np.array([-0.01])}
-    there = beside(pool, [3], changes)
+    there = beside(pool, [3], changes, {})
     rows = there.rows([3])
     assert np.array_equal(there.laws[0].bent.jacobian[~rows], pool.laws[0].bent.jacobian[~rows])
     added = {o.name: o.bent.offset + o.bent.jacobian @ changes[o.name] for o in there.laws if o.name in changes}
@@ -196,7 +197,49 @@ def test_changes_are_exact_where_they_are_linearised(pool):
     for names in (("com_offset", "thrust_scale"), ("com_offset",)):
         model = changed_model(pool, {n: changes[n] for n in names})
         straight = there.left - sum(added[n] for n in names)
-        np.testing.assert_allclose(straight[rows], residual(suspect.data, model), atol=1e-9)
+        np.testing.assert_allclose(straight[rows], left_by(suspect.data, model), atol=1e-9)
+
+
+def test_other_effects_are_linearised_at_their_points_beside_what_changed(pool):
+    """A lag of 30 ms of rotors that push a tenth less is exact, by itself, on top of that."""
+    changes, points = {"thrust_scale": np.array([-0.1])}, {"servo_lag": np.array([0.03])}
+    mine = beside(pool, [3], changes, points).only([3])
+    lag = next(o for o in mine.laws if o.name == "servo_lag")
+    healthy, late_too = ({**changes, "servo_lag": x} for x in (np.zeros(1), points["servo_lag"]))
+    weak, both = (left_by(mine.data, changed_model(pool, c)) for c in (healthy, late_too))
+    np.testing.assert_allclose(lag.bent.offset + lag.bent.jacobian @ points["servo_lag"], weak - both, atol=1e-9)
+
+
+def test_lags_alone_are_linearised_anew_where_they_are_by_themselves(hexarotor):
+    """Alternate tilts of 0.12 rad hardly push, and are far from straight: what they do is no lag, and a point for them
+    by themselves is one without the lag that they stand for.
+    """
+    far = {"tilt_offset": np.full(6, 0.12), "command_delay": np.array([0.03]), "servo_lag": np.array([0.048])}
+    columns = {n: SimpleNamespace(theta=np.zeros_like(v), scale=np.full_like(v, 0.006)) for n, v in far.items()}
+
+    class Found:
+        def __init__(self):
+            self.spectrum = SimpleNamespace(columns=columns)
+            best = SimpleNamespace(log_probability=9.0, theta={"servo_lag": far["servo_lag"]})
+            self.known = {("servo_lag",): best}
+
+        def __call__(self, keys):
+            return SimpleNamespace(log_probability=float(len(keys)), theta={k: far[k] for k in keys})
+
+    assert list(late(Found(), hexarotor.vehicle)) == ["command_delay"]
+
+
+def test_a_servo_lag_grows_by_what_was_added_to_the_one_that_all_flights_have(flown, hexarotor):
+    """Servos lag by 15 ms in all flights, 45 ms more on the suspect one; the model has neither."""
+    flights = [flown(seed=1)[0], flown(seed=2)[0], flown("servo_lag")[0]]
+    truth = flown("servo_lag")[1].parameters["servo_lag"]["added"]
+    opened = open_flights(flights, hexarotor)
+    names = ("servo_lag", "command_delay", "backlash", "tilt_offset", "thrust_scale")
+    found = changed(opened[2:], opened[:2], hexarotor, names=names, jobs=1)
+    assert found.firm == ("servo_lag",)
+    lag = change(found, "servo_lag", "tau")
+    assert lag.change == pytest.approx(truth, abs=2.0 * lag.std)
+    assert lag.std < 0.1 * truth
 
 
 def test_what_leaves_far_more_than_any_healthy_flight_has_no_name():

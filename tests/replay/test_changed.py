@@ -11,6 +11,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.check import Check, Finding
 from wrenchgap.learn.changed import changed as searching
+from wrenchgap.learn.changed import search
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.learn.changed.places import Place
 from wrenchgap.learn.changed.sizes import Size
@@ -76,6 +77,27 @@ def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monke
     assert again.names == moved.names
     assert again.firm == ()
     assert "No single effect is firm" in presented.summary(again)
+
+
+def test_what_is_still_far_from_where_it_was_linearised_is_not_firm(logs, moved, monkeypatch):
+    """Straight lines from another point are no proof, however well they fit."""
+    monkeypatch.setattr(search, "ROUNDS", 1)
+    monkeypatch.setattr(search, "FAR", 1e-6)
+    again = compared(logs.train, logs.ideal)
+    assert again.verdict is Verdict.CHANGED
+    assert again.firm == ()
+    monkeypatch.setattr(search, "FAR", 1e6)
+    assert compared(logs.train, logs.ideal).firm == moved.firm
+
+
+def test_what_leaves_more_than_any_healthy_flight_is_said_to_be_no_effect(moved):
+    """The nearest one is told, as what it is."""
+    loud = replace(moved, verdict=Verdict.UNKNOWN, firm=(), louder=("force_z",))
+    words = presented.summary(loud)
+    assert "on force_z, and no effect of the catalogue says what" in words
+    assert words.endswith("Nearest, and not established: com_offset.")
+    nameless = replace(loud, names=("constant_wrench",), louder=())
+    assert presented.summary(nameless) == "Something changed, and no effect of the catalogue says what."
 
 
 def test_it_prints_ends_with_what_to_inspect_and_tabulates(moved):
