@@ -86,12 +86,13 @@ def _offsets(mine: Pool, found: Mapping[str, Column], changes: Mapping[str, Arra
 def _with(one: Law, new: Column, rows: NDArray[np.bool_], offset: Array | None) -> Law:
     """The law with new derivatives on these rows; with an `offset` it is one that has changed by `new.theta`.
 
-    What a lag is on healthy flights stays in all flights as it was: its change has a line of its own.
+    What it is in all flights has the same derivatives there: lines from two points, one against the other, would be a
+    lag.
     """
-    bent, added = one.bent.jacobian.copy(), one.bent.offset.copy()
-    bent[rows], added[rows] = new.jacobian, new.offset if offset is None else offset
-    changed = replace(one.bent, jacobian=bent, offset=added, theta=new.theta)
-    if one.bent is not one.line:
-        return replace(one, bent=changed)
-    line = replace(one.line, jacobian=bent)
-    return replace(one, line=line, bent=changed if np.any(added) else line)
+    line, bent, added = one.line.jacobian.copy(), one.bent.jacobian.copy(), one.bent.offset.copy()
+    line[rows] = bent[rows] = new.jacobian
+    added[rows] = new.offset if offset is None else offset
+    straight = one.bent is one.line and not np.any(added)
+    first = replace(one.line, jacobian=line)
+    changed = first if straight else replace(one.bent, jacobian=bent, offset=added, theta=new.theta)
+    return replace(one, line=first, bent=changed)
