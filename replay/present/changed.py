@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn.changed.changed import Changed, Verdict
+from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Alone, Size
 from wrenchgap.learn.posterior.posterior import SUREST
@@ -141,6 +141,11 @@ def summary(found: Changed) -> str:
         return f"Nothing changed that is beyond what healthy flights differ by.{nearest}"
     if found.verdict is Verdict.UNKNOWN:
         return _unknown(found)
+    if len(found.names) > AT_ONCE:
+        return (
+            f"Something changed; what does best, {' + '.join(found.names)}, is more at once than is likely, and not "
+            "established. No single effect is firm."
+        )
     said = []
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)

@@ -72,11 +72,15 @@ def test_what_is_likely_but_not_established_is_neither_nothing_nor_a_finding(sam
 def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monkeypatch):
     """The same change, were one already more than can be believed at once."""
     monkeypatch.setattr(searching, "AT_ONCE", 0)
+    monkeypatch.setattr(presented, "AT_ONCE", 0)
     again = compared(logs.train, logs.ideal)
     assert again.verdict is Verdict.CHANGED
     assert again.names == moved.names
     assert again.firm == ()
-    assert "No single effect is firm" in presented.summary(again)
+    words = presented.summary(again)
+    assert words.startswith("Something changed; what does best, com_offset,")
+    assert "No single effect is firm" in words
+    assert "confidence" not in words
 
 
 def test_what_is_still_far_from_where_it_was_linearised_is_not_firm(logs, moved, monkeypatch):
