@@ -112,8 +112,8 @@ def _messages(path: Path, only: str | None = None) -> tuple[dict[str, Columns], 
 
 
 def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) -> Columns:
-    """The fields of N messages; none where the format and the length contradict each other."""
-    if len(set(layout.columns)) < len(layout.columns):
+    """The fields of N messages; none where names and format, or format and length, contradict each other."""
+    if len(set(layout.columns)) < len(layout.columns) or not all(layout.columns):
         return {}
     letters = [letter for letter in layout.format if letter in CODES]
     dtype = np.dtype([(name, CODES[letter][0]) for name, letter in zip(layout.columns, letters, strict=False)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -130,9 +130,14 @@ class _Known:
         parts += [f"taken as SI, as none is stated: {', '.join(bare)}"] if bare else []
         out = [f"Units {'; '.join(parts)}. Axes are taken as forward-left-up and east-north-up."] if parts else []
         if self.unknown:
-            more = f" and {len(self.unknown) - MOST} more" if len(self.unknown) > MOST else ""
-            out.append(f"Columns whose names say no known quantity: {', '.join(self.unknown[:MOST])}{more}.")
+            out.append(f"Columns whose names say no known quantity: {listed(self.unknown)}.")
         return out + self.notes
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names of columns for a sentence: the first `MOST`, and how many more there are."""
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return f"{', '.join(names[:MOST])}{more}"
 
 
 def _present(table: Table) -> Table:

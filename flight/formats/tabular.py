@@ -22,7 +22,7 @@ from wrenchgap.flight.formats.headers import LONGEST, UNITS, meaning
 from wrenchgap.flight.formats.merging import Stamps
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
-from wrenchgap.flight.formats.table_roles import from_columns
+from wrenchgap.flight.formats.table_roles import from_columns, listed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,7 +109,7 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     time = next((header for header, found in known.items() if found is not None and found.field == "time"), None)
     if time is None:
         raise LogError(
-            f"{path}: no column of times; columns: {', '.join(known)}. Name one time, t or timestamp, with its unit, "
+            f"{path}: no column of times; columns: {listed(list(known))}. Name one time, t or timestamp, with its unit "
             "as in t_ms or time [us]"
         )
     columns: Columns = {}

@@ -113,7 +113,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> Array:
     """Numbers and nothing else: an object would be a pickle, which is code."""
     try:
         found = np.load(BytesIO(_part(archive, name)), allow_pickle=False)
-    except ValueError as error:
+    except (ValueError, TypeError) as error:  # a header whose keys cannot be sorted, say
         raise ValueError(f"{name} holds objects" if "pickle" in str(error) else f"{name}: {_line(error)}") from None
     if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
         raise ValueError(f"{name} holds no real numbers")

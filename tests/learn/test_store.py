@@ -200,6 +200,13 @@ def test_what_a_part_claims_is_not_believed(path):
     refused(path, "not a stored GP, or a damaged one")
 
 
+def test_a_header_whose_keys_are_not_all_text_is_damage(path):
+    head = b"{'descr': '<f8', b'fortran_order': False, 'shape': (15, 6), }"
+    head += b" " * (-(len(head) + 11) % 64) + b"\n"
+    part(path, "inputs.npy", b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head + bytes(720))
+    refused(path, "not a stored GP, or a damaged one")
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [

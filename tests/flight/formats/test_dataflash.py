@@ -207,6 +207,14 @@ def test_flipped_bytes_never_end_in_a_traceback(log, tmp_path):
         assert "\n" not in opened(path)[1]
 
 
+def test_a_message_with_a_field_that_has_no_name_is_left_out(log, autopilots, tmp_path):
+    """The others are read."""
+    log.add("EXTR", "Qfc", "TimeUS,,Rest", np.array([31e6, 32e6]), np.zeros(2), np.zeros(2))
+    path = log.save(tmp_path / "log.bin")
+    assert len(flight.load(path).imu.time) > 30
+    assert "EXTR" not in {topic.topic for topic in flight.inspect(path).topics}
+
+
 def test_without_pymavlink_one_line_names_the_extra(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pymavlink.DFReader", None)
     with pytest.raises(LogError, match=r"pip install 'wrenchgap\[ardupilot\]'"):

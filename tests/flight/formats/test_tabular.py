@@ -153,6 +153,7 @@ def test_damaged_cells_lines_and_times_are_counted(logs, time, tmp_path):
     [
         (b"1,2,3\n4,5,6\n", "no header line"),
         (b"a,b,c\n1,2,3\n", "no column of times"),
+        (b",".join(b"column_%d" % k for k in range(500)) + b"\n1\n", "column_11 and 488 more"),
         (b"time,gyro_x\n", "holds no message"),
         (b"PAR1garbage", "not a readable Parquet"),
         (b"time,a\n" + bytes(range(128, 256)), "no topic plays a role|holds no message"),
