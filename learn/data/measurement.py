@@ -278,6 +278,13 @@ def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed:
     The wrench is what they nominally make, about the centre of mass. Angles of fixed arms may be left out. Raises
     FitError where the columns are not those of the vehicle; `name` is the flight's, for the message.
     """
+    full, speed = _of_vehicle(name, vehicle, tilt, rotor_speed)
+    logged = Commands(np.zeros((len(speed), 6)), full, speed)
+    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+
+
+def _of_vehicle(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Array) -> tuple[Array, Array]:
+    """Tilt angles (N, A) of all arms, and speeds (N, R) without signs; arguments and errors as of `from_actuators`."""
     arms, rotors = vehicle.geometry()
     if rotor_speed.shape[1] != len(rotors):
         raise FitError(
@@ -294,9 +301,7 @@ def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed:
                 "map the columns with --topic tilt=/topic[...] or use another model"
             )
         full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
-    speed = np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
-    logged = Commands(np.zeros((len(speed), 6)), full, speed)
-    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+    return full, np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
 
 
 def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
@@ -306,8 +311,9 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
     """
     wrench, speed = samples.wrench_cmd_B, samples.rotor_speed_cmd
     if vehicle.has_rotors and speed is not None and speed.shape[1]:
-        logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
-        return (logged if wrench is None else replace(logged, wrench_B=wrench)), "logged"
+        if wrench is None:
+            return from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed), "logged"
+        return Commands(wrench, *_of_vehicle(samples.flight, vehicle, samples.tilt_cmd, speed)), "logged"
     if wrench is None:
         raise FitError(
             f"{samples.flight}: neither a commanded wrench nor actuator commands that fit {vehicle.name}; "
