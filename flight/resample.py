@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
@@ -274,11 +273,11 @@ class _Grid:
 
     def _anti_aliased(self, time: Array, values: Array) -> Array:
         sections = anti_alias(time, self.rate)
-        return (
-            values
-            if sections is None
-            else np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
-        )
+        if sections is None:
+            return values
+        from scipy.signal import sosfiltfilt  # here: others need not wait for it
+
+        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
 
 
 def anti_alias(stamps: Array, rate: float) -> Array | None:
@@ -289,6 +288,8 @@ def anti_alias(stamps: Array, rate: float) -> Array | None:
     native = 1.0 / float(np.median(np.diff(stamps)))
     if native <= ANTI_ALIAS_RATIO * rate or len(stamps) < 16:
         return None
+    from scipy.signal import butter  # here: others need not wait for it
+
     return np.asarray(butter(4, ANTI_ALIAS_CUTOFF * rate, fs=native, output="sos"))
 
 

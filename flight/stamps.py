@@ -47,9 +47,7 @@ def _usual(time: Array) -> _Usual:
         return float(ordered[low] + (place - low) * (ordered[high] - ordered[low]))
 
     mean = float(np.mean(ordered[: np.searchsorted(ordered, quantile(0.99), side="right")]))
-    return _Usual(
-        quantile(0.5), mean, 0.5 * (quantile(0.84) - quantile(0.16)), quantile(0.9), float(ordered[-1])
-    )
+    return _Usual(quantile(0.5), mean, 0.5 * (quantile(0.84) - quantile(0.16)), quantile(0.9), float(ordered[-1]))
 
 
 _known: deque[tuple[weakref.ref[Array], _Usual]] = deque(maxlen=8)

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.measurement import Record
@@ -61,5 +60,9 @@ def shifted(signal: Array, samples: int) -> Array:
 
 def lagged(signal: Array, samples: float) -> Array:
     """A signal (N,) behind a first-order lag of so many samples, at rest where it begins."""
-    decay = np.exp(-1.0 / samples) if samples > 0.0 else 0.0
+    if not samples > 0.0:
+        return np.asarray(signal, dtype=float)
+    from scipy.signal import lfilter  # here: others need not wait for it
+
+    decay = np.exp(-1.0 / samples)
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal, zi=[decay * signal[0]])[0])

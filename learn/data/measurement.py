@@ -18,10 +18,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt_zi, sosfreqz
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
+from wrenchgap.flight.second_order import butterworth, response, steady_state
 from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
@@ -85,8 +85,8 @@ class Record:
 
 @lru_cache(maxsize=16)
 def _section(dt: float, cutoff_hz: float) -> tuple[Array, Array]:
-    sos = np.asarray(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"))
-    return sos[0], np.asarray(sosfilt_zi(sos))[0]
+    section = butterworth(cutoff_hz, 1.0 / dt)
+    return section, steady_state(section)
 
 
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
@@ -344,8 +344,9 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries 
     for what the gyroscope adds to the force over the lever arm from the IMU to the centre of mass.
     """
     f, density = white_noise(samples, imu, cutoff_hz)
-    _, response = sosfreqz(_section(samples.dt, cutoff_hz)[0][None], worN=f, fs=1.0 / samples.dt)
-    left = np.abs(response)[:, None] ** 4 * density  # power, filtered twice
+    left = (
+        np.abs(response(_section(samples.dt, cutoff_hz)[0], f, 1.0 / samples.dt))[:, None] ** 4 * density
+    )  # power, filtered twice
     turn = 2.0 * np.pi * samples.dt * f
     slope = (8.0 * np.sin(turn) - np.sin(2.0 * turn)) / (6.0 * samples.dt)  # the gain of `derivative`
     rate_dot = np.trapezoid(left[:, :3] * slope[:, None] ** 2, f, axis=0)

@@ -22,13 +22,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.fft import rfft, rfftfreq
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.fft import rfft, rfftfreq
-from scipy.signal import get_window, sosfreqz, welch
 from scipy.special import gammaincinv
 
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.flight.resample import anti_alias
+from wrenchgap.flight.second_order import hann
 
 SEGMENT = 4.0
 """Length of the segments of a periodogram [s]: lines of vibration stay narrow."""
@@ -76,7 +76,7 @@ def _segments(count: int, dt: float) -> tuple[int, int]:
 def _looked_at(count: int, dt: float) -> Array:
     """How much each instant (N,) counts in the periodogram: slowly drifting clocks are not alike in all segments."""
     length, segments = _segments(count, dt)
-    window = get_window("hann", length) ** 2
+    window = hann(length) ** 2
     out = np.zeros(count)
     for k in range(segments):
         start = k * (length - length // 2)
@@ -86,6 +86,8 @@ def _looked_at(count: int, dt: float) -> Array:
 
 def plain_periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
     """Frequencies (K,) [Hz] and one-sided densities (K, C) there of columns (N,): Welch's mean over Hann segments."""
+    from scipy.signal import welch  # here: others need not wait for it
+
     length, _ = _segments(len(columns[0]), dt)
     found = [welch(column, 1.0 / dt, nperseg=length) for column in columns]
     return found[0][0], np.stack([power for _, power in found], axis=1)
@@ -94,7 +96,7 @@ def plain_periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array
 def periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
     """As `plain_periodogram`, up to rounding: scipy takes one segment of one column at a time."""
     length, segments = _segments(len(columns[0]), dt)
-    window = get_window("hann", length)
+    window = hann(length)
     power = np.zeros((length // 2 + 1, len(columns)))
     for k, column in enumerate(columns):
         rows = sliding_window_view(column, length)[:: length - length // 2]
@@ -151,6 +153,8 @@ def _autocorrelation(stamps: Array, grid: float, lags: int) -> Array:
     sections = anti_alias(stamps, grid)
     if sections is None:
         return np.asarray(np.arange(lags) == 0, dtype=float)
+    from scipy.signal import sosfreqz  # here: others need not wait for it
+
     circle = 1 << max(int(np.ceil(np.log2(8 * lags))), 10)
     _, response = sosfreqz(sections, worN=np.arange(circle // 2 + 1) * 2.0 * np.pi / circle)
     return np.asarray(np.fft.irfft(np.abs(response) ** 4)[:lags])  # forward and backward

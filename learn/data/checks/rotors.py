@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
@@ -204,11 +203,22 @@ def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
         size = np.maximum(np.std(target, axis=0), 1e-12)
         a, b = (_normalised(rows / size) for rows in (effect, found))
         likeness = a @ b.T
-        rows, columns = linear_sum_assignment(-likeness)
+        rows, columns = _assigned(likeness)
         total = float(likeness[rows, columns].sum())
         if total > cost:
             best, cost = columns, total
     return best
+
+
+def _assigned(likeness: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the assignment with the largest sum: each row's best, where no two want the same."""
+    rows, columns = np.arange(len(likeness)), np.argmax(likeness, axis=1)
+    if len(set(columns.tolist())) == len(rows):
+        return rows, columns
+    from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
+
+    found: tuple[NDArray[np.intp], NDArray[np.intp]] = linear_sum_assignment(-likeness)
+    return found
 
 
 def _normalised(rows: Array) -> Array:
