@@ -189,6 +189,8 @@ def _usual(count: int) -> list[NDArray[np.intp]]:
 
 def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,), by what each of both does."""
+    from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
+
     _, known = vehicle.geometry()
     assert seen.speed is not None
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
@@ -203,22 +205,11 @@ def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
         size = np.maximum(np.std(target, axis=0), 1e-12)
         a, b = (_normalised(rows / size) for rows in (effect, found))
         likeness = a @ b.T
-        rows, columns = _assigned(likeness)
+        rows, columns = linear_sum_assignment(-likeness)
         total = float(likeness[rows, columns].sum())
         if total > cost:
             best, cost = columns, total
     return best
-
-
-def _assigned(likeness: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the assignment with the largest sum: each row's best, where no two want the same."""
-    rows, columns = np.arange(len(likeness)), np.argmax(likeness, axis=1)
-    if len(set(columns.tolist())) == len(rows):
-        return rows, columns
-    from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
-
-    found: tuple[NDArray[np.intp], NDArray[np.intp]] = linear_sum_assignment(-likeness)
-    return found
 
 
 def _normalised(rows: Array) -> Array:
