@@ -6,6 +6,8 @@ of the time in which `wrenchgap inspect` or the page is there, since it brings `
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from wrenchgap.flight.block_integrals import Complex
@@ -29,6 +31,13 @@ def steady_state(section: Array) -> Array:
     b, a = section[:3], section[3:]
     moves = np.array([[1.0 + a[1], -1.0], [a[2], 1.0]])
     return np.asarray(np.linalg.solve(moves, b[1:] - a[1:] * b[0]))
+
+
+@lru_cache(maxsize=16)
+def low_pass_section(dt: float, cutoff_hz: float) -> tuple[Array, Array]:
+    """The section (6,) of a low-pass for samples every `dt` [s], and its `steady_state` (2,)."""
+    section = butterworth(cutoff_hz, 1.0 / dt)
+    return section, steady_state(section)
 
 
 def response(section: Array, frequency: Array, rate: float) -> Complex:

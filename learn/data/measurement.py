@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
-from wrenchgap.flight.second_order import butterworth, response, steady_state
+from wrenchgap.flight.second_order import low_pass_section, response
 from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
@@ -83,19 +83,13 @@ class Record:
         return self.dt * (self.keep.step or 1)
 
 
-@lru_cache(maxsize=16)
-def _section(dt: float, cutoff_hz: float) -> tuple[Array, Array]:
-    section = butterworth(cutoff_hz, 1.0 / dt)
-    return section, steady_state(section)
-
-
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
     """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0. Raises FitError for
     no samples, which compiled code would not see.
     """  # noqa: D205
     if len(signal) == 0:
         raise FitError(f"nothing to filter at {cutoff_hz:g} Hz: no samples; see `wrenchgap inspect`")
-    section, start = _section(dt, cutoff_hz)
+    section, start = low_pass_section(dt, cutoff_hz)
     padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
     flat = np.asarray(signal, dtype=float).reshape(len(signal), -1)
     if len(flat) > PIECE:  # hours: one column after the other, for memory
@@ -344,9 +338,8 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries 
     for what the gyroscope adds to the force over the lever arm from the IMU to the centre of mass.
     """
     f, density = white_noise(samples, imu, cutoff_hz)
-    left = (
-        np.abs(response(_section(samples.dt, cutoff_hz)[0], f, 1.0 / samples.dt))[:, None] ** 4 * density
-    )  # power, filtered twice
+    passed = np.abs(response(low_pass_section(samples.dt, cutoff_hz)[0], f, 1.0 / samples.dt))
+    left = passed[:, None] ** 4 * density  # power, filtered twice
     turn = 2.0 * np.pi * samples.dt * f
     slope = (8.0 * np.sin(turn) - np.sin(2.0 * turn)) / (6.0 * samples.dt)  # the gain of `derivative`
     rate_dot = np.trapezoid(left[:, :3] * slope[:, None] ** 2, f, axis=0)

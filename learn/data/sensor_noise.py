@@ -106,7 +106,7 @@ def periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
             power[:, k] += np.sum(turned.real**2 + turned.imag**2, axis=0)
     power *= dt / (segments * float(window @ window))
     power[1 : (length + 1) // 2] *= 2.0  # but for zero and Nyquist's frequency, which are their own mirrors
-    return rfftfreq(length, dt), power
+    return np.asarray(rfftfreq(length, dt), dtype=np.float64), power
 
 
 def _density(

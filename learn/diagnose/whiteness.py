@@ -270,5 +270,5 @@ def _normal_size(r: float, freedom: float) -> float:
 
 def _correlation_size(u: float, freedom: float) -> float:
     """Inverse of `_normal_size`."""
-    t = -float(stdtrit(freedom, ndtr(-u)))
+    t = -float(stdtrit(freedom, float(ndtr(-u))))
     return float(t / np.sqrt(freedom + t * t))
