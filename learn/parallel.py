@@ -187,9 +187,11 @@ def portable(error: Exception) -> Exception:
 
 def _workers(count: int) -> Any:
     """The pool: the one of the last call, unless another number of workers or other effects are wanted."""
-    return loky.get_reusable_executor(
-        count, timeout=IDLE_SECONDS, initializer=begin, initargs=(own_files(),), env=ONE_THREAD
-    )
+    with warnings.catch_warnings():  # of another number of them: items that nobody waits for may still be queued
+        warnings.filterwarnings("ignore", "Trying to resize", UserWarning)
+        return loky.get_reusable_executor(
+            count, timeout=IDLE_SECONDS, initializer=begin, initargs=(own_files(),), env=ONE_THREAD
+        )
 
 
 # --- what workers are given, as files that they read once ------------------------------------------------------------
