@@ -2,7 +2,7 @@
 
 python -m benchmarks.viewer_speed [--browser] [--loops N]
 
-Targets on two cores (issue 5): from the command to the first picture 10 s on a ten-minute log that was never opened, 5
+Targets on two cores: from the command to the first picture 10 s on a ten-minute log that was never opened, 3
 s on one that was (`flight.cache`); a move of the cursor 50 ms at the server; 30 updates a second while playing; memory
 flat. With --browser the picture is waited for in a headless Chromium, which
 here draws and compiles its shaders on the CPU; without it, for the page to be ready to be loaded.
@@ -32,7 +32,7 @@ from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.page import Page
 
 MODEL = "tilt_hexarotor"
-NEW, KNOWN, MOVE, RATE, GROWTH = 10.0, 5.0, 0.050, 30.0, 8.0
+NEW, KNOWN, MOVE, RATE, GROWTH = 10.0, 3.0, 0.050, 30.0, 8.0
 """Targets [s], [s], [s], [1/s], and megabytes that a thousand loops may leave behind."""
 
 

@@ -74,53 +74,73 @@ def _waves(x: Array, hann: Array, turn_re: Array, turn_im: Array) -> None:
         turn_im[i] = 2.0 * sine * cosine
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"reassoc", "contract"})
 def _tapered(x: Array, values: Array, hann: Array, tapered: Array) -> None:
     """Values `tapered` (C, n) at places `x` (n,) in the block, their line taken out."""
     n, columns = values.shape
-    weight, total, middle = np.empty(n), 0.0, 0.0
+    weight, total, middle, spread = hann.copy(), 0.0, 0.0, 0.0
+    weight[0] *= x[1] - x[0]
+    weight[n - 1] *= x[n - 1] - x[n - 2]
+    for i in range(1, n - 1):
+        weight[i] *= 0.5 * (x[i + 1] - x[i - 1])
     for i in range(n):
-        low, high = max(i - 1, 0), min(i + 1, n - 1)
-        weight[i] = hann[i] * (x[high] - x[low]) / (high - low)
         total += weight[i]
         middle += weight[i] * x[i]
     middle /= total
-    spread = 0.0
     for i in range(n):
-        spread += weight[i] / total * (x[i] - middle) ** 2
+        spread += weight[i] * (x[i] - middle) ** 2
     for c in range(columns):
-        mean, slope = 0.0, 0.0
+        row, mean, slope = tapered[c], 0.0, 0.0
         for i in range(n):
-            share = weight[i] / total * values[i, c]
-            mean += share
-            slope += share * (x[i] - middle)
+            row[i] = values[i, c]
+        for i in range(n):
+            mean += weight[i] * row[i]
+            slope += weight[i] * row[i] * (x[i] - middle)
+        mean /= total
         slope /= spread
         for i in range(n):
-            tapered[c, i] = (values[i, c] - mean - slope * (x[i] - middle)) * weight[i]
+            row[i] = (row[i] - mean - slope * (x[i] - middle)) * weight[i]
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _turned(wave_re: Array, wave_im: Array, turn_re: Array, turn_im: Array) -> None:
+    """The wave of the next harmonic, in the place of the last one."""
+    for i in range(len(wave_re)):
+        re = wave_re[i] * turn_re[i] - wave_im[i] * turn_im[i]
+        wave_im[i] = wave_re[i] * turn_im[i] + wave_im[i] * turn_re[i]
+        wave_re[i] = re
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def _sums(turn_re: Array, turn_im: Array, tapered: Array, lowest: int, out: Complex) -> None:
-    """Sums over the samples, harmonic by harmonic (C, F); the wave of one is the last one's turned on."""
-    n = len(turn_re)
+    """Sums over the samples, harmonic by harmonic (C, F); vectors go together, so that a wave is fetched once for three
+    columns.
+    """  # noqa: D205
+    n, columns = len(turn_re), len(tapered)
+    threes = columns - columns % 3
     wave_re, wave_im = turn_re.copy(), turn_im.copy()
     for _ in range(1, lowest):
-        for i in range(n):
-            re = wave_re[i] * turn_re[i] - wave_im[i] * turn_im[i]
-            wave_im[i] = wave_re[i] * turn_im[i] + wave_im[i] * turn_re[i]
-            wave_re[i] = re
+        _turned(wave_re, wave_im, turn_re, turn_im)
     for k in range(out.shape[1]):
-        for c in range(len(tapered)):
-            re, im = 0.0, 0.0
-            row = tapered[c]
+        for c in range(0, threes, 3):
+            x, y, z = tapered[c], tapered[c + 1], tapered[c + 2]
+            x_re, x_im, y_re, y_im, z_re, z_im = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(n):
-                re += wave_re[i] * row[i]
-                im += wave_im[i] * row[i]
-            out[c, k] = complex(re, im)
-        for i in range(n):
-            re = wave_re[i] * turn_re[i] - wave_im[i] * turn_im[i]
-            wave_im[i] = wave_re[i] * turn_im[i] + wave_im[i] * turn_re[i]
-            wave_re[i] = re
+                re, im = wave_re[i], wave_im[i]
+                x_re += re * x[i]
+                y_re += re * y[i]
+                z_re += re * z[i]
+                x_im += im * x[i]
+                y_im += im * y[i]
+                z_im += im * z[i]
+            out[c, k], out[c + 1, k], out[c + 2, k] = complex(x_re, x_im), complex(y_re, y_im), complex(z_re, z_im)
+        for c in range(threes, columns):
+            x, x_re, x_im = tapered[c], 0.0, 0.0
+            for i in range(n):
+                x_re += wave_re[i] * x[i]
+                x_im += wave_im[i] * x[i]
+            out[c, k] = complex(x_re, x_im)
+        _turned(wave_re, wave_im, turn_re, turn_im)
 
 
 @njit(cache=True)

@@ -114,8 +114,8 @@ def inspect(
 
 def _topic(table: Table, assignment: Assignment, flight: Flight | None, known: Mapping[str, Relation]) -> TopicReport:
     stamps = _told(table.log_time_ns if table.header_ns is None else table.header_ns)
-    time = np.sort((stamps - stamps[0]) * 1e-9)
-    steps = Steps(time)
+    time = (stamps - stamps[0]) * 1e-9
+    steps = Steps(time if np.all(time[1:] >= time[:-1]) else np.sort(time))
     gaps = steps.gaps
     period = steps.nominal_period if len(time) > 2 else 0.0
     several = period > 0.0  # damaged logs repeat one stamp

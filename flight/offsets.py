@@ -30,8 +30,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from scipy.stats import norm as normal
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from wrenchgap.flight.block_integrals import Complex, integrals
 from wrenchgap.flight.flight import Array, Gap
@@ -159,8 +158,8 @@ class Offset:
     @property
     def _doubt(self) -> float:
         """Standard deviations that mean with these few blocks what `CERTAIN` means with many."""
-        chance = 2.0 * float(normal.sf(CERTAIN))
-        return float(student.isf(0.5 * chance, max(2.0, 0.5 * self.blocks)))
+        chance = 2.0 * float(ndtr(-CERTAIN))
+        return -float(stdtrit(max(2.0, 0.5 * self.blocks), 0.5 * chance))
 
 
 def offset(
@@ -331,7 +330,7 @@ class _Pair:
             return replace(none, problem=Problem.NARROW, about=f"{heard[0]:.1f}-{heard[-1]:.1f} Hz")
         if self._rivalled(found):
             return replace(none, problem=Problem.AMBIGUOUS)
-        interval = float(student.ppf(0.975, max(2.0, 0.5 * len(self.starts)))) * spread
+        interval = float(stdtrit(max(2.0, 0.5 * len(self.starts)), 0.975)) * spread
         if interval > WIDEST:
             about = f"{1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms"
             return replace(none, problem=Problem.VAGUE, about=about)

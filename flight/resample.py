@@ -18,14 +18,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
-from wrenchgap.flight import so3
+from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.flight.stamps import interpolated, nominal_period, pieces
+from wrenchgap.flight.row_kernels import plain_interpolated
+from wrenchgap.flight.stamps import interpolated, nominal_period
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
 MAXIMUM_RATE = 250.0  # Hz
@@ -273,11 +273,11 @@ class _Grid:
 
     def _anti_aliased(self, time: Array, values: Array) -> Array:
         sections = anti_alias(time, self.rate)
-        return (
-            values
-            if sections is None
-            else np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
-        )
+        if sections is None:
+            return values
+        from scipy.signal import sosfiltfilt  # here: others need not wait for it
+
+        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(len(time) - 1, 60)))
 
 
 def anti_alias(stamps: Array, rate: float) -> Array | None:
@@ -288,23 +288,28 @@ def anti_alias(stamps: Array, rate: float) -> Array | None:
     native = 1.0 / float(np.median(np.diff(stamps)))
     if native <= ANTI_ALIAS_RATIO * rate or len(stamps) < 16:
         return None
+    from scipy.signal import butter  # here: others need not wait for it
+
     return np.asarray(butter(4, ANTI_ALIAS_CUTOFF * rate, fs=native, output="sos"))
 
 
-def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
-    """Mean over `window` [s] around each `time` (N,) of `values` (K, C), each held from its stamp to the next.
+def plain_held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
+    """Mean over `window` [s] around each `time` (N,), increasing, of `values` (K, C) held from each stamp to the next.
 
     The last is held for one `period`. The integral of a held signal is piecewise linear, so this is exact.
     """
     knots = np.append(stamps, stamps[-1] + period)
     integral = np.zeros((len(knots), values.shape[1]))
-    np.multiply(values, np.diff(knots)[:, None], out=integral[1:])
-    np.cumsum(integral[1:], axis=0, out=integral[1:])
-    out = np.empty((len(time), values.shape[1]))
-    for piece in pieces(len(time)):
-        upper, lower = (interpolated(time[piece] + side * window / 2, knots, integral) for side in (1.0, -1.0))
-        out[piece] = (upper - lower) / window
-    return out
+    integral[1:] = np.cumsum(values * np.diff(knots)[:, None], axis=0)
+    upper, lower = (plain_interpolated(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
+    return (upper - lower) / window
+
+
+def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
+    """As `plain_held_mean`, in one pass."""
+    knots = np.append(stamps, stamps[-1] + period)
+    times, rows = (np.ascontiguousarray(item, dtype=float) for item in (time, values))
+    return np.asarray(row_kernels.held_mean(times, knots, rows, float(window)))
 
 
 def _velocity_E(odometry: OdometrySeries, run: slice) -> Array:

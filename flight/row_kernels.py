@@ -109,6 +109,34 @@ def interpolated(time: Array, knots: Array, values: Array) -> Array:
     return out
 
 
+@njit(cache=True)
+def held_mean(time: Array, knots: Array, values: Array, window: float) -> Array:
+    """As `flight.resample.plain_held_mean`, with the end of the last hold among the `knots` (K + 1,).
+
+    The integral up to the knot before either end of the window goes along with that end.
+    """
+    columns, last = values.shape[1], len(knots) - 1
+    out = np.empty((len(time), columns))
+    before, integral = np.zeros(2, dtype=np.int64), np.zeros((2, columns))
+    for i in range(len(time)):
+        for side in range(2):
+            t = time[i] + (-1.0, 1.0)[side] * window / 2
+            j, reached = before[side], integral[side]
+            while j < last and knots[j + 1] <= t:
+                for k in range(columns):
+                    reached[k] += values[j, k] * (knots[j + 1] - knots[j])
+                j += 1
+            before[side] = j
+            for k in range(columns):
+                at = reached[k]
+                if j < last and t > knots[0]:
+                    step = knots[j + 1] - knots[j]
+                    slope = (reached[k] + values[j, k] * step - reached[k]) / step
+                    at = slope * (t - knots[j]) + reached[k]
+                out[i, k] = at if side == 0 else (at - out[i, k]) / window
+    return out
+
+
 def plain_integral(time: Array, values: Array) -> Array:
     """Integrals (N, C) of values (N, C), straight between their `time` (N,), from the first on."""
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]

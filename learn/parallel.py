@@ -14,7 +14,7 @@ import signal
 import tempfile
 import warnings
 import weakref
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -85,7 +85,7 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
     pool = _workers(jobs - 1)
     try:
         with threadpool_limits(1, user_api="blas"):
-            yield from _shared_out(pool, question, work, items, jobs - 1)
+            yield from _shared_out(pool, question, work, items, jobs - 1, _done_here(shared))
     except BaseException as error:
         pool.shutdown(kill_workers=True)
         if isinstance(error, BrokenProcessPool):
@@ -104,23 +104,53 @@ def get_ready(jobs: int, what: str = "wrenchgap.learn.posterior.explain") -> Non
                 pool.submit(importlib.import_module, what)
 
 
-def _shared_out(pool: Any, question: str, work: Callable[[str], T], items: Sequence[str], workers: int) -> Iterator[T]:
-    """Answers in order. Workers have a few items ahead; what nobody has yet is done here, one item at a time."""
-    left = deque(enumerate(items))
+def _shared_out(
+    pool: Any, question: str, work: Callable[[str], T], items: Sequence[str], workers: int, here: set[str]
+) -> Iterator[T]:
+    """Answers in order. Workers have a few items ahead; what nobody has yet is done here, one item at a time, and at
+    last what waits behind another item of a worker. `here` are items that were done here before: what was remembered
+    of them is here too, so they are done here again, and others by workers, as far as both have enough to do.
+    """  # noqa: D205
+    left, before = list(range(len(items))), frozenset(here)
     done: dict[int, T] = {}
     asked: dict[int, Future[T]] = {}
-    for k in range(len(items)):
-        while k not in done:
-            while left and sum(not future.done() for future in asked.values()) < AHEAD * workers:
-                j, item = left.popleft()
-                with ctrl_c_stays_here():
-                    asked[j] = pool.submit(_answer, question, item)
-            if k in asked and (asked[k].done() or not left):
-                done[k] = asked.pop(k).result()
-            else:
-                j, item = left.popleft()
-                done[j] = work(item)
-        yield done.pop(k)
+    taken: list[str] = []
+    try:
+        for k in range(len(items)):
+            while k not in done:
+                waiting = [j for j, future in asked.items() if not future.done()]
+                while left and len(waiting) < AHEAD * workers:
+                    j = _next(left, items, before, mine=False)
+                    here.discard(items[j])
+                    with ctrl_c_stays_here():
+                        asked[j] = pool.submit(_answer, question, items[j], _place(question, j))
+                    waiting.append(j)
+                if k in asked and (asked[k].done() or (not left and len(waiting) <= workers)):
+                    done[k] = asked.pop(k).result()
+                    continue
+                if left:
+                    j = _next(left, items, before, mine=True)
+                else:  # of what workers have, the last ones wait behind others
+                    j = waiting[-1]
+                    del asked[j]
+                    taken.append(_place(question, j))
+                    Path(taken[-1]).touch()
+                done[j] = work(items[j])
+                here.add(items[j])
+            yield done.pop(k)
+    finally:
+        for file in taken:
+            _remove(file)
+
+
+def _next(left: list[int], items: Sequence[str], here: frozenset[str], *, mine: bool) -> int:
+    """The first of `left` that was done here before, or where it is not `mine` elsewhere; else the first; taken out."""
+    return left.pop(next((at for at, j in enumerate(left) if (items[j] in here) == mine), 0))
+
+
+def _place(question: str, item: int) -> str:
+    """The file that says that a worker need not begin with an item any more."""
+    return f"{question}.{item}"
 
 
 def begin(own: Sequence[str]) -> None:
@@ -157,15 +187,19 @@ def portable(error: Exception) -> Exception:
 
 def _workers(count: int) -> Any:
     """The pool: the one of the last call, unless another number of workers or other effects are wanted."""
-    return loky.get_reusable_executor(
-        count, timeout=IDLE_SECONDS, initializer=begin, initargs=(own_files(),), env=ONE_THREAD
-    )
+    with warnings.catch_warnings():  # of another number of them: items that nobody waits for may still be queued
+        warnings.filterwarnings("ignore", "Trying to resize", UserWarning)
+        return loky.get_reusable_executor(
+            count, timeout=IDLE_SECONDS, initializer=begin, initargs=(own_files(),), env=ONE_THREAD
+        )
 
 
 # --- what workers are given, as files that they read once ------------------------------------------------------------
 
 _files: dict[int, str] = {}
 """Shared objects that are written, by identity."""
+_here: dict[int, set[str]] = {}
+"""Items that were done by this process the last time that an object was shared, by its identity."""
 _held: OrderedDict[str, Any] = OrderedDict()
 """In a worker: what was read, by file, the last used last."""
 
@@ -186,7 +220,9 @@ class _Unpickler(cloudpickle.pickle.Unpickler):  # type: ignore[misc]
         return _read(file)
 
 
-def _answer(question: str, item: str) -> Any:
+def _answer(question: str, item: str, taken: str) -> Any:
+    if Path(taken).exists() or not Path(question).exists():
+        return None  # nobody waits for it any more
     try:
         return _read(question)(item)
     except Exception as error:
@@ -214,7 +250,13 @@ def _file_of(item: object) -> str:
     return _files[id(item)]
 
 
+def _done_here(shared: Sequence[object]) -> set[str]:
+    """The items of the last call in which the first of these was shared that were done by this process."""
+    return _here.setdefault(id(shared[0]), set()) if shared else set()
+
+
 def _forget(key: int) -> None:
+    _here.pop(key, None)
     _remove(_files.pop(key))
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.colours import Colour
@@ -20,6 +19,8 @@ TEXT: Colour = (60, 66, 74)
 
 def png(render: NDArray[Any], rows: Sequence[tuple[str, Colour]], words: Sequence[str]) -> bytes:
     """A rendered scene (H, W, 3 or 4) as PNG on white, with a legend in its upper left corner and `words` below it."""
+    from PIL import Image, ImageDraw, ImageFont  # here: the page need not wait for it
+
     scene = Image.fromarray(np.asarray(render, dtype=np.uint8)).convert("RGBA")
     picture = Image.new("RGBA", scene.size, (255, 255, 255, 255))
     picture.alpha_composite(scene)

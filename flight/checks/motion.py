@@ -65,7 +65,7 @@ def seen(flight: Flight) -> Seen | None:
     time, quat = odometry.time, so3.continuous(odometry.quat_EB)
     m = max(1, round(INTERVAL / odometry.period))
     first = np.arange(0, len(time) - 2 * m)
-    thinned = 1 if len(first) < 5 * MOST else len(first) // MOST
+    thinned = max(1, len(first) // MOST)
     first = first[::thinned]
     middle, last = first + m, first + 2 * m
     usable = time[last] - time[first] < 1.8 * 2 * m * odometry.period

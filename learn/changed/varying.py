@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.changed.laws import Law
@@ -105,6 +104,8 @@ def blowing(data: Dataset) -> Array:
     quat = np.concatenate([r.state_kept.quat_EB for r in data.records])
     if not np.all(np.isfinite(quat)):  # no attitude, no wind that could be told
         return np.zeros((len(quat), 6, 2))
+    from scipy.spatial.transform import Rotation  # here: others need not wait for it
+
     turned = Rotation.from_quat(quat, scalar_first=True).inv().as_matrix()
     out = np.zeros((len(quat), 6, 2))
     out[:, :3] = turned[:, :, :2]

@@ -13,15 +13,15 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt_zi, sosfreqz
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
+from wrenchgap.flight.second_order import low_pass_section, response
 from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
@@ -83,19 +83,13 @@ class Record:
         return self.dt * (self.keep.step or 1)
 
 
-@lru_cache(maxsize=16)
-def _section(dt: float, cutoff_hz: float) -> tuple[Array, Array]:
-    sos = np.asarray(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"))
-    return sos[0], np.asarray(sosfilt_zi(sos))[0]
-
-
 def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
     """Second-order Butterworth, forward and backward: no phase, -6 dB at the cut-off. Along axis 0. Raises FitError for
     no samples, which compiled code would not see.
     """  # noqa: D205
     if len(signal) == 0:
         raise FitError(f"nothing to filter at {cutoff_hz:g} Hz: no samples; see `wrenchgap inspect`")
-    section, start = _section(dt, cutoff_hz)
+    section, start = low_pass_section(dt, cutoff_hz)
     padding = min(len(signal) - 1, int(3.0 / (cutoff_hz * dt)))
     flat = np.asarray(signal, dtype=float).reshape(len(signal), -1)
     if len(flat) > PIECE:  # hours: one column after the other, for memory
@@ -278,6 +272,13 @@ def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed:
     The wrench is what they nominally make, about the centre of mass. Angles of fixed arms may be left out. Raises
     FitError where the columns are not those of the vehicle; `name` is the flight's, for the message.
     """
+    full, speed = _of_vehicle(name, vehicle, tilt, rotor_speed)
+    logged = Commands(np.zeros((len(speed), 6)), full, speed)
+    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+
+
+def _of_vehicle(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Array) -> tuple[Array, Array]:
+    """Tilt angles (N, A) of all arms, and speeds (N, R) without signs; arguments and errors as of `from_actuators`."""
     arms, rotors = vehicle.geometry()
     if rotor_speed.shape[1] != len(rotors):
         raise FitError(
@@ -294,9 +295,7 @@ def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed:
                 "map the columns with --topic tilt=/topic[...] or use another model"
             )
         full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
-    speed = np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
-    logged = Commands(np.zeros((len(speed), 6)), full, speed)
-    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+    return full, np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
 
 
 def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
@@ -306,8 +305,9 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
     """
     wrench, speed = samples.wrench_cmd_B, samples.rotor_speed_cmd
     if vehicle.has_rotors and speed is not None and speed.shape[1]:
-        logged = from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed)
-        return (logged if wrench is None else replace(logged, wrench_B=wrench)), "logged"
+        if wrench is None:
+            return from_actuators(samples.flight, vehicle, samples.tilt_cmd, speed), "logged"
+        return Commands(wrench, *_of_vehicle(samples.flight, vehicle, samples.tilt_cmd, speed)), "logged"
     if wrench is None:
         raise FitError(
             f"{samples.flight}: neither a commanded wrench nor actuator commands that fit {vehicle.name}; "
@@ -338,8 +338,8 @@ def _noise(samples: Samples, vehicle: Vehicle, cutoff_hz: float, imu: ImuSeries 
     for what the gyroscope adds to the force over the lever arm from the IMU to the centre of mass.
     """
     f, density = white_noise(samples, imu, cutoff_hz)
-    _, response = sosfreqz(_section(samples.dt, cutoff_hz)[0][None], worN=f, fs=1.0 / samples.dt)
-    left = np.abs(response)[:, None] ** 4 * density  # power, filtered twice
+    passed = np.abs(response(low_pass_section(samples.dt, cutoff_hz)[0], f, 1.0 / samples.dt))
+    left = passed[:, None] ** 4 * density  # power, filtered twice
     turn = 2.0 * np.pi * samples.dt * f
     slope = (8.0 * np.sin(turn) - np.sin(2.0 * turn)) / (6.0 * samples.dt)  # the gain of `derivative`
     rate_dot = np.trapezoid(left[:, :3] * slope[:, None] ** 2, f, axis=0)

@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_lsq_spline
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import LogError
@@ -134,6 +133,8 @@ def _gyro_bias(time: Array, turned: Array, stamps: Array, quat: Array, window: f
 
 def _spline(time: Array, stamps: Array, values: Array) -> tuple[Array, Array, Array]:
     """Least-squares cubic spline through `values` (K, 3) at `stamps` (K,): value, slope, curvature (N, 3) at `time`."""
+    from scipy.interpolate import make_lsq_spline  # here: others need not wait for it
+
     span = stamps[-1] - stamps[0]
     spacing = max(KNOT_SPACING, 6.0 * float(np.max(np.diff(stamps))))
     inner = np.linspace(stamps[0], stamps[-1], max(round(span / spacing), 1) + 1)

@@ -19,17 +19,23 @@ segments are worth; Papoulis and Pillai, Probability, Random Variables and Stoch
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from scipy.signal import get_window, sosfreqz, welch
+from numpy.fft import rfft, rfftfreq
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import gammaincinv
 
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.flight.resample import anti_alias
+from wrenchgap.flight.second_order import hann
 
 SEGMENT = 4.0
 """Length of the segments of a periodogram [s]: lines of vibration stay narrow."""
 FEWEST = 32
 """Readings below which nothing is known of their clock."""
+AT_ONCE = 32
+"""Segments that are transformed together: some 200 kB of them, which stay in the second cache."""
 FREQUENCIES = 2001
 SMALLEST = 1e-6
 """Share of a density that counts as none: half way between readings, half the clock's rate is not seen."""
@@ -57,8 +63,8 @@ def white_noise(samples: Samples, imu: ImuSeries | None, cutoff_hz: float) -> tu
             seen[:, own] = left_by_resampling(samples.time, stamps, f, _looked_at(len(samples), samples.dt))[:, None]
     upper = 0.4 * rate
     band = (min(2.5 * cutoff_hz, 0.5 * upper), upper)
-    values = (*samples.omega_B.T, *samples.specific_force_B.T)
-    return f, left * np.array([_density(v, samples.dt, band, f, s) for v, s in zip(values, seen.T, strict=True)])
+    frequency, power = periodogram((*samples.omega_B.T, *samples.specific_force_B.T), samples.dt)
+    return f, left * _density(frequency, power, len(samples), samples.dt, band, f, seen)
 
 
 def _segments(count: int, dt: float) -> tuple[int, int]:
@@ -70,21 +76,50 @@ def _segments(count: int, dt: float) -> tuple[int, int]:
 def _looked_at(count: int, dt: float) -> Array:
     """How much each instant (N,) counts in the periodogram: slowly drifting clocks are not alike in all segments."""
     length, segments = _segments(count, dt)
+    window = hann(length) ** 2
     out = np.zeros(count)
     for k in range(segments):
         start = k * (length - length // 2)
-        out[start : start + length] += get_window("hann", length) ** 2
+        out[start : start + length] += window
     return out
 
 
-def _density(values: Array, dt: float, band: tuple[float, float], f: Array, seen: Array) -> float:
-    """Density of white readings of which the share `seen` (F,) at `f` (F,) is found in values (N,)."""
-    length, segments = _segments(len(values), dt)
-    frequency, power = welch(values, 1.0 / dt, nperseg=length)
+def plain_periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
+    """Frequencies (K,) [Hz] and one-sided densities (K, C) there of columns (N,): Welch's mean over Hann segments."""
+    from scipy.signal import welch  # here: others need not wait for it
+
+    length, _ = _segments(len(columns[0]), dt)
+    found = [welch(column, 1.0 / dt, nperseg=length) for column in columns]
+    return found[0][0], np.stack([power for _, power in found], axis=1)
+
+
+def periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
+    """As `plain_periodogram`, up to rounding: scipy takes one segment of one column at a time."""
+    length, segments = _segments(len(columns[0]), dt)
+    window = hann(length)
+    power = np.zeros((length // 2 + 1, len(columns)))
+    for k, column in enumerate(columns):
+        rows = sliding_window_view(column, length)[:: length - length // 2]
+        for start in range(0, segments, AT_ONCE):
+            part = rows[start : start + AT_ONCE]
+            turned = rfft((part - part.mean(axis=1, keepdims=True)) * window, axis=1)
+            power[:, k] += np.sum(turned.real**2 + turned.imag**2, axis=0)
+    power *= dt / (segments * float(window @ window))
+    power[1 : (length + 1) // 2] *= 2.0  # but for zero and Nyquist's frequency, which are their own mirrors
+    return np.asarray(rfftfreq(length, dt), dtype=np.float64), power
+
+
+def _density(
+    frequency: Array, power: Array, count: int, dt: float, band: tuple[float, float], f: Array, seen: Array
+) -> Array:
+    """Densities (C,) of white readings of which the share `seen` (F, C) at `f` (F,) is found in a `power` (K, C) at
+    `frequency` (K,), the mean over the segments of `count` samples.
+    """  # noqa: D205
+    _, segments = _segments(count, dt)
     inside = (frequency > band[0]) & (frequency < band[1])
-    share = np.interp(frequency[inside], f, seen)
+    share = np.stack([np.interp(frequency[inside], f, column) for column in seen.T], axis=1)
     worth = segments / (1.0 + (segments - 1) / segments / 18.0)  # neighbours share 1/36 of their power
-    return float(np.median(power[inside] / share) * worth / gammaincinv(worth, 0.5))
+    return np.asarray(np.median(power[inside] / share, axis=0) * worth / gammaincinv(worth, 0.5))
 
 
 def left_by_resampling(time: Array, stamps: Array, frequency: Array, weight: Array | None = None) -> Array:
@@ -118,6 +153,8 @@ def _autocorrelation(stamps: Array, grid: float, lags: int) -> Array:
     sections = anti_alias(stamps, grid)
     if sections is None:
         return np.asarray(np.arange(lags) == 0, dtype=float)
+    from scipy.signal import sosfreqz  # here: others need not wait for it
+
     circle = 1 << max(int(np.ceil(np.log2(8 * lags))), 10)
     _, response = sosfreqz(sections, worN=np.arange(circle // 2 + 1) * 2.0 * np.pi / circle)
     return np.asarray(np.fft.irfft(np.abs(response) ** 4)[:lags])  # forward and backward

@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.applicable import unexcited
@@ -127,6 +126,8 @@ class Screen:
 
 def _bounded(J: Array, target: Array, sizes: Array, bounds: tuple[Array, Array]) -> Array:
     """Argmin |target - J x|^2 + |x / sizes|^2 within bounds."""
+    from scipy.optimize import lsq_linear  # here: others need not wait for it
+
     A = J.reshape(-1, J.shape[-1]) * sizes
     L = np.linalg.cholesky(A.T @ A + np.eye(len(sizes)))
     aim = np.linalg.solve(L, A.T @ target.reshape(-1))

@@ -33,7 +33,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LEVEL
@@ -230,6 +229,8 @@ class _Test:
     """Correlation ratios of all quantities (Q,) at once: of mean, of size, and of the mean of each axis: (Q, 8)."""
 
     def __init__(self, data: Dataset, residual: Array, indices: Sequence[Indices]) -> None:
+        from scipy.sparse import csr_matrix  # here: others need not wait for it
+
         self.known = data.measured_axes
         scaled = weighted(residual, data.weights)
         series = np.column_stack((scaled, np.sum(scaled**2, axis=1)))

@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.signal import lfilter
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.so3 import rotate
@@ -156,6 +155,8 @@ def answer(inputs: Array, dt: float, f: float, zeta: float) -> Array:
 
     The bilinear transform s = c (z - 1) / (z + 1), c = 2 / dt, of w^2 and of w s over s^2 + 2 zeta w s + w^2.
     """
+    from scipy.signal import lfilter  # here: others need not wait for it
+
     w, c = 2 * np.pi * f, 2.0 / dt
     scale = c**2 + 2 * zeta * w * c + w**2
     poles = np.array([1.0, 2 * (w**2 - c**2) / scale, (c**2 - 2 * zeta * w * c + w**2) / scale])

@@ -30,7 +30,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from wrenchgap.flight.flight import AXES, Array, Flight, Series
 from wrenchgap.flight.offsets import Correlated, Intervals, Offset, Problem, Signal, offset, scatter
@@ -174,6 +173,8 @@ def _shape(found: Correlated) -> tuple[Shape | None, float, bool]:
     """Which form phases and gains have (None: neither), the time constant of the lag that fits best [s], and whether
     the gains of one of them fit at every frequency alike.
     """  # noqa: D205
+    from scipy.optimize import minimize_scalar  # here: others need not wait for it
+
     u, omega = found.u, found.heard
     seen = omega * found.seconds  # the phase that alignment has taken out
 

@@ -35,10 +35,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import bisect
-from scipy.signal import butter, sosfreqz
-from scipy.special import ndtri, stdtr, stdtrit
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LEVEL
@@ -148,6 +145,8 @@ def whiteness(data: Dataset, residual: Array, *, groups: Sequence[InputGroup] | 
 
 def noise_autocorrelation(dt: float, cutoff_hz: float, dt_kept: float, differentiated: bool) -> Array:
     """Autocorrelation of white noise behind the filter of `learn.data.measurement`, at multiples of `dt_kept`."""
+    from scipy.signal import butter, sosfreqz  # here: others need not wait for it
+
     frequency, response = sosfreqz(butter(2, cutoff_hz, fs=1.0 / dt, output="sos"), worN=8192, fs=1.0 / dt)
     power = np.abs(response) ** 4 * ((2 * np.pi * frequency) ** 2 if differentiated else 1.0)
     lags = dt_kept * np.arange(round(MEMORY / dt_kept) + 1)
@@ -251,12 +250,14 @@ def _bartlett(rho: Array, count: int) -> Array:
 
 def _exceeds(u: float, lags: int, crossings: float) -> float:
     """Chance that the largest of many correlated standard normal values exceeds u in size; at most."""
-    tail = 2.0 * float(norm.sf(u))
+    tail = 2.0 * float(ndtr(-u))
     return min(1.0, lags * tail, tail + crossings / np.pi * float(np.exp(-0.5 * u * u)))
 
 
 def _level(p: float, lags: int, crossings: float) -> float:
     """The u that is exceeded with chance p."""
+    from scipy.optimize import bisect  # here: others need not wait for it
+
     return float(bisect(lambda u: _exceeds(u, lags, crossings) - p, 0.0, 12.0, xtol=1e-15))
 
 
@@ -269,5 +270,5 @@ def _normal_size(r: float, freedom: float) -> float:
 
 def _correlation_size(u: float, freedom: float) -> float:
     """Inverse of `_normal_size`."""
-    t = -float(stdtrit(freedom, norm.sf(u)))
+    t = -float(stdtrit(freedom, float(ndtr(-u))))
     return float(t / np.sqrt(freedom + t * t))

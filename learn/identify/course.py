@@ -18,7 +18,6 @@ A segment has two flights at least: one flight by itself is an outlier, no step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -26,7 +25,7 @@ from itertools import pairwise
 import numpy as np
 import ruptures
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 
 from wrenchgap.flight.flight import Array
 
@@ -180,6 +179,5 @@ def _step(
 def _test(size: float, error: float, free: int, looks: int) -> tuple[float, float, float]:
     """Student's t of a size, its two-sided probability for so many looks, half the width of its interval."""
     t = size / max(error, 1e-300)
-    quantile: Callable[..., float] = student.ppf
-    p = min(1.0, 2.0 * float(student.sf(abs(t), free)) * looks)
-    return t, p, float(quantile(0.5 * (1.0 + INTERVAL), free)) * error
+    p = min(1.0, 2.0 * float(stdtr(free, -abs(t))) * looks)
+    return t, p, float(stdtrit(free, 0.5 * (1.0 + INTERVAL))) * error

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
@@ -223,6 +222,8 @@ class Problem:
 
     def bounded_step(self, point: Point, H: Array, g: Array) -> Array:
         """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
+        from scipy.optimize import lsq_linear  # here: others need not wait for it
+
         L = np.linalg.cholesky(H + np.eye(point.x.size))
         target = np.linalg.solve(L, g - point.x / self.scale)
         low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale

@@ -38,7 +38,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import bilinear, lfilter
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
@@ -140,6 +139,8 @@ def residuals(records: Sequence[Record], base: Model, late: Array) -> list[tuple
 
 def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float, told: float = 0.0) -> Array:
     """Rms (3,) of what an observer of this bandwidth leaves of disturbances (K, 3), told the lag `told` [s]."""
+    from scipy.signal import bilinear, lfilter  # here: others need not wait for it
+
     squares, count, k = np.zeros(3), 0, 2.0 * np.pi * hz
     top = np.array([k * told, k])
     bottom = np.polyadd(

@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior.bench import NO_CHECK, TRIALS, Setup, Trial
@@ -202,6 +201,8 @@ def _alike(setup: Setup, outcomes: Sequence[_Outcome]) -> Flags:
 
 def _connected(members: Sequence[int], joined: Flags) -> tuple[Group, ...]:
     """Groups of members that any chain of joints (n, n) connects, in the order of their first members."""
+    from scipy.sparse.csgraph import connected_components  # here: others need not wait for it
+
     if not members:
         return ()
     _, labels = connected_components(joined, directed=False)

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpotrf, dpotri
-from scipy.optimize import minimize
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.sparse import Kernel
@@ -93,6 +92,8 @@ def maximise(
     With `inducing` inputs (M, D) it is the bound of the sparse process, and they stay where they are. Its logarithm,
     -inf where that failed, and the kernel.
     """
+    from scipy.optimize import minimize  # here: others need not wait for it
+
     names = ["signal", *["lengthscale"] * x.shape[1], "noise"]
     low, high = np.array([bounds[name] for name in names], dtype=float).T
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
@@ -66,6 +65,8 @@ def _numbers(text: str | None, count: int, what: str) -> Array:
 
 
 def _pose(element: Element | None, what: str) -> Pose:
+    from scipy.spatial.transform import Rotation  # here: others need not wait for it
+
     if element is None or not (element.text or "").strip():
         return HERE
     if element.get("rotation_format") == "quat_xyzw":

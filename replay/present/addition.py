@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.add import Addition
@@ -15,6 +14,9 @@ from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import called, change, entries, unmeasured
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def parts(added: Addition) -> list[Part]:
@@ -105,4 +107,6 @@ def model_table(model: Model) -> Part:
 
 def to_frame(added: Addition) -> pd.DataFrame:
     """One row for each parameter: effect, name, value, std, unit."""
+    import pandas as pd  # here: others need not wait for it
+
     return pd.DataFrame([{"effect": s.effect, **vars(v)} for s in added.fit.snapshot for v in s.values])

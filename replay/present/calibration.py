@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.markup import escape
 
 from wrenchgap.flight.flight import AXES, Array
@@ -14,6 +13,9 @@ from wrenchgap.replay.present.addition import differences, effects_json, limits,
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, row, unit, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, before_after, note_lines, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FATES = {
     Fate.KEPT: "kept",
@@ -137,5 +139,7 @@ def to_json(found: Calibration) -> dict[str, Any]:
 
 def to_frame(found: Calibration) -> pd.DataFrame:
     """One row for each parameter: effect, name, unit, value, std, scatter."""
+    import pandas as pd  # here: others need not wait for it
+
     keys = ("effect", "name", "unit", "value", "std", "scatter")
     return pd.DataFrame([{key: getattr(p, key) for key in keys} for p in found.trimmed], columns=list(keys))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
@@ -20,6 +19,9 @@ from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json, not_t
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WORTH_A_WORD = 1.0
 """Standard deviations from which on the nearest change is named although nothing changed."""
@@ -279,6 +281,8 @@ def _flight(found: Changed, k: int) -> dict[str, Any]:
 
 def to_frame(found: Changed) -> pd.DataFrame:
     """One row for each parameter of each change by itself, the likeliest change first."""
+    import pandas as pd  # here: others need not wait for it
+
     rows = [
         {**_parameter(p), "change": p.change, "log_odds": a.odds, "named": a.effect in found.names}
         for a in found.alone

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
@@ -15,6 +14,9 @@ from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
 from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def parts(result: Comparison, *, signed: bool = False) -> list[Part]:
@@ -114,6 +116,8 @@ def to_json(result: Comparison) -> dict[str, Any]:
 
 def to_frame(result: Comparison) -> pd.DataFrame:
     """One row for each compared sample: flight, time, then `commanded.force_x`, `measured...`, `<model>...`."""
+    import pandas as pd  # here: others need not wait for it
+
     found = []
     for index, record in enumerate(result.records):
         columns: dict[str, object] = {"flight": record.flight, "time": record.time}

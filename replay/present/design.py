@@ -5,10 +5,9 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
@@ -24,6 +23,9 @@ from wrenchgap.replay.present.figures import save
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, separation
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
     (("mass", "payload"), "weigh the vehicle as it flies: scales settle the mass"),
@@ -235,6 +237,8 @@ def _separability(found: Separability, design: Design, *, simulated: bool) -> di
 
 def to_frame(design: Design) -> pd.DataFrame:
     """One row for each direction: truth, imitator, separation before, expected and simulated, cosine."""
+    import pandas as pd  # here: others need not wait for it
+
     rows = [
         {
             **entries(d, "truth", "imitator", "counts"),

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
@@ -44,6 +43,9 @@ from wrenchgap.replay.present.tables import (
     reductions,
     table,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PROMINENT = 0.3
 """Parameters of this share of the largest, in typical sizes, are named in the verdict."""
@@ -327,6 +329,8 @@ def _validation_json(tested: Validation) -> dict[str, Any]:
 
 def to_frame(found: Explanation) -> pd.DataFrame:
     """One row for each candidate of the first step: effect, score, t, evidence, reduction by axis, parameters."""
+    import pandas as pd  # here: others need not wait for it
+
     rows = []
     for c in found.ranking:
         numbers = entries(c, "score", "t=significance", "evidence")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from wrenchgap.learn.identify.observing import MOST_SENSITIVE
 from wrenchgap.replay.compensation.compensators import Judged
@@ -14,6 +12,9 @@ from wrenchgap.replay.export.export import Export
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.numbers import entries, share
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 HEADS = {
     "add": "+ -",
@@ -112,4 +113,6 @@ def _too_fast(made: Export) -> list[str]:
 
 def to_frame(made: Export) -> pd.DataFrame:
     """Operations of a step, one row each for the usual step and the worst."""
+    import pandas as pd  # here: others need not wait for it
+
     return pd.DataFrame([made.cost.usual, made.cost.at_worst], index=["usual", "at worst"])

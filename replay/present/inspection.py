@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from os.path import commonpath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
@@ -19,6 +18,9 @@ from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.numbers import entries, number
 from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SCHEMA_VERSION = 2
 SHORTEST = 8
@@ -115,4 +117,6 @@ def to_json(seen: LogReport) -> dict[str, Any]:
 
 def to_frame(seen: LogReport) -> pd.DataFrame:
     """One row for each topic."""
+    import pandas as pd  # here: others need not wait for it
+
     return pd.DataFrame([{**asdict(t), "plays": ", ".join(t.plays)} for t in seen.inspection.topics])

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
@@ -36,6 +35,9 @@ from wrenchgap.replay.present.verdicts import (
     verdicts,
     verdicts_json,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def parts(learnt: Learnt) -> list[Part]:
@@ -234,6 +236,8 @@ def absorption_json(found: Absorption) -> dict[str, Any]:
 
 def to_frame(learnt: Learnt) -> pd.DataFrame:
     """One row for each predictor, flights (training, unseen) and axis: mean, std, rms and maximum of the error."""
+    import pandas as pd  # here: others need not wait for it
+
     rows = []
     for flights, result in (("training", learnt.training), ("unseen", learnt.validation)):
         for e in result.evaluations if result is not None else ():

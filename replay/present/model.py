@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.markup import escape
 
 from wrenchgap.flight.flight import Array
@@ -17,6 +16,9 @@ from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures.vehicle import hubs
 from wrenchgap.replay.present.numbers import number, quantity
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, plain
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ROTOR_LEGEND = "x forward, y left, z up, from the body origin   turns: seen against the thrust, so from above"
 STEPS = 400
@@ -148,4 +150,6 @@ def to_json(sheet: Sheet) -> dict[str, Any]:
 
 def to_frame(sheet: Sheet) -> pd.DataFrame:
     """One row for each rotor."""
+    import pandas as pd  # here: others need not wait for it
+
     return pd.DataFrame(_rows(sheet.model.vehicle) if sheet.model.vehicle.has_rotors else [])

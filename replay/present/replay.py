@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight import Named, write
@@ -25,6 +24,9 @@ from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def parts(replay: Replay) -> list[Part]:
@@ -139,6 +141,8 @@ def to_frame(replay: Replay) -> pd.DataFrame:
     `desired` is the wrench that went in, `commanded` the one that would have come out, `logged` the command of the
     log, `predicted` and `predicted_new` the model with the GP at `logged` and at `commanded`.
     """
+    import pandas as pd  # here: others need not wait for it
+
     columns: dict[str, Any] = {"time": replay.time}
     for name, values in _wrenches(replay).items():
         columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}

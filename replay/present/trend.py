@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
@@ -20,6 +19,9 @@ from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import called, entries, label, number, quantity, unit, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MANY_STEPS = 3
 """Steps from which on a sentence tells the clearest, and the line through all flights where that is significant."""
@@ -223,6 +225,8 @@ def _parameter_json(p: ParameterTrend, found: Trend) -> dict[str, Any]:
 
 def to_frame(found: Trend) -> pd.DataFrame:
     """One row for each flight and parameter."""
+    import pandas as pd  # here: others need not wait for it
+
     rows = []
     for p in found.parameters:
         segment = np.zeros(len(found.names), dtype=int)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
@@ -19,6 +18,9 @@ from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 QUANTITIES = 3
 """Most quantities whose bins are printed."""
@@ -243,6 +245,8 @@ def relevance_json(relevant: Relevance) -> dict[str, Any]:
 
 def to_frame(where: Where) -> pd.DataFrame:
     """One row for each bin of each quantity: low, high, time, rms and noise by axis, share of the error."""
+    import pandas as pd  # here: others need not wait for it
+
     rows = []
     for d in where.failure_map.dependences:
         b = d.binned

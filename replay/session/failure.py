@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.comparison import worst_stretches
@@ -88,6 +87,8 @@ class _Sizes:
     """Squares of the residual by view (K, V), smoothed for finding the worst instant, and of the noise (V,)."""
 
     def __init__(self, data: Dataset, residual: Array) -> None:
+        from scipy.ndimage import uniform_filter1d  # here: others need not wait for it
+
         self.residual, self.scale = residual, data.weights**2
         self.square = _views(residual**2, data.weights**2)
         self.noise = _views(data.noise[None] ** 2, data.weights**2)[0]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.answering import LAGS, SHIFTS, answers, shifted
+from wrenchgap.learn.data.answering import LAGS, SHIFTS, answers, lagged, plain_lagged, shifted
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -91,3 +91,9 @@ def test_responses_are_seen_behind_lags_and_shifts(plain):
     step = round(SHIFTS[0] / (record.cutoff_hz * record.dt_kept))
     first = every[: len(record), len(moving) * len(LAGS)]
     np.testing.assert_array_equal(first[:step], record.commanded[-step:, moving[0]])
+
+
+@pytest.mark.parametrize("samples", [0.0, 0.4, 25.0])
+def test_the_compiled_lag_is_scipys_filter(samples):
+    signal = 3.0 + np.random.default_rng(4).standard_normal((500, 2))[:, 1]
+    np.testing.assert_array_equal(lagged(signal, samples), plain_lagged(signal, samples))

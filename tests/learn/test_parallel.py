@@ -35,6 +35,38 @@ def test_other_processes_do_a_part_of_the_work_and_stay_for_the_next():
     assert set(each(lambda _: os.getpid(), ["a", "b", "c"], 1)) == {os.getpid()}
 
 
+def test_what_waits_behind_a_long_item_of_a_worker_is_done_here():
+    parent = os.getpid()
+
+    def who(name):
+        if os.getpid() != parent and name == "long":
+            time.sleep(2.0)
+        return os.getpid()
+
+    list(each(who, ["a", "b"], 2))  # a worker is there
+    long, *others = each(who, ["long", "behind it", "left"], 2)
+    assert long != parent
+    assert others == [parent, parent]
+
+
+def test_items_go_where_they_were_done_before():
+    left = [0, 1, 2, 3]
+    chosen = [parallel._next(left, list("abcd"), frozenset("bd"), mine=mine) for mine in (True, False, True, True)]
+    assert chosen == [1, 0, 3, 2]  # the last one for want of another
+    large = Large(values=np.arange(4.0))
+
+    def who(shared):
+        return lambda name: (time.sleep(0.05), os.getpid(), shared.values.size)[1]
+
+    names = [str(k) for k in range(12)]
+    for _ in range(2):
+        found = dict(zip(names, each(who(large), names, 2, shared=[large]), strict=True))
+        assert parallel._here[id(large)] == {name for name, process in found.items() if process == os.getpid()}
+    key = id(large)
+    del large
+    assert key not in parallel._here
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_an_error_in_the_work_is_the_callers(jobs):
     def fail(text):

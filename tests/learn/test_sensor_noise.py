@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from wrenchgap import flight
 from wrenchgap.flight.flight import Flight, ImuSeries, Samples, WrenchSeries
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.data.sensor_noise import left_by_resampling, white_noise
+from wrenchgap.learn.data.sensor_noise import left_by_resampling, periodogram, plain_periodogram, white_noise
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 GYRO, ACCEL = 3e-3, 0.04  # one-sided densities
@@ -156,3 +156,13 @@ def test_what_the_imu_did_not_measure_was_not_interpolated_from_it():
     f, found = white_noise(samples, imu, 8.0)
     np.testing.assert_allclose(found[:, 0], GYRO**2, rtol=0.05)
     np.testing.assert_allclose(found[:, 1] / found[0, 1], np.cos(np.pi * f * 0.005) ** 2, atol=2e-6)
+
+
+@pytest.mark.parametrize("count", [37, 777, 12_345])
+def test_segments_transformed_together_are_those_of_welch(count):
+    columns = np.random.default_rng(3).standard_normal((4, count)) + 2.0
+    columns[3, 5] = np.nan  # a reading that was none spoils its own column alone
+    frequency, power = periodogram(columns, 1 / 197.0)
+    expected_frequency, expected = plain_periodogram(columns, 1 / 197.0)
+    np.testing.assert_allclose(frequency, expected_frequency, rtol=1e-14)
+    np.testing.assert_allclose(power[1:], expected[1:], rtol=1e-11)  # the mean is taken out: nothing at zero

@@ -147,6 +147,17 @@ def test_a_long_flight_is_looked_at_beside_the_page(page, failure, eventually, m
     eventually(lambda: "com_offset" in failure.failure.model)
 
 
+def test_a_page_stands_before_a_long_flight_is_looked_at(page, failure, eventually, monkeypatch):
+    monkeypatch.setattr(failure_panel, "LONG", 5.0)
+    begun, asked = threading.Event(), failure.failures.of
+    monkeypatch.setattr(failure.failures, "of", lambda flight: begun.set() or asked(flight))
+    with page.lock:
+        page.open("test")
+        assert not begun.wait(0.3)  # it would keep the session from the other parts of the page
+    eventually(lambda: "worst at" in failure.map.content)
+    assert begun.is_set()
+
+
 def test_budget_asks_a_process_beside_the_page(page, failure, work, monkeypatch):
     def asked(flight, report):
         report(0.5, f"asking about {flight}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Failures
-from wrenchgap.viewer.background import Job
+from wrenchgap.viewer.background import Job, Report
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.html_links import Links
 from wrenchgap.viewer.job_controls import JobControls
@@ -76,7 +76,12 @@ class FailurePanel(Panel):
         if self.failure is None or self.failure.flight != name:
             self.failure, self.parts.content = None, ""
             self.map.content = markup.render("sentences", lines=[f"looking at {name} ..."], look="wg-pale")
-        self._looking = self.host.background(lambda _: self.failures.of(name), lambda *_: None, self._show)
+
+        def look(report: Report) -> Failure:
+            report(0.0, "")  # waits for the page, whose other parts ask the same session
+            return self.failures.of(name)
+
+        self._looking = self.host.background(look, lambda *_: None, self._show)
 
     def _show(self, failure: Failure) -> None:
         self.failure, self.budget = failure, failure.budget

@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
@@ -190,6 +189,8 @@ def _usual(count: int) -> list[NDArray[np.intp]]:
 
 def _assigned(vehicle: Vehicle, seen: Compared) -> NDArray[np.intp]:
     """Column of the log for each rotor (R,), by what each of both does."""
+    from scipy.optimize import linear_sum_assignment  # here: others need not wait for it
+
     _, known = vehicle.geometry()
     assert seen.speed is not None
     fast, witness = seen.wrench is None, seen.measured if seen.wrench is None else seen.wrench
