@@ -183,7 +183,7 @@ class Stepper:
         """Mismatch (L,) of a command (6,) as the models have it in the last step."""
         gate, kernel, lines, _, room = self._given
         found = np.zeros(len(gate.rows))
-        expected(gate, kernel, lines, room, np.array(wrench, dtype=float), found)
+        expected(gate, kernel, lines, room, np.array(wrench, dtype=float), found, False)
         return found
 
     def _check_voltage(self, states: Array) -> None:
@@ -219,7 +219,7 @@ class _Linear:
 
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         room, count = self._room, len(self.outputs)
-        residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process)
+        residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process, False)
         steepen(self._gate, self._kernel, room, self._process)
         jacobian = np.zeros((1, count, len(AXES)))
         jacobian[0][:, self._gate.rows] = room.A - np.eye(count)
