@@ -160,12 +160,12 @@ class Stepper:
         row: Array = self._row[0]
         return row
 
-    def many(self, wrenches: Array, states: Array, out: Array) -> list[str]:
-        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 23 + 2 L); trouble of each.
+    def many(self, wrenches: Array, states: Array, out: Array) -> dict[int, str]:
+        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 23 + 2 L); trouble by step.
 
         `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `physics_program.STATE` has them.
         """
-        trouble, done = [""] * len(wrenches), 0
+        trouble, done = dict[int, str](), 0
         self._check_voltage(states)
         wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")
         while done < len(wrenches):
@@ -173,10 +173,11 @@ class Stepper:
             if done < len(wrenches):
                 self.trouble = ""
                 self._hand_over(wrenches[done], states[done], out[done], True)
-                trouble[done] = self.trouble
+                if self.trouble:
+                    trouble[done] = self.trouble
                 done += 1
-        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])):
-            trouble[k] = trouble[k] or WITHHELD
+        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])).tolist():
+            trouble.setdefault(k, WITHHELD)
         return trouble
 
     def expected(self, wrench: Array) -> Array:

@@ -109,7 +109,8 @@ class _File:
             if not whole and metadata is not None:
                 self._remark(*metadata)
                 metadata = None
-            self._chunk(before, topics, by_topic(number, index, stamps, places, len(topics)))
+            span = int(stamps[0]), int(stamps[-1])
+            self._chunk(before, topics, by_topic(number, index, stamps, places, len(topics)), span)
             before = b""
         if metadata is not None:
             self._remark(*metadata)
@@ -128,8 +129,10 @@ class _File:
         length = self._put(Metadata(name=name, metadata=dict(values)))
         self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
 
-    def _chunk(self, before: bytes, topics: Sequence[_Topic], grouped: tuple[Ints, Ints, Ints, Ints]) -> None:
-        """One chunk and the indices of its messages, which are grouped as `by_topic` does it."""
+    def _chunk(
+        self, before: bytes, topics: Sequence[_Topic], grouped: tuple[Ints, Ints, Ints, Ints], span: tuple[int, int]
+    ) -> None:
+        """One chunk and the indices of its messages, grouped as `by_topic` does it; `span` has first and last stamp."""
         numbers, starts, entries, rows = grouped
         ours = [(int(k), slice(int(a), int(b))) for k, a, b in zip(numbers, starts[:-1], starts[1:], strict=True)]
         size = max(int(entries[mine.stop - 1, 1]) + len(topics[k].record) for k, mine in ours)
@@ -139,7 +142,6 @@ class _File:
             topics[topic].place(records, entries[mine], rows[mine])
             self._counts[topic + 1] = self._counts.get(topic + 1, 0) + mine.stop - mine.start
         data = self._compressor.compress(records.data)
-        span = int(entries[:, 0].min()), int(entries[:, 0].max())
         start, builder = self._stream.tell(), RecordBuilder()
         said = {"message_start_time": span[0], "message_end_time": span[1], "uncompressed_size": len(records)}
         Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records.data), **said).write(builder)
@@ -226,7 +228,8 @@ class _Topic:
     def place(self, records: Bytes, entries: Ints, index: Ints) -> None:
         """Put records with stamps and places `entries` (M, 2) there; `index` (M,) is where they come in time."""
         rows = index if self.order is None else self.order[index]
-        first, last = int(rows.min()), int(rows.max()) + 1
+        ends = (rows[0], rows[-1]) if self.order is None else (rows.min(), rows.max())
+        first, last = int(ends[0]), int(ends[1]) + 1
         if first < self._start or last > self._start + len(self._piece):
             stop = max(last, min(first + PIECE, len(self.messages.stamps)))
             self._start, self._piece = first, self.messages.varying(first, stop)

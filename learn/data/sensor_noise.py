@@ -57,8 +57,7 @@ def white_noise(samples: Samples, imu: ImuSeries | None, cutoff_hz: float) -> tu
             seen[:, own] = left_by_resampling(samples.time, stamps, f, _looked_at(len(samples), samples.dt))[:, None]
     upper = 0.4 * rate
     band = (min(2.5 * cutoff_hz, 0.5 * upper), upper)
-    values = (*samples.omega_B.T, *samples.specific_force_B.T)
-    return f, left * np.array([_density(v, samples.dt, band, f, s) for v, s in zip(values, seen.T, strict=True)])
+    return f, left * _density(np.vstack((samples.omega_B.T, samples.specific_force_B.T)), samples.dt, band, f, seen)
 
 
 def _segments(count: int, dt: float) -> tuple[int, int]:
@@ -77,14 +76,14 @@ def _looked_at(count: int, dt: float) -> Array:
     return out
 
 
-def _density(values: Array, dt: float, band: tuple[float, float], f: Array, seen: Array) -> float:
-    """Density of white readings of which the share `seen` (F,) at `f` (F,) is found in values (N,)."""
-    length, segments = _segments(len(values), dt)
+def _density(values: Array, dt: float, band: tuple[float, float], f: Array, seen: Array) -> Array:
+    """Density (C,) of white readings of which the shares `seen` (F, C) at `f` (F,) are found in values (C, N)."""
+    length, segments = _segments(values.shape[1], dt)
     frequency, power = welch(values, 1.0 / dt, nperseg=length)
     inside = (frequency > band[0]) & (frequency < band[1])
-    share = np.interp(frequency[inside], f, seen)
+    share = np.array([np.interp(frequency[inside], f, column) for column in seen.T])
     worth = segments / (1.0 + (segments - 1) / segments / 18.0)  # neighbours share 1/36 of their power
-    return float(np.median(power[inside] / share) * worth / gammaincinv(worth, 0.5))
+    return np.asarray(np.median(power[:, inside] / share, axis=1) * worth / gammaincinv(worth, 0.5))
 
 
 def left_by_resampling(time: Array, stamps: Array, frequency: Array, weight: Array | None = None) -> Array:
