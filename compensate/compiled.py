@@ -271,8 +271,7 @@ SMALLEST = -1416.0
 """exp(-708) is the smallest number that keeps all its digits; what is smaller counts as this."""
 
 
-@intrinsic  # type: ignore[misc]
-def bits_of(_: Any, number: Any) -> Any:
+def _bits_of(_: Any, number: Any) -> Any:
     """The 64 bits of a number, as an integer."""
 
     def generated(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -281,14 +280,17 @@ def bits_of(_: Any, number: Any) -> Any:
     return types.int64(types.float64), generated
 
 
-@intrinsic  # type: ignore[misc]
-def number_of(_: Any, bits: Any) -> Any:
+def _number_of(_: Any, bits: Any) -> Any:
     """The number that has these 64 bits."""
 
     def generated(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.bitcast(args[0], context.get_value_type(types.float64))
 
     return types.float64(types.int64), generated
+
+
+bits_of: Any = intrinsic(_bits_of)
+number_of: Any = intrinsic(_number_of)
 
 
 @in_this_order

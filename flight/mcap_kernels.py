@@ -80,8 +80,7 @@ def by_topic(number: Ints, index: Ints, stamps: Ints, places: Ints, topics: int)
     return found[:many], starts[: many + 1], entries, rows
 
 
-@intrinsic  # type: ignore[misc]
-def put(_: Any, target: Any, at: Any, value: Any) -> Any:
+def _put(_: Any, target: Any, at: Any, value: Any) -> Any:
     """Store a 64-bit integer into an array of bytes from `at` on, the lowest byte first."""
 
     def generated(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -91,6 +90,9 @@ def put(_: Any, target: Any, at: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(target, types.int64, types.int64), generated
+
+
+put: Any = intrinsic(_put)
 
 
 @njit(cache=True, nogil=True)

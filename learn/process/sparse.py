@@ -40,7 +40,7 @@ class Kernel:
         square *= -0.5
         np.exp(square, out=square)
         square *= self.signal_variance
-        return square
+        return np.asarray(square)
 
 
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:
