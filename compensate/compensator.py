@@ -243,15 +243,16 @@ class Compensator:
         self._stepped = True
         return self._fast
 
-    def plain_rows(self, wrenches: Array, states: State | None) -> tuple[Array, list[str]]:
-        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and the trouble of each."""
-        rows, trouble = [], []
+    def plain_rows(self, wrenches: Array, states: State | None) -> tuple[Array, dict[int, str]]:
+        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and trouble by step."""
+        rows, trouble = [], dict[int, str]()
         for k, wrench in enumerate(wrenches):
             one = self.step(wrench, None if states is None else states.take(slice(k, k + 1)))
             numbers_of = [one.sigma, one.beta, one.cost, one.iterations, one.accepted]
             expected = [self.expected(wrench), self.expected(one.wrench_cmd)]
             rows.append(np.concatenate([one.wrench_cmd, one.correction, one.optimum, numbers_of, *expected]))
-            trouble.append(one.trouble)
+            if one.trouble:
+                trouble[k] = one.trouble
         return np.array(rows), trouble
 
     @property

@@ -20,7 +20,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
@@ -42,6 +43,8 @@ def kernel_of(**options: Any) -> Callable[[F], F]:
 opening = njit(cache=True, error_model="numpy", nogil=True)
 """For functions that make views which outlive them."""
 compiled = kernel_of()
+within = kernel_of(forceinline=True)
+"""For functions that are handed the whole of a compensation, 3 kB, and do little with it."""
 in_any_order = kernel_of(fastmath={"reassoc", "contract", "nsz"})
 """For sums whose order does not matter beyond rounding: they then take four or eight numbers at once. What is not
 finite stays so."""
@@ -62,6 +65,8 @@ each; then the physics' tilts and memory."""
 COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, EXPECTED = 0, 6, 12, 18, 19, 20, 21, 22, 23
 """Where a row of results has what; the mismatch before (L,) and after (L,) comes last."""
 DONE, HANDED_BACK = 0, 1
+LINE = 8
+"""Numbers of a line of the processor's cache: what begins with one is fetched in fewer pieces."""
 BATCH = 16
 """Steps whose sigma is taken together: C^-1 is fetched once for all of them. Divisible by 4."""
 
@@ -93,8 +98,11 @@ class Kernel(NamedTuple):
     signal_variance: Array
     noise_variance: Array
     sigma_scale: Array
+    extent: Array  # (L, D) largest sizes of the points
     rows: Array  # (L, N) kernel values over the signal variance, at the inputs `at`
+    sums: Array  # (L,) of `rows` with `alpha`
     at: Array  # (D,), nan before any
+    moved: Array  # (1,) not 0 where `rows` came by `move`
     scaled: Array  # (D,) scratch
     powers: Array  # (N,) scratch
     batch: Array  # (BATCH, L, N) rows of consecutive steps
@@ -127,8 +135,11 @@ def as_kernel(e: Expansion) -> Kernel:
         points=np.array(e.points.transpose(0, 2, 1), dtype=float, order="C"),
         whitener=np.array(e.whitener, dtype=float, order="C"),
         triangular=bool(e.triangular),
+        extent=np.abs(e.points).max(axis=1, initial=0.0),
         rows=np.zeros((outputs, count)),
+        sums=np.zeros(outputs),
         at=np.full(dims, np.nan),
+        moved=np.zeros(1),
         scaled=np.zeros(dims),
         powers=np.zeros(count),
         batch=np.zeros((BATCH, outputs, count)),
@@ -149,8 +160,10 @@ def packed(given: tuple[Gate, Kernel, Lines, Lines, Room]) -> tuple[Packed, tupl
         for name in part._fields:
             array = getattr(part, name)
             if name != "code" and isinstance(array, np.ndarray):
-                kinds[array.dtype.kind] += array.size
-    numbers, counts = np.zeros(kinds["f"]), np.zeros(kinds["i"], dtype=np.int64)
+                kinds[array.dtype.kind] += aligned(array.size)
+    room, counts = np.zeros(kinds["f"] + LINE), np.zeros(kinds["i"], dtype=np.int64)
+    start = -(room.ctypes.data // room.itemsize) % LINE
+    numbers = room[start : start + kinds["f"]]
     numbers[: len(HEAD)] = [getattr(gate, name) for name in HEAD]
     counts[: len(sizes)] = sizes
     made = Packed(numbers, counts, lines.code, sent.code)
@@ -258,9 +271,31 @@ SMALLEST = -1416.0
 """exp(-708) is the smallest number that keeps all its digits; what is smaller counts as this."""
 
 
+def _bits_of(_: Any, number: Any) -> Any:
+    """The 64 bits of a number, as an integer."""
+
+    def generated(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], context.get_value_type(types.int64))
+
+    return types.int64(types.float64), generated
+
+
+def _number_of(_: Any, bits: Any) -> Any:
+    """The number that has these 64 bits."""
+
+    def generated(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], context.get_value_type(types.float64))
+
+    return types.float64(types.int64), generated
+
+
+bits_of: Any = intrinsic(_bits_of)
+number_of: Any = intrinsic(_number_of)
+
+
 @in_this_order
-def hills(row: Array, powers: Array) -> None:
-    """exp(-row / 2) in place of `row` (N,), all of it at once, to the last bit but one; `powers` (N,) is scratch.
+def hills(row: Array) -> None:
+    """exp(-row / 2) in place of `row` (N,), all of it at once, to the last bit but one.
 
     exp(x) = 2^k exp(x - k ln 2) with the whole k nearest to x / ln 2, and the series of exp to its 13th power; ln 2 in
     two parts, so that the difference keeps its digits (Cody and Waite, "Software Manual for the Elementary Functions",
@@ -284,22 +319,21 @@ def hills(row: Array, powers: Array) -> None:
         p = p * r + 1.0 / 6.0
         p = p * r + 0.5
         p = p * r + 1.0
-        row[n] = p * r + 1.0
-        powers[n] = shifted
-    exponents = powers.view(np.int64)
-    for n in range(len(row)):
-        exponents[n] = (exponents[n] + 1023) << 52
-    for n in range(len(row)):
-        row[n] *= powers[n]
+        row[n] = (p * r + 1.0) * number_of((bits_of(shifted) + 1023) << 52)
 
 
 @in_any_order
 def _square_distances(points: Array, k: int, q: Array, row: Array) -> None:
-    """Squared distances of q (D,) from the points of output k, in `row` (N,); three inputs at once."""
+    """Squared distances of q (D,) from the points of output k, in `row` (N,): the command's six inputs, then three at
+    once.
+    """  # noqa: D205
     dims, count = points.shape[1], points.shape[2]
+    a, b, c, e, f, g = q[0], q[1], q[2], q[3], q[4], q[5]
     for n in range(count):
-        row[n] = 0.0
-    d = 0
+        x, y, z = points[k, 0, n] - a, points[k, 1, n] - b, points[k, 2, n] - c
+        u, v, w = points[k, 3, n] - e, points[k, 4, n] - f, points[k, 5, n] - g
+        row[n] = x * x + y * y + z * z + u * u + v * v + w * w
+    d = 6
     while d + 3 <= dims:
         a, b, c = q[d], q[d + 1], q[d + 2]
         for n in range(count):
@@ -314,7 +348,7 @@ def _square_distances(points: Array, k: int, q: Array, row: Array) -> None:
         d += 1
 
 
-@in_any_order
+@compiled
 def near(kernel: Kernel, xi: Array) -> None:
     """Kernel values at inputs xi (D,) over their signal variances, in `kernel.rows`; kept while the inputs stay."""
     same = True
@@ -327,45 +361,172 @@ def near(kernel: Kernel, xi: Array) -> None:
         for d in range(len(xi)):
             kernel.scaled[d] = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
         _square_distances(kernel.points, k, kernel.scaled, row)
-        hills(row, kernel.powers)
+        hills(row)
+        kernel.sums[k] = _weighted(row, kernel.alpha[k])
     for d in range(len(xi)):
         kernel.at[d] = xi[d]
+    kernel.moved[0] = 0.0
+
+
+@within
+def anew(kernel: Kernel, xi: Array) -> None:
+    """As `near`, and the same to the last bit whatever was asked before."""
+    if kernel.moved[0] != 0.0:
+        kernel.at[0] = np.nan
+    near(kernel, xi)
+
+
+CLOSE, FAR = 7e-3, 0.25
+"""|u| up to which exp(u) is its series to the 5th and to the 11th power: what is left out is below 1.7e-16."""
+
+
+@within
+def move(kernel: Kernel, xi: Array, rows: NDArray[np.int64]) -> None:
+    """As `near`, from the inputs `kernel.at`, from which xi (D,) differs in the inputs `rows` alone.
+
+    k(x + d) = k(x) exp(u) with u = d . (p - x) - d^2 / 2 for a point p, in lengthscales. Where |u| is small for all
+    points, which is so between the proposals of a search, a short series is exp(u) to rounding.
+    """
+    far, step = 0.0, kernel.scaled
+    for k in range(len(kernel.output_scale)):
+        reach = 0.0
+        for d in rows:
+            moved = (xi[d] - kernel.at[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
+            place = (kernel.at[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
+            reach += abs(moved) * (kernel.extent[k, d] + abs(place) + 0.5 * abs(moved))
+        far = reach if not reach <= far else far
+    if not far <= FAR:
+        near(kernel, xi)
+        return
+    for k in range(len(kernel.output_scale)):
+        start = 0.0
+        for i in range(len(rows)):
+            d = rows[i]
+            step[i] = (xi[d] - kernel.at[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
+            place = (kernel.at[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
+            start -= step[i] * (place + 0.5 * step[i])
+        _products(kernel.points, k, step, rows, start, kernel.powers)
+        kernel.sums[k] = _risen(kernel.rows[k], kernel.powers, kernel.alpha[k], far <= CLOSE)
+    for d in rows:
+        kernel.at[d] = xi[d]
+    kernel.moved[0] = 1.0
 
 
 @in_any_order
+def _products(points: Array, k: int, step: Array, rows: NDArray[np.int64], start: float, found: Array) -> None:
+    """`start` plus the products of a step in the inputs `rows` with the points of output k, in `found` (N,)."""
+    count, i = len(found), 0
+    if len(rows) >= 3:
+        d, e, f = rows[0], rows[1], rows[2]
+        a, b, c = step[0], step[1], step[2]
+        for n in range(count):
+            found[n] = start + (a * points[k, d, n] + b * points[k, e, n] + c * points[k, f, n])
+        i = 3
+    else:
+        for n in range(count):
+            found[n] = start
+    while i < len(rows):
+        d, a = rows[i], step[i]
+        for n in range(count):
+            found[n] += a * points[k, d, n]
+        i += 1
+
+
+@in_any_order
+def _risen(row: Array, u: Array, alpha: Array, close: bool) -> float:
+    """Put row exp(u) in place of `row` (N,), by the series to the 5th power where `close`, else to the 11th.
+
+    Returns its sum with the weights `alpha` (N,).
+    """
+    found = 0.0
+    if close:
+        for n in range(len(row)):
+            x = u[n]
+            p = x * (1.0 / 120.0) + 1.0 / 24.0
+            p = p * x + 1.0 / 6.0
+            p = p * x + 0.5
+            p = p * x + 1.0
+            value = row[n] * (p * x + 1.0)
+            row[n] = value
+            found += value * alpha[n]
+        return found
+    for n in range(len(row)):
+        x = u[n]
+        p = x * (1.0 / 39916800.0) + 1.0 / 3628800.0
+        p = p * x + 1.0 / 362880.0
+        p = p * x + 1.0 / 40320.0
+        p = p * x + 1.0 / 5040.0
+        p = p * x + 1.0 / 720.0
+        p = p * x + 1.0 / 120.0
+        p = p * x + 1.0 / 24.0
+        p = p * x + 1.0 / 6.0
+        p = p * x + 0.5
+        p = p * x + 1.0
+        value = row[n] * (p * x + 1.0)
+        row[n] = value
+        found += value * alpha[n]
+    return found
+
+
+@in_any_order
+def _weighted(row: Array, alpha: Array) -> float:
+    """The sum of a row (N,) with weights (N,)."""
+    found = 0.0
+    for n in range(len(row)):
+        found += row[n] * alpha[n]
+    return found
+
+
+@within
 def mean_of(kernel: Kernel, xi: Array, mean: Array) -> None:
-    """Mean (L,) at inputs xi (D,)."""
-    near(kernel, xi)
+    """Mean (L,) at inputs xi (D,), at which `kernel.rows` are."""
     for k in range(len(kernel.output_scale)):
-        total, sum_ = kernel.mean_coefficients[k, 0], 0.0
+        total = kernel.mean_coefficients[k, 0]
         for d in range(len(xi)):
             total += kernel.mean_coefficients[k, 1 + d] * ((xi[d] - kernel.input_mean[d]) / kernel.input_scale[d])
-        for n in range(kernel.alpha.shape[1]):
-            sum_ += kernel.rows[k, n] * kernel.alpha[k, n]
-        mean[k] = kernel.output_scale[k] * (total + kernel.signal_variance[k] * sum_)
+        mean[k] = kernel.output_scale[k] * (total + kernel.signal_variance[k] * kernel.sums[k])
 
 
 @in_any_order
+def _moments(
+    points: Array, k: int, row: Array, alpha: Array, rows: NDArray[np.int64], slope: Array
+) -> None:  # fmt: skip
+    """Sums of the points of output k with row (N,) times alpha (N,), in `rows`: row k of `slope` (L, len(rows))."""
+    i = 0
+    while i + 3 <= len(rows):
+        d, e, f = rows[i], rows[i + 1], rows[i + 2]
+        a, b, c = 0.0, 0.0, 0.0
+        for n in range(len(row)):
+            weight = row[n] * alpha[n]
+            a += weight * points[k, d, n]
+            b += weight * points[k, e, n]
+            c += weight * points[k, f, n]
+        slope[k, i], slope[k, i + 1], slope[k, i + 2] = a, b, c
+        i += 3
+    while i < len(rows):
+        d, a = rows[i], 0.0
+        for n in range(len(row)):
+            a += row[n] * alpha[n] * points[k, d, n]
+        slope[k, i] = a
+        i += 1
+
+
+@within
 def slope_of(kernel: Kernel, xi: Array, slope: Array, rows: NDArray[np.int64]) -> None:
-    """Derivative of the mean at inputs xi (D,) to the inputs `rows`: slope (L, len(rows))."""
-    near(kernel, xi)
-    weights = kernel.powers
+    """Derivative of the mean at inputs xi (D,), at which `kernel.rows` are, to `rows`: slope (L, len(rows))."""
     for k in range(len(kernel.output_scale)):
-        for n in range(len(weights)):
-            weights[n] = kernel.rows[k, n] * kernel.alpha[k, n]
+        _moments(kernel.points, k, kernel.rows[k], kernel.alpha[k], rows, slope)
         for i in range(len(rows)):
             d = rows[i]
             q = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            part = 0.0
-            for n in range(len(weights)):
-                part += weights[n] * (kernel.points[k, d, n] - q)
-            line = kernel.mean_coefficients[k, 1 + d] + kernel.signal_variance[k] * part / kernel.lengthscales[k, d]
-            slope[k, i] = kernel.output_scale[k] / kernel.input_scale[d] * line
+            part = kernel.signal_variance[k] * (slope[k, i] - q * kernel.sums[k]) / kernel.lengthscales[k, d]
+            slope[k, i] = kernel.output_scale[k] / kernel.input_scale[d] * (kernel.mean_coefficients[k, 1 + d] + part)
 
 
 @compiled
 def expand(kernel: Kernel, xi: Array, mean: Array, slope: Array, rows: NDArray[np.int64], wanted: bool) -> None:
     """Mean (L,) at inputs xi (D,), and where `wanted` its derivative to the inputs `rows`: slope (L, len(rows))."""
+    near(kernel, xi)
     mean_of(kernel, xi, mean)
     if wanted:
         slope_of(kernel, xi, slope, rows)
@@ -557,9 +718,14 @@ class Room(NamedTuple):
     saved: Array
 
 
-@compiled
-def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, free: Array, process: bool) -> float:
-    """|r|^2 at a correction (L,) of `wrench` (6,), with r left in `room`; and dr/dx, see `steepen` for the process."""
+@within
+def residual(
+    gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, free: Array, process: bool, moved: bool
+) -> float:
+    """|r|^2 at a correction (L,) of `wrench` (6,), with r left in `room`; and dr/dx, see `steepen` for the process.
+
+    `moved` says that the last one asked for was another correction of the same wrench.
+    """
     count = len(gate.rows)
     r, A = room.r, room.A
     for i in range(count):
@@ -571,6 +737,10 @@ def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
             room.xi[d] = wrench[d]
         for i in range(count):
             room.xi[gate.rows[i]] += free[i]
+        if moved:
+            move(kernel, room.xi, gate.rows)
+        else:
+            anew(kernel, room.xi)
         mean_of(kernel, room.xi, r)
     if gate.has_physics:
         for i in range(count):
@@ -588,7 +758,7 @@ def residual(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array
     return cost
 
 
-@compiled
+@within
 def steepen(gate: Gate, kernel: Kernel, room: Room, process: bool) -> None:
     """Add the slope of a process to dr/dx at the point of the last `residual`; only the last of all needs none."""
     if process:
@@ -611,7 +781,7 @@ def newton(
     count = len(x)
     for i in range(count):
         x[i] = min(max(start[i], room.low[i]), room.high[i])
-    cost = residual(gate, kernel, lines, room, wrench, x, process)
+    cost = residual(gate, kernel, lines, room, wrench, x, process, False)
     r_at, A_at = room.r_at, room.A_at
     if cost > gate.enough:
         steepen(gate, kernel, room, process)
@@ -640,7 +810,7 @@ def newton(
             moved, size = max(moved, abs(trial[i] - x[i])), max(size, abs(x[i]))
         if moved <= 1e-13 * size:
             break
-        new = residual(gate, kernel, lines, room, wrench, trial, process)
+        new = residual(gate, kernel, lines, room, wrench, trial, process, True)
         used += 1
         if new < cost:
             stalled = cost - new <= 1e-12 * cost
@@ -683,7 +853,7 @@ def solve(
                 for i in range(count):
                     room.best[i] = room.x[i]
         if not cost < gate.accept:
-            nothing = residual(gate, kernel, lines, room, wrench, room.start, process)
+            nothing = residual(gate, kernel, lines, room, wrench, room.start, process, False)
             if not cost < nothing:
                 cost = nothing
                 for i in range(count):
@@ -723,7 +893,7 @@ def further_inputs(gate: Gate, room: Room, memory: Array, state: Array) -> None:
             memory[STAGE] = 2.0
 
 
-@compiled
+@within
 def prepare(gate: Gate, lines: Lines, room: Room, memory: Array, wrench: Array, state: Array) -> None:
     """Set the inputs of this period: of the physics, whose part that no correction changes is worked out, and of the
     process beyond the command.
@@ -786,8 +956,8 @@ def finish(
         spread(kernel, room.xi, room.r)
     gated(gate, room.r, memory, wrench, out)
     if expects:
-        expected(gate, kernel, lines, room, wrench, out[EXPECTED : EXPECTED + count])
-        expected(gate, kernel, lines, room, out[:6], out[EXPECTED + count :])
+        expected(gate, kernel, lines, room, out[:6], out[EXPECTED + count :], True)
+        expected(gate, kernel, lines, room, wrench, out[EXPECTED : EXPECTED + count], True)
     if gate.has_physics:
         remember(gate, sent, room, memory, out)
     memory[STAGE] = max(memory[STAGE], 1.0)
@@ -795,7 +965,7 @@ def finish(
         memory[SENT + i] = out[COMMAND + i]
 
 
-@compiled
+@within
 def gated(gate: Gate, std: Array, memory: Array, wrench: Array, out: Array) -> None:
     """sigma, beta and the correction that the gate lets through (`compensate.uncertainty`).
 
@@ -837,15 +1007,24 @@ def remember(gate: Gate, sent: Lines, room: Room, memory: Array, out: Array) -> 
     memory[FRESH] = 0.0
 
 
-@compiled
-def expected(gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, found: Array) -> None:
-    """Mismatch (L,) of a command (6,) as the models have it in the step at hand; the lines' inputs must be set."""
+@within
+def expected(
+    gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, found: Array, moved: bool
+) -> None:  # fmt: skip
+    """Mismatch (L,) of a command (6,) as the models have it in the step at hand; the lines' inputs must be set.
+
+    `moved` says that the last one asked for was another correction of the same wrench.
+    """
     count = len(gate.rows)
     for i in range(count):
         found[i] = 0.0
     if gate.has_process:
         for i in range(6):
             room.xi[i] = wrench[i]
+        if moved:
+            move(kernel, room.xi, gate.rows)
+        else:
+            anew(kernel, room.xi)
         mean_of(kernel, room.xi, found)
     if gate.has_physics:
         for i in range(6):
@@ -873,19 +1052,25 @@ class Packed(NamedTuple):
 
 
 @opening
+def aligned(size: int) -> int:
+    """The least multiple of `LINE` that is not smaller."""
+    return (size + LINE - 1) // LINE * LINE
+
+
+@opening
 def _flat(numbers: Any, at: int, size: int) -> tuple[Any, int]:
-    return numbers[at : at + size], at + size
+    return numbers[at : at + size], at + aligned(size)
 
 
 @opening
 def _square(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
-    return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
+    return numbers[at : at + rows * columns].reshape((rows, columns)), at + aligned(rows * columns)
 
 
 @opening
 def _cube(numbers: Array, at: int, layers: int, rows: int, columns: int) -> tuple[Array, int]:
     size = layers * rows * columns
-    return numbers[at : at + size].reshape((layers, rows, columns)), at + size
+    return numbers[at : at + size].reshape((layers, rows, columns)), at + aligned(size)
 
 
 @opening
@@ -921,15 +1106,18 @@ def _as_kernel(numbers: Array, counts: NDArray[np.int64], at: int) -> tuple[Kern
     signal, at = _flat(numbers, at, count)
     noise, at = _flat(numbers, at, count)
     sigma_scale, at = _flat(numbers, at, count)
+    extent, at = _square(numbers, at, count, dims)
     rows, at = _square(numbers, at, count, points)
+    sums, at = _flat(numbers, at, count)
     inputs, at = _flat(numbers, at, dims)
+    moved, at = _flat(numbers, at, 1)
     scaled, at = _flat(numbers, at, dims)
     powers, at = _flat(numbers, at, points)
     batch, at = _cube(numbers, at, BATCH, count, points)
     explained, at = _square(numbers, at, BATCH, count)
     kernel = Kernel(
         input_mean, input_scale, output_scale, mean_coefficients, lengthscales, places, alpha, whitener, counts[3],
-        signal, noise, sigma_scale, rows, inputs, scaled, powers, batch, explained,
+        signal, noise, sigma_scale, extent, rows, sums, inputs, moved, scaled, powers, batch, explained,
     )  # fmt: skip
     return kernel, at
 
@@ -980,6 +1168,18 @@ def opened(
     return gate, kernel, lines, after, _as_room(numbers, counts, at)
 
 
+@within
+def resume(kernel: Kernel, xi: Array, n: int) -> None:
+    """Take the kernel values at inputs xi (D,) from place n of the batch."""
+    for k in range(kernel.rows.shape[0]):
+        for m in range(kernel.rows.shape[1]):
+            kernel.rows[k, m] = kernel.batch[n, k, m]
+        kernel.sums[k] = _weighted(kernel.rows[k], kernel.alpha[k])
+    for d in range(len(xi)):
+        kernel.at[d] = xi[d]
+    kernel.moved[0] = 1.0
+
+
 @compiled
 def advance_together(
     gate: Gate, kernel: Kernel, lines: Lines, room: Room, memory: Array, wrenches: Array, states: Array, out: Array,
@@ -995,8 +1195,6 @@ def advance_together(
         done = first
         while done < last:
             prepare(gate, lines, room, memory, wrenches[done], states[done])
-            if expects:
-                expected(gate, kernel, lines, room, wrenches[done], out[done, EXPECTED : EXPECTED + count])
             if search(gate, kernel, lines, room, memory, wrenches[done], out[done]) != DONE:
                 break
             for i in range(6):
@@ -1006,6 +1204,8 @@ def advance_together(
             for k in range(count):
                 for n in range(kernel.rows.shape[1]):
                     kernel.batch[done - first, k, n] = kernel.rows[k, n]
+            if expects:
+                expected(gate, kernel, lines, room, wrenches[done], out[done, EXPECTED : EXPECTED + count], True)
             done += 1
         for k in range(count):
             whiten(kernel, k, (done - first + 3) // 4 * 4)
@@ -1015,7 +1215,10 @@ def advance_together(
             gated(gate, room.r, memory, wrenches[n], out[n])
             if expects:
                 prepare(gate, lines, room, memory, wrenches[n], states[n])
-                expected(gate, kernel, lines, room, out[n, :6], out[n, EXPECTED + count :])
+                for i in range(6):
+                    room.xi[i] = wrenches[n, i] + out[n, FOUND + i]
+                resume(kernel, room.xi, n - first)
+                expected(gate, kernel, lines, room, out[n, :6], out[n, EXPECTED + count :], True)
             memory[STAGE] = max(memory[STAGE], 1.0)
             for i in range(6):
                 memory[SENT + i] = out[n, COMMAND + i]

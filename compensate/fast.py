@@ -160,12 +160,12 @@ class Stepper:
         row: Array = self._row[0]
         return row
 
-    def many(self, wrenches: Array, states: Array, out: Array) -> list[str]:
-        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 23 + 2 L); trouble of each.
+    def many(self, wrenches: Array, states: Array, out: Array) -> dict[int, str]:
+        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 23 + 2 L); trouble by step.
 
         `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `physics_program.STATE` has them.
         """
-        trouble, done = [""] * len(wrenches), 0
+        trouble, done = dict[int, str](), 0
         self._check_voltage(states)
         wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")
         while done < len(wrenches):
@@ -173,17 +173,18 @@ class Stepper:
             if done < len(wrenches):
                 self.trouble = ""
                 self._hand_over(wrenches[done], states[done], out[done], True)
-                trouble[done] = self.trouble
+                if self.trouble:
+                    trouble[done] = self.trouble
                 done += 1
-        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])):
-            trouble[k] = trouble[k] or WITHHELD
+        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])).tolist():
+            trouble.setdefault(k, WITHHELD)
         return trouble
 
     def expected(self, wrench: Array) -> Array:
         """Mismatch (L,) of a command (6,) as the models have it in the last step."""
         gate, kernel, lines, _, room = self._given
         found = np.zeros(len(gate.rows))
-        expected(gate, kernel, lines, room, np.array(wrench, dtype=float), found)
+        expected(gate, kernel, lines, room, np.array(wrench, dtype=float), found, False)
         return found
 
     def _check_voltage(self, states: Array) -> None:
@@ -219,7 +220,7 @@ class _Linear:
 
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         room, count = self._room, len(self.outputs)
-        residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process)
+        residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process, False)
         steepen(self._gate, self._kernel, room, self._process)
         jacobian = np.zeros((1, count, len(AXES)))
         jacobian[0][:, self._gate.rows] = room.A - np.eye(count)

@@ -22,7 +22,8 @@ class Run:
     """K consecutive steps; names and shapes are those of `compensate.Result`, with the steps first.
 
     `before` and `after` (K, L) are the mismatch expected of the desired and of the sent command. `solve_time` (K,) [s]
-    is the mean over the block of `BLOCK` steps in which a step lies, both expectations included.
+    is the mean over the block of `BLOCK` steps in which a step lies, both expectations included. `trouble` says what
+    went wrong, in which step.
     """
 
     wrench_cmd: Array
@@ -36,7 +37,7 @@ class Run:
     before: Array
     after: Array
     solve_time: Array
-    trouble: tuple[str, ...]
+    trouble: dict[int, str]
 
 
 def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
@@ -46,7 +47,7 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
     """
     outputs = len(compensator.model.outputs)
     rows = np.empty((len(wrenches), 23 + 2 * outputs))
-    took, trouble = np.empty(len(wrenches)), list[str]()
+    took, trouble = np.empty(len(wrenches)), dict[int, str]()
     numbers = np.zeros((len(wrenches), len(STATE))) if states is None else rows_of(states)
     compiled = compensator.steps_compiled(states is not None)
     for start in range(0, len(wrenches), BLOCK):
@@ -56,7 +57,7 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
             said = compiled.many(wrenches[part], numbers[part], rows[part])
         else:
             rows[part], said = compensator.plain_rows(wrenches[part], None if states is None else states.take(part))
-        trouble += said
+        trouble |= {start + k: text for k, text in said.items()}
         took[part] = (perf_counter() - began) / (part.stop - start)
     return Run(
         wrench_cmd=rows[:, :6],
@@ -70,5 +71,5 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
         before=rows[:, 23 : 23 + outputs],
         after=rows[:, 23 + outputs :],
         solve_time=took,
-        trouble=tuple(trouble),
+        trouble=trouble,
     )

@@ -1,15 +1,15 @@
 """An MCAP file out of arrays: the bytes that `mcap.writer.Writer` gives for the same messages, a whole chunk at once.
 
 A chunk is filled by compiled code, indexed by array operations, and compressed; all other records are those of the
-`mcap` package. The specification is its `Writer`, message by message (tests/flight/test_mcap_messages.py compares the
-bytes). Format: https://mcap.dev/spec.
+`mcap` package. No more of the messages is held than `PIECE` of each topic. The specification is its `Writer`, message
+by message (tests/flight/test_mcap_messages.py compares the bytes). Format: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import IO, Any
 
@@ -30,27 +30,25 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from numba import njit
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
+from wrenchgap.flight.mcap_kernels import HEAD, Bytes, Ints, by_topic, merged, placed
 
 MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 LEVEL = 1
 """Of zstd. Its default, 3, takes twice the time on numbers that hardly repeat, and its files are not smaller."""
 CHUNK_SIZE = 1024 * 1024
 """A chunk ends with the message that brings it beyond this [bytes]."""
-HEAD = 31
-"""Bytes of a message record before its payload: opcode 1, length 8, channel 2, sequence 4, two times of 8."""
+PIECE = 4096
+"""Messages of a topic whose bytes are made at a time."""
 
 
 @dataclass(frozen=True)
 class Messages:
     """One topic: N messages at `stamps` (N,) [ns] of one `type`, `definition` its text.
 
-    Every payload is `template` (length,), CDR, with bytes of its own in some places: `varying` (N, V), of which
-    `spans` (S, 3) say what goes where: first byte in `varying`, first byte in the payload, number of bytes.
+    Every payload is `template` (length,), CDR, with bytes of its own in some places: `varying(start, stop)`
+    (stop - start, V), of which `spans` (S, 3) say what goes where: first byte in `varying`, first byte in the payload,
+    number of bytes.
     """
 
     topic: str
@@ -58,15 +56,16 @@ class Messages:
     definition: str
     stamps: Ints
     template: Bytes
-    varying: Bytes
+    varying: Callable[[int, int], Bytes]
     spans: Ints
 
     @property
     def payloads(self) -> Bytes:
         """All of them (N, length): what `placed` puts together, in plain numpy."""
         rows = np.repeat(self.template[None], len(self.stamps), axis=0)
+        varying = self.varying(0, len(rows))
         for source, target, size in self.spans.tolist():
-            rows[:, target : target + size] = self.varying[:, source : source + size]
+            rows[:, target : target + size] = varying[:, source : source + size]
         return rows
 
 
@@ -97,30 +96,26 @@ class _File:
     def write(self, every: Sequence[Messages], library: str, metadata: tuple[str, Mapping[str, str]] | None) -> None:
         self._stream.write(MAGIC)
         self._put(Header(profile="ros2", library=library))
-        number, index, stamps = _in_order([m.stamps for m in every])
-        sizes = HEAD + np.array([len(m.template) for m in every], dtype=np.int64)
         records = RecordBuilder()
         for n, channel in enumerate(self._channels):
             if all(channel.schema_id != before.schema_id for before in self._channels[:n]):
                 self._schemas[channel.schema_id - 1].write(records)
             channel.write(records)
-        before, whole, start = _bytes(records), True, 0
-        self._room = np.empty(len(before) + CHUNK_SIZE + int(sizes.max(initial=0)), dtype=np.uint8)
-        ends = np.cumsum(sizes[number]) if len(number) else np.zeros(0, dtype=np.int64)
-        while start < len(number):
-            room = CHUNK_SIZE - len(before) + (int(ends[start - 1]) if start else 0)
-            stop = int(np.searchsorted(ends, room, side="right")) + 1
-            whole, stop = stop <= len(number), min(stop, len(number))
+        before, topics = _bytes(records), [_Topic(k, m) for k, m in enumerate(every, 1)]
+        order = _Order(topics)
+        self._room = np.empty(len(before) + CHUNK_SIZE + int(order.sizes.max(initial=0)), dtype=np.uint8)
+        while order.left:
+            whole, number, index, stamps, places = order.next(len(before))
             if not whole and metadata is not None:
                 self._remark(*metadata)
                 metadata = None
-            part = slice(start, stop)
-            self._chunk(before, every, number[part], index[part], stamps[part], sizes)
-            before, start = b"", stop
+            span = int(stamps[0]), int(stamps[-1])
+            self._chunk(before, topics, by_topic(number, index, stamps, places, len(topics)), span)
+            before = b""
         if metadata is not None:
             self._remark(*metadata)
         self._put(DataEnd(data_section_crc=0))
-        self._summary(stamps)
+        self._summary(every)
 
     def _put(self, record: Header | Metadata | DataEnd) -> int:
         """Write one record; its length."""
@@ -135,21 +130,18 @@ class _File:
         self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
 
     def _chunk(
-        self, before: bytes, every: Sequence[Messages], number: Ints, index: Ints, stamps: Ints, sizes: Ints
+        self, before: bytes, topics: Sequence[_Topic], grouped: tuple[Ints, Ints, Ints, Ints], span: tuple[int, int]
     ) -> None:
-        """One chunk and the indices of its messages."""
-        lengths = sizes[number]
-        places = len(before) + np.cumsum(lengths) - lengths
-        records = self._room[: int(places[-1] + lengths[-1])]
+        """One chunk and the indices of its messages, grouped as `by_topic` does it; `span` has first and last stamp."""
+        numbers, starts, entries, rows = grouped
+        ours = [(int(k), slice(int(a), int(b))) for k, a, b in zip(numbers, starts[:-1], starts[1:], strict=True)]
+        size = max(int(entries[mine.stop - 1, 1]) + len(topics[k].record) for k, mine in ours)
+        records = self._room[:size]
         records[: len(before)] = np.frombuffer(before, dtype=np.uint8)
-        topics, starts, entries, rows = by_topic(number, index, stamps, places, len(every))
-        ours = [(int(k), slice(int(a), int(b))) for k, a, b in zip(topics, starts[:-1], starts[1:], strict=True)]
         for topic, mine in ours:
-            m = every[topic]
-            placed(records, entries[mine], rows[mine], topic + 1, m.template, m.varying, m.spans)
+            topics[topic].place(records, entries[mine], rows[mine])
             self._counts[topic + 1] = self._counts.get(topic + 1, 0) + mine.stop - mine.start
         data = self._compressor.compress(records.data)
-        span = int(stamps.min()), int(stamps.max())
         start, builder = self._stream.tell(), RecordBuilder()
         said = {"message_start_time": span[0], "message_end_time": span[1], "uncompressed_size": len(records)}
         Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records.data), **said).write(builder)
@@ -173,16 +165,17 @@ class _File:
             )
         )
 
-    def _summary(self, stamps: Ints) -> None:
+    def _summary(self, every: Sequence[Messages]) -> None:
         """Everything that a reader needs to find its way, and where it lies."""
         start, builder, offsets = self._stream.tell(), RecordBuilder(), []
-        first, last = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
+        seen = [m.stamps for m in every if len(m.stamps)]
+        first, last = min((int(s.min()) for s in seen), default=0), max((int(s.max()) for s in seen), default=0)
         about = Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
             chunk_count=len(self._indices),
-            message_count=len(stamps),
+            message_count=sum(map(len, seen)),
             message_end_time=last,
             message_start_time=first,
             metadata_count=len(self._metadata),
@@ -217,75 +210,54 @@ def _bytes(builder: RecordBuilder) -> bytes:
     return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
-def _in_order(stamps: Sequence[Ints]) -> tuple[Ints, Ints, Ints]:
-    """Topic number, index and stamp of all messages, by time, then by topic."""
-    if not stamps:
-        return (np.zeros(0, dtype=np.int64),) * 3
-    every = np.concatenate(stamps)
-    starts = np.cumsum([0, *map(len, stamps)])
-    order = np.argsort(every, kind="stable")  # topics come one after the other: equal stamps stay in their order
-    number = np.repeat(np.arange(len(stamps), dtype=np.int32), np.diff(starts))
-    return taken(order, number, starts, every)
+class _Topic:
+    """The records of a topic: all that they share, and what varies, a piece at a time."""
+
+    def __init__(self, channel: int, messages: Messages) -> None:
+        self.messages, stamps = messages, messages.stamps
+        self.order = None if np.all(stamps[1:] >= stamps[:-1]) else np.argsort(stamps, kind="stable")
+        head = struct.pack("<BQHIQQ", Opcode.MESSAGE, HEAD - 9 + len(messages.template), channel, 0, 0, 0)
+        self.record = np.concatenate((np.frombuffer(head, dtype=np.uint8), messages.template))
+        self._start, self._piece = 0, np.zeros((0, 0), dtype=np.uint8)
+
+    @property
+    def stamps(self) -> Ints:
+        """Stamps (N,) [ns], rising."""
+        return self.messages.stamps if self.order is None else self.messages.stamps[self.order]
+
+    def place(self, records: Bytes, entries: Ints, index: Ints) -> None:
+        """Put records with stamps and places `entries` (M, 2) there; `index` (M,) is where they come in time."""
+        rows = index if self.order is None else self.order[index]
+        ends = (rows[0], rows[-1]) if self.order is None else (rows.min(), rows.max())
+        first, last = int(ends[0]), int(ends[1]) + 1
+        if first < self._start or last > self._start + len(self._piece):
+            stop = max(last, min(first + PIECE, len(self.messages.stamps)))
+            self._start, self._piece = first, self.messages.varying(first, stop)
+        placed(records, entries, rows, self.record, self._piece, self._start, self.messages.spans)
 
 
-@njit(cache=True, nogil=True)
-def taken(order: Ints, number: NDArray[np.int32], starts: Ints, stamps: Ints) -> tuple[Ints, Ints, Ints]:
-    """Topic number, index in its topic and stamp of messages in this order; `starts` (T + 1,) of the topics."""
-    found, index, times = np.empty_like(order), np.empty_like(order), np.empty_like(order)
-    for k in range(len(order)):
-        n = order[k]
-        found[k], index[k], times[k] = number[n], n - starts[number[n]], stamps[n]
-    return found, index, times
+class _Order:
+    """Messages of all topics by time, then by topic, a chunk at a time."""
 
+    def __init__(self, topics: Sequence[_Topic]) -> None:
+        every = [topic.stamps for topic in topics]
+        apart = list({id(stamps): stamps for stamps in every}.values())
+        places = dict(zip(map(id, apart), np.cumsum([0, *map(len, apart)]).tolist(), strict=False))
+        self._stamps = np.concatenate(apart) if apart else np.zeros(0, dtype=np.int64)
+        self._starts = np.array([places[id(stamps)] for stamps in every], dtype=np.int64)
+        self._counts = np.array([len(stamps) for stamps in every], dtype=np.int64)
+        self.sizes = np.array([len(topic.record) for topic in topics], dtype=np.int64)
+        self.left = int(self._counts.sum())
+        self._done, self._now = np.zeros(len(topics), dtype=np.int64), np.array([0, len(topics)], dtype=np.int64)
+        self._room = np.empty((4, CHUNK_SIZE // HEAD + 2), dtype=np.int64)
 
-@njit(cache=True, nogil=True)
-def by_topic(number: Ints, index: Ints, stamps: Ints, places: Ints, topics: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Messages grouped by topic: the topics as they appear (T,), where each begins (T + 1,), and in these groups stamps
-    and places (N, 2), and indices (N,). `number` (N,) has the topic of each.
-    """  # noqa: D205
-    count = np.zeros(topics, dtype=np.int64)
-    found, starts = np.empty(topics, dtype=np.int64), np.zeros(topics + 1, dtype=np.int64)
-    many = 0
-    for n in range(len(number)):
-        if count[number[n]] == 0:
-            found[many] = number[n]
-            many += 1
-        count[number[n]] += 1
-    at = np.zeros(topics, dtype=np.int64)
-    for k in range(many):
-        at[found[k]] = starts[k]
-        starts[k + 1] = starts[k] + count[found[k]]
-    entries, rows = np.empty((len(number), 2), dtype=np.int64), np.empty(len(number), dtype=np.int64)
-    for n in range(len(number)):
-        here = at[number[n]]
-        at[number[n]] += 1
-        entries[here, 0], entries[here, 1], rows[here] = stamps[n], places[n], index[n]
-    return found[:many], starts[: many + 1], entries, rows
-
-
-@njit(cache=True, nogil=True)
-def placed(
-    records: Bytes, entries: Ints, index: Ints, channel: int, template: Bytes, varying: Bytes, spans: Ints
-) -> None:
-    """Message records of one topic into `records`: stamps and places in `entries` (N, 2), rows `index` (N,).
-
-    Plain form: `mcap.records.Message.write`, of `Messages.payloads`.
-    """
-    length = len(template)
-    for n in range(len(index)):
-        stamp, at, row = entries[n, 0], entries[n, 1], index[n]
-        records[at] = 5
-        for k in range(8):
-            records[at + 1 + k] = ((22 + length) >> (8 * k)) & 255
-            records[at + 15 + k] = (stamp >> (8 * k)) & 255
-            records[at + 23 + k] = (stamp >> (8 * k)) & 255
-        for k in range(2):
-            records[at + 9 + k] = (channel >> (8 * k)) & 255
-        for k in range(4):
-            records[at + 11 + k] = (row >> (8 * k)) & 255
-        for k in range(length):
-            records[at + 31 + k] = template[k]
-        for s in range(len(spans)):
-            source, target = spans[s, 0], at + 31 + spans[s, 1]
-            for k in range(spans[s, 2]):
-                records[target + k] = varying[row, source + k]
+    def next(self, before: int) -> tuple[bool, Ints, Ints, Ints, Ints]:
+        """Whether a message fills the next chunk, of which `before` bytes are taken; topic number, index in its topic,
+        stamp and place of its messages.
+        """  # noqa: D205
+        count, whole = merged(
+            self._stamps, self._starts, self._counts, self.sizes, self._done, self._now, before, CHUNK_SIZE, self._room
+        )
+        self.left -= count
+        number, index, stamps, places = self._room[:, :count]
+        return whole, number, index, stamps, places

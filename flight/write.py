@@ -12,7 +12,7 @@ The same flight gives the same bytes. A file appears under its name when it is c
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,8 @@ from wrenchgap.flight.mcap_messages import Messages, write_messages
 
 PROVENANCE = "wrenchgap"
 """Name of the metadata record in which a file says where it comes from."""
+
+SECOND = 1_000_000_000  # ns
 
 Fields = dict[str, Array | float]
 
@@ -105,15 +107,16 @@ def _check_target(path: Path, force: bool) -> None:
 
 def _start(start_ns: int, topics: list[_Topic]) -> int:
     """When the flight starts [ns], moved by whole seconds where a stamp would be before the first that MCAP has."""
-    second = 1_000_000_000
-    first = start_ns + min((round(float(topic.time[0]) * second) for topic in topics if len(topic.time)), default=0)
-    return start_ns if first >= 0 else start_ns + second * -(first // second)
+    first = start_ns + min((round(float(topic.time[0]) * SECOND) for topic in topics if len(topic.time)), default=0)
+    return start_ns if first >= 0 else start_ns + SECOND * -(first // SECOND)
 
 
 def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str, str]) -> None:
     store, every = _typestore(), []
+    shared = {id(topic.time): topic.time for topic in topics}
+    clocks = {k: np.asarray(start_ns + np.round(np.asarray(time) * 1e9).astype(np.int64)) for k, time in shared.items()}
     for topic in topics:
-        stamps = np.asarray(start_ns + np.round(np.asarray(topic.time) * 1e9).astype(np.int64))
+        stamps = clocks[id(topic.time)]
         definition = store.generate_msgdef(topic.type, ros_version=2)[0]
         every.append(Messages(topic.name, topic.type, definition, stamps, *_payloads(topic, stamps, store)))
     write_messages(stream, every, PROVENANCE, (PROVENANCE, metadata) if metadata else None)
@@ -121,7 +124,7 @@ def _write(stream: Any, topics: list[_Topic], start_ns: int, metadata: dict[str,
 
 def _payloads(
     topic: _Topic, stamps: NDArray[np.int64], store: Typestore
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int64]]:
+) -> tuple[NDArray[np.uint8], Callable[[int, int], NDArray[np.uint8]], NDArray[np.int64]]:
     """CDR messages as `Messages` has them: one is serialised; numbers that all share go there, the others beside it."""
     lengths = {name: v.shape[1] for name, v in topic.fields.items() if isinstance(v, np.ndarray) and v.ndim == 2}
     blank = _blank(topic.type, store, topic.texts, lengths)
@@ -129,18 +132,27 @@ def _payloads(
     layout = layout_of(template.tobytes(), topic.type, store.fielddefs)
     fields: dict[str, Any] = dict(topic.fields)
     if "header.stamp.sec" in layout:
-        fields["header.stamp.sec"], fields["header.stamp.nanosec"] = np.divmod(stamps, 1_000_000_000)
+        fields |= {"header.stamp.sec": stamps, "header.stamp.nanosec": stamps}
     series = sorted((layout[name][0], name) for name, values in fields.items() if np.ndim(values) > 0)
     for name in fields.keys() - {name for _, name in series}:
         offset, dtype, count = layout[name]
         template[offset : offset + dtype.itemsize * count] = np.full(count, fields[name], dtype=dtype).view(np.uint8)
     kinds = [(name, dtype, (count,)) for _, name in series for _, dtype, count in [layout[name]]]
-    varying = np.empty(len(stamps), dtype=kinds)
-    for _, name in series:
-        varying[name] = fields[name] if np.ndim(fields[name]) > 1 else fields[name][:, None]
+
+    def varying(start: int, stop: int) -> NDArray[np.uint8]:
+        """What varies in messages start to stop, as bytes."""
+        out = np.empty(stop - start, dtype=kinds)
+        for _, name in series:
+            part = fields[name][start:stop]
+            if name.startswith("header.stamp."):
+                seconds = part // SECOND
+                part = seconds if name == "header.stamp.sec" else part - SECOND * seconds
+            out[name] = part if np.ndim(part) > 1 else part[:, None]
+        return out.view(np.uint8).reshape(stop - start, out.dtype.itemsize)
+
     sizes = np.array([dtype.itemsize * shape[0] for _, dtype, shape in kinds], dtype=np.int64)
     spans = np.stack((np.cumsum(sizes) - sizes, [offset for offset, _ in series], sizes), axis=1)
-    return template, varying.view(np.uint8).reshape(len(stamps), varying.dtype.itemsize), _joined(spans)
+    return template, varying, _joined(spans)
 
 
 def _joined(spans: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -20,7 +20,7 @@ from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass, replace
-from functools import wraps
+from functools import cache, wraps
 from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
@@ -28,7 +28,7 @@ import cloudpickle
 from joblib.externals import loky
 from joblib.externals.loky import process_executor
 from joblib.externals.loky.backend import resource_tracker
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
 from wrenchgap.plant import own_effects
@@ -70,6 +70,19 @@ def one_thread(work: Callable[P, T]) -> Callable[P, T]:
             return work(*args, **options)
 
     return limited
+
+
+@cache
+def _pools() -> ThreadpoolController:
+    """Looking for all libraries of a process takes 4 ms."""
+    return ThreadpoolController()
+
+
+@contextmanager
+def few_threads() -> Iterator[None]:
+    """One thread of each library that is loaded: small matrices are not worth more."""
+    with _pools().limit(limits=1):
+        yield
 
 
 def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: Sequence[object] = ()) -> Iterator[T]:

@@ -198,9 +198,12 @@ def integrate_error(gains: ControllerGains, error: Array, dt: float, start: Arra
 
     `error` (N, 3) is e_R, `start` (3,) the value at the first sample. Clamped exactly as in `Controller.step`.
     """
-    integral = np.zeros_like(error)
-    q = np.zeros(3) if start is None else np.asarray(start, dtype=float)
-    for k, e in enumerate(error):
-        integral[k] = q
-        q = np.clip(q + dt * e, -gains.integral_limit, gains.integral_limit)
+    limits = np.broadcast_to(np.asarray(gains.integral_limit, dtype=float), 3).tolist()
+    integral = np.empty_like(error)
+    for axis, (q, limit) in enumerate(zip([0.0] * 3 if start is None else list(start), limits, strict=True)):
+        held = []
+        for step in (dt * error[:, axis]).tolist():
+            held.append(q)
+            q = min(max(q + step, -limit), limit)
+        integral[:, axis] = held
     return integral

@@ -275,7 +275,7 @@ def _memcpy(context: Any, target: Any, place: Any, source: Any, first: Any, size
     return types.void(target, types.int64, source, types.int64, types.int64), made
 
 
-_copy: Any = intrinsic(_memcpy)
+copy_bytes: Any = intrinsic(_memcpy)
 
 
 @njit(cache=True)
@@ -306,6 +306,6 @@ def copied(
         fits[i] = good
         if good:
             for r in range(len(ranges)):
-                _copy(rows, (used + count) * width + ranges[r, 1], data, start + ranges[r, 0], ranges[r, 2])
+                copy_bytes(rows, (used + count) * width + ranges[r, 1], data, start + ranges[r, 0], ranges[r, 2])
             count += 1
     return count

@@ -34,12 +34,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
+from wrenchgap.learn.parallel import few_threads
 from wrenchgap.plant.model import Model
 
 __all__ = ["Fit", "fit", "held_out", "with_fit"]
@@ -73,7 +73,7 @@ def fit(
         reason = inapplicable(name, model, data.records)
         if reason is not None:
             raise FitError(str(reason))
-    with threadpool_limits(1, user_api="blas"):  # small matrices: threads cost more than they bring
+    with few_threads():
         problem = Problem(data, model, tuple(names), base, tick)
         if starts is None:
             return _fit(problem, problem.start(start or base, near), None, iterations)

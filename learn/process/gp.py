@@ -49,8 +49,8 @@ Search = Literal["closed-form", "gpy"]
 JITTER = 1e-8
 """Added to the noise variance of the standardised output wherever K is factored, as GPy does."""
 
-BLOCK = 2048
-"""Queries evaluated at once: bounds the memory of a long log to some tens of megabytes."""
+BLOCK = 512
+"""Queries evaluated at once: kernel values of three outputs at 200 points stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -360,7 +360,10 @@ class GaussianProcess:
         distance += self._factors.squares
         distance += (q * q).sum(axis=2, keepdims=True)
         np.maximum(distance, 0.0, out=distance)
-        return x, q, self.signal_variance[:, None, None] * np.exp(-0.5 * distance)
+        distance *= -0.5
+        np.exp(distance, out=distance)
+        distance *= self.signal_variance[:, None, None]
+        return x, q, distance
 
     def _factor(self) -> _Factors:
         points = self.inputs / self.lengthscales[:, None, :]

@@ -124,17 +124,20 @@ def _vector(kernel: Kernel) -> Array:
 def _inverted(K: Array, noise: float = 0.0) -> tuple[float, Array]:
     """Logarithm of the determinant and inverse of K + noise I."""
     factor = _factor(K, noise)
-    inverse, _ = dpotri(factor, lower=1)
-    return 2.0 * float(np.sum(np.log(np.diagonal(factor)))), np.tril(inverse) + np.tril(inverse, -1).T
+    logarithm = 2.0 * float(np.sum(np.log(np.diagonal(factor))))
+    lower, _ = dpotri(factor, lower=1, overwrite_c=1)  # above the diagonal zeros, as in the factor
+    inverse = np.add(lower, lower.T, order="C")
+    inverse[np.diag_indices(len(inverse))] *= 0.5
+    return logarithm, inverse
 
 
 def _factor(K: Array, noise: float) -> Array:
     """The Cholesky factor of K + noise I, lower triangular."""
     diagonal, more = np.diag_indices(len(K)), 0.0
     for attempt in range(ATTEMPTS):
-        C = K.copy()
+        C = np.array(K.T, order="F")  # which LAPACK may write to
         C[diagonal] += noise + more
-        factor, failed = dpotrf(C, lower=1, clean=1)
+        factor, failed = dpotrf(C, lower=1, clean=1, overwrite_a=1)
         if not failed:
             return np.asarray(factor)
         more = float(np.mean(np.diagonal(K)) + noise) * 1e-6 * 10.0**attempt

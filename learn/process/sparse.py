@@ -34,8 +34,13 @@ class Kernel:
     def __call__(self, a: Array, b: Array) -> Array:
         """k(a, b) (N, M)."""
         p, q = a / self.lengthscales, b / self.lengthscales
-        square = (p * p).sum(axis=1)[:, None] + (q * q).sum(axis=1) - 2.0 * p @ q.T
-        return np.asarray(self.signal_variance * np.exp(-0.5 * np.maximum(square, 0.0)))
+        square = (p * p).sum(axis=1)[:, None] + (q * q).sum(axis=1)
+        square -= 2.0 * p @ q.T
+        np.maximum(square, 0.0, out=square)
+        square *= -0.5
+        np.exp(square, out=square)
+        square *= self.signal_variance
+        return np.asarray(square)
 
 
 def posterior(kernel: Kernel, x: Array, z: Array, inducing: Array) -> tuple[Array, Array]:

@@ -14,10 +14,10 @@ from functools import partial
 from typing import Any, get_args
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.learn.parallel import few_threads
 from wrenchgap.learn.process import by_gpy, calibration, likelihood, sparse
 from wrenchgap.learn.process.calibration import Mask
 from wrenchgap.learn.process.gp import FitSettings, GaussianProcess, Inference, MeanKind, Provenance, Search
@@ -284,5 +284,5 @@ def _maximum_likelihood(x: Array, z: Array, settings: FitSettings, index: int) -
 @contextmanager
 def _quietly() -> Iterator[None]:
     """One BLAS thread, since the matrices are small, and no word of what a search overflows on its way."""
-    with np.errstate(all="ignore"), threadpool_limits(1):
+    with np.errstate(all="ignore"), few_threads():
         yield

@@ -213,7 +213,7 @@ def step_through(
         commanded=np.concatenate([p.wrench_cmd for p in parts]),
         mismatch_before=np.concatenate([p.before for p in parts]),
         mismatch_after=after,
-        trouble=dict(Counter(said for p in parts for said in p.trouble if said)),
+        trouble=dict(Counter(said for p in parts for said in p.trouble.values())),
         **found,
     )
 

@@ -83,16 +83,49 @@ def test_kernel_values_are_taken_again_where_an_input_changes():
         assert std == pytest.approx(gp.std(xi[None])[0], rel=1e-9)
 
 
+@pytest.mark.parametrize("rows", [ROWS, np.array([0]), np.arange(6), np.array([1, 2, 4, 5])])
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 3e-3, 0.03, 0.1, 3.0, np.nan])
+def test_moved_kernel_values_are_those_of_the_place(rows, size):
+    """Steps for which the series to the 5th and to the 11th power serve, and one for which neither does."""
+    gp = process(203)
+    moved, fresh = compiled.as_kernel(gp.expansion()), compiled.as_kernel(gp.expansion())
+    rng, found = np.random.default_rng(3), np.zeros((2, 3))
+    xi = gp.input_mean + rng.normal(size=6)
+    compiled.anew(moved, xi)
+    for _ in range(20):
+        xi[rows] += size * rng.uniform(-1, 1, len(rows)) * gp.input_scale[rows]
+        compiled.move(moved, xi, rows)
+        compiled.anew(fresh, xi)
+        for kernel, mean in zip((moved, fresh), found, strict=True):
+            compiled.mean_of(kernel, xi, mean)
+        assert moved.rows == pytest.approx(fresh.rows, rel=1e-13, abs=1e-300, nan_ok=True)
+        assert found[0] == pytest.approx(found[1], rel=1e-12, abs=1e-13, nan_ok=True)
+    if not 3e-3 < size < 3.0:
+        assert bool(moved.moved[0]) == (size <= 3e-3)
+
+
+def test_what_a_search_begins_with_does_not_depend_on_what_was_asked_before():
+    gp = process(50)
+    kernel = compiled.as_kernel(gp.expansion())
+    xi = gp.input_mean + 0.3 * gp.input_scale
+    compiled.anew(kernel, xi)
+    first = kernel.rows.copy()
+    compiled.move(kernel, xi + np.array([0, 0, 0, 0.01, 0, 0.02]), ROWS)
+    compiled.move(kernel, xi, ROWS)
+    compiled.anew(kernel, xi)
+    assert np.array_equal(kernel.rows, first)
+
+
 def test_hills_are_exp_to_the_last_bit_but_one():
     square = np.concatenate([[0.0, 1e-300], np.geomspace(1e-12, 1415.0, 20_000)])
     found = square.copy()
-    compiled.hills(found, np.zeros(len(found)))
+    compiled.hills(found)
     assert np.abs(found / np.exp(-0.5 * square) - 1.0).max() < 5e-16
 
 
 def test_hills_far_away_are_nothing_and_what_is_no_number_stays_none():
     found = np.array([1500.0, 1e12, np.inf, np.nan, 2.0])
-    compiled.hills(found, np.zeros(5))
+    compiled.hills(found)
     assert found[:3].max() < 1e-300
     assert np.isnan(found[3])
     assert found[4] == pytest.approx(np.exp(-1.0), rel=1e-15)

@@ -47,7 +47,7 @@ def topic(name, count, length, period, seed, kind="std_msgs/msg/Float64"):
     template, varying = (rng.integers(0, 8, shape, np.uint8) for shape in (length, (count, length // 2)))
     first = length // 2 - length // 4
     spans = np.array([[0, 1, length // 4], [length // 4, 2 + length // 4, first - 2]])
-    return Messages(name, kind, f"# {kind}\nfloat64 data\n", stamps, template, varying, spans)
+    return Messages(name, kind, f"# {kind}\nfloat64 data\n", stamps, template, lambda a, b: varying[a:b].copy(), spans)
 
 
 SOME = (topic("/a", 4000, 340, 0.005, 0), topic("/late", 30, 12, 0.2, 1), topic("/b", 2000, 76, 0.01, 2, "pkg/msg/B"))
@@ -80,3 +80,19 @@ def test_stamps_that_go_backwards_are_put_in_order():
     stream = BytesIO()
     write_messages(stream, (back,), "wrenchgap", None)
     assert stream.getvalue() == message_by_message((back,), None)
+
+
+@pytest.mark.parametrize("piece", [1, 700, 4096])
+def test_also_where_topics_share_their_clock_and_come_in_pieces(piece, monkeypatch):
+    """Stamps that several topics share, that repeat, and that go backwards over more than a chunk."""
+    monkeypatch.setattr(mcap_messages, "PIECE", piece)
+    first, second, mixed = (
+        topic("/a", 5000, 340, 0.005, 6),
+        topic("/b", 5000, 76, 0.005, 7),
+        topic("/c", 5000, 48, 1, 8),
+    )
+    stamps = np.random.default_rng(9).choice(first.stamps[:1000], 5000)
+    every = (first, replace(second, stamps=first.stamps), replace(mixed, stamps=stamps), topic("/d", 20, 40, 0.1, 10))
+    stream = BytesIO()
+    write_messages(stream, every, "wrenchgap", ("wrenchgap", {"a": "b"}))
+    assert stream.getvalue() == message_by_message(every, ("wrenchgap", {"a": "b"}))
