@@ -30,7 +30,8 @@ from wrenchgap.flight.flight import (
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
 from wrenchgap.flight.memory import give_back
-from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
+from wrenchgap.flight.preferred import assignment
+from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
 from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
 from wrenchgap.flight.twist_frames import Rows, Slope, fitting, slope_of, turned
@@ -64,7 +65,7 @@ def assigned(
 ) -> tuple[Log, Assignment]:
     """A log, and who plays what in it; arguments and errors as of `load`."""
     log = read_log(Path(path), selection({**(preferred or {}), **(topics or {})}))
-    return log, propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
+    return log, assignment(log.tables, topics, preferred, str(path))
 
 
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
@@ -150,9 +151,8 @@ class _Builder:
             self.unmeasured = {**not_estimated(table, source), **dict.fromkeys(self.declared, Why.DECLARED)}
             if self.unmeasured:
                 values = values.copy()
-                values[:, [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]] = (
-                    np.nan
-                )  # the gyroscope comes first
+                columns = [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]  # the gyroscope comes first
+                values[:, columns] = np.nan
         if table.problem:
             self._note(f"{source.topic}: {table.problem}.")
         if not np.isfinite(values[:1]).any() and not np.isfinite(values).any():

@@ -92,7 +92,7 @@ def opened(
     found = flight.in_si(as_speeds(found, model))
     asked = _Asked(found.path.name, accepted_names(accept), gate)
     found, unlikely = possible(checked(found), model)
-    asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz)))
+    asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz, rotors=model.vehicle.has_rotors)))
     played, notes = _commanded(found, incomplete)
     try:
         resampled = flight.resample(played, require=_needed(played))
