@@ -13,8 +13,9 @@ HEAD = """# Reliability
 
 Made by `python -m benchmarks.meaning{option} --json docs/reliability.json --page docs/reliability.md` (seed {seed}).
 Each log has one fault. It is opened for its model as every command opens a log. Flown by MuJoCo, with a controller and
-sensors of the benchmark (`benchmarks/meaning`, and the tilt-arm hexarotor of `benchmarks/hidden_effects`); nothing that
-flies imports `plant`. The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults,
+sensors of the benchmark (`benchmarks/meaning`, and the tilt-arm hexarotor of `benchmarks/hidden_effects`); nothing
+that flies imports `plant`.
+The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults,
 and on the recorded logs.
 
 - *named*: a check that means this fault says it, by refusing the log (exit code 2) or, where samples are left out, by
