@@ -32,7 +32,13 @@ SAME_OFFSET = 1.0  # s, stamps that far from the log's clock are still of that c
 SAME_RATE = 0.01  # relative, a difference in rate that is a drift and not another kind of time
 SHORT = 2.0  # s, a topic that is shorter has no rate worth the name
 EDGE_WINDOW = 0.5  # s, a foreign clock's map has one knot per window
-UNIT_RATES = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds", 1e-3: "thousandths of their unit"}
+UNIT_RATES = {
+    1e3: "milliseconds",
+    1e6: "microseconds",
+    1e9: "nanoseconds",
+    1e-3: "microseconds where nanoseconds were meant",
+    1e-6: "milliseconds where nanoseconds were meant",
+}
 """Rates of stamps that are no clock but another unit."""
 UNIT_WITHIN = 0.005
 JUMP = 1.0  # s, by which stamps step away from the log's clock and stay there: somebody set a clock

@@ -1,3 +1,4 @@
+# Long because the way of every role from columns to its series stands here, in one builder.
 """From a log file to a `Flight`: roles, one clock, clean series in SI and in the frames of `flight.flight`."""
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ from wrenchgap.flight.flight import (
     Series,
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
-from wrenchgap.flight.memory import give_back
-from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, merged_topics, propose, selection
+from wrenchgap.flight.memory import give_back, on_disk
+from wrenchgap.flight.preferred import assignment
+from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
 from wrenchgap.flight.stamps import gaps_of, increasing, interpolated, nearest
 from wrenchgap.flight.topic_names import says_command
 from wrenchgap.flight.twist_frames import Rows, Slope, fitting, slope_of, turned
@@ -56,7 +58,9 @@ def load(
     understood.
     """
     log, assignment = assigned(path, topics, preferred)
-    return checked(*build(log, assignment, unmeasured), assignment.vehicles)
+    found = checked(*build(log, assignment, unmeasured), assignment.vehicles)
+    give_back(max((len(series.time) for series in found.series().values()), default=0))
+    return found
 
 
 def assigned(
@@ -64,7 +68,7 @@ def assigned(
 ) -> tuple[Log, Assignment]:
     """A log, and who plays what in it; arguments and errors as of `load`."""
     log = read_log(Path(path), selection({**(preferred or {}), **(topics or {})}))
-    return log, propose(log.tables, merged_topics(topics, preferred, log.tables), str(path))
+    return log, assignment(log.tables, topics, preferred, str(path))
 
 
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
@@ -138,6 +142,7 @@ class _Builder:
                 self.parts[name] = part
             topics[source.topic] -= 1
             give_away(self.log.tables, +topics)  # hours of log are not held twice
+            give_back(0 if part is None else len(part.stamps))
         self.start_ns = min((int(part.stamps[0]) for part in self.parts.values()), default=0)
 
     def _clean(self, name: str) -> _Part | None:
@@ -150,9 +155,8 @@ class _Builder:
             self.unmeasured = {**not_estimated(table, source), **dict.fromkeys(self.declared, Why.DECLARED)}
             if self.unmeasured:
                 values = values.copy()
-                values[:, [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]] = (
-                    np.nan
-                )  # the gyroscope comes first
+                columns = [(AXES.index(axis) + 3) % 6 for axis in self.unmeasured]  # the gyroscope comes first
+                values[:, columns] = np.nan
         if table.problem:
             self._note(f"{source.topic}: {table.problem}.")
         if not np.isfinite(values[:1]).any() and not np.isfinite(values).any():
@@ -184,7 +188,7 @@ class _Builder:
             self._note(f"{source.topic} plays {name}, but only {len(keep)} of its samples are usable: left out.")
             return None
         rows: Any = slice(None) if len(keep) == len(values) else keep
-        return _Part(source, stamps[rows], values[rows], counted)
+        return _Part(source, on_disk(stamps[rows]), on_disk(values[rows]), counted)
 
     def one(self, role: str, *columns: int | slice) -> Any:
         """The series of a role of one part, whose `columns` are its fields."""
@@ -196,7 +200,8 @@ class _Builder:
 
     def _made(self, kind: type[AnySeries], topic: str, part: _Part, *values: Array | None) -> AnySeries:
         time = self._seconds(part.stamps)
-        return kind(topic, time, *values, gaps=gaps_of(time), dropped=part.dropped)
+        kept = (None if column is None else on_disk(column) for column in values)
+        return kind(topic, on_disk(time), *kept, gaps=gaps_of(time), dropped=part.dropped)
 
     def imu(self) -> ImuSeries | None:
         """Gyroscope and accelerometer, of one topic or, where the user named two, at the stamps of the gyroscope."""

@@ -1,22 +1,93 @@
-"""Memory of hours of log that the C library keeps when it is free.
+"""Memory of hours of log: what the C library keeps when it is free, and arrays that wait on disk.
 
 Columns of less than 32 MB come from glibc's heap, and go back to the machine only from its end: after ten hours at
 100 Hz, columns of 29 MB, half a gigabyte stayed (mallopt(3), M_MMAP_THRESHOLD; malloc_trim(3)).
+
+Of a flight of hours, arrays are kept in temporary files without a name, mapped into memory (`on_disk`). What is worked
+on becomes resident like any other memory; `give_back` takes it out of the process again, and the numbers stay in the
+file (madvise(2), MADV_DONTNEED of a shared mapping). The kernel may hold the file's pages in its cache for as long as
+nobody else wants that memory.
 """
 
 from __future__ import annotations
 
 import ctypes
+import mmap
+import os
 import sys
+import tempfile
+import weakref
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 HOURS = 1 << 20
 """Samples of a series from which on it is asked for: three hours at 100 Hz."""
+SMALL = 1 << 20
+"""Bytes below which an array is not worth a file."""
+
+_mapped: weakref.WeakSet[mmap.mmap] = weakref.WeakSet()
 
 
 def give_back(samples: int) -> None:
-    """Return free memory to the machine after work on a series of so many samples; nothing where there is no glibc."""
+    """Return memory to the machine after work on a series of so many samples: what is free, and what is on disk.
+
+    Does nothing for shorter series, and nothing of the first where there is no glibc.
+    """
     if samples < HOURS or not sys.platform.startswith("linux"):
         return
+    for mapped in tuple(_mapped):
+        mapped.madvise(mmap.MADV_DONTNEED)
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+def on_disk(values: NDArray[Any]) -> NDArray[Any]:
+    """The same numbers in a file that is mapped into memory; `values` themselves where few, or where no disk has room.
+
+    Arrays of fewer than `HOURS` rows stay where they are. The order in memory is C.
+    """
+    if len(values) < HOURS or values.nbytes < SMALL or not sys.platform.startswith("linux") or _is_mapped(values):
+        return values
+    mapped = _file(values.nbytes)
+    if mapped is None:
+        return values
+    out = np.frombuffer(mapped, dtype=values.dtype).reshape(values.shape)
+    rows = max(1, SMALL // max(values[:1].nbytes, 1))
+    for start in range(0, len(values), rows):  # so that what is copied is not resident twice
+        out[start : start + rows] = values[start : start + rows]
+    mapped.madvise(mmap.MADV_DONTNEED)
+    _mapped.add(mapped)
+    return out
+
+
+def _is_mapped(values: NDArray[Any]) -> bool:
+    """Whether an array is, or is a view of, one that is on disk already."""
+    base: Any = values
+    while isinstance(base, np.ndarray):
+        base = base.base
+    return isinstance(base.obj if isinstance(base, memoryview) else base, mmap.mmap)
+
+
+def _file(size: int) -> mmap.mmap | None:
+    """A mapped file of `size` bytes that vanishes with the process; None where there is no room for it.
+
+    /var/tmp before the usual place, which is often memory itself.
+    """
+    for folder in _folders():
+        try:
+            with tempfile.TemporaryFile(dir=folder, prefix="wrenchgap-") as partial:
+                os.posix_fallocate(partial.fileno(), 0, size)  # a full disk says so here, and kills nobody later
+                return mmap.mmap(partial.fileno(), size)
+        except OSError:
+            continue
+    return None
+
+
+def _folders() -> Iterable[str]:
+    chosen = os.environ.get("TMPDIR")
+    return [chosen] if chosen else [str(p) for p in (Path("/var/tmp"), Path(tempfile.gettempdir())) if p.is_dir()]

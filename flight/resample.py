@@ -24,6 +24,7 @@ from wrenchgap.flight.derivative import angular_velocity, smooth
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.row_kernels import plain_interpolated
 from wrenchgap.flight.stamps import interpolated, nominal_period
 from wrenchgap.flight.unmeasured import unmeasured_axes
@@ -191,19 +192,25 @@ def _samples(flight: Flight, series: dict[str, Series], interval: Interval, rate
         omega_B, force_B = on.measured(imu, imu.omega_B), on.measured(imu, imu.specific_force_B)
         if absent:
             omega_B, force_B = _instead(flight, absent, (omega_B, force_B), odometry and on.inertial(odometry))
+
+    def kept(values: Array) -> Array:
+        found = on_disk(values)
+        give_back(len(found))
+        return found
+
     return Samples(
         flight=flight.name,
-        time=time,
+        time=on_disk(time),
         dt=1.0 / rate,
-        omega_B=omega_B,
-        specific_force_B=force_B,
-        wrench_cmd_B=None if commanded is None else on.held(commanded, commanded.wrench_B),
-        wrench_des_B=None if desired is None else on.held(desired, desired.wrench_B),
-        tilt_cmd=None if actuators is None else on.held(actuators, actuators.tilt),
-        rotor_speed_cmd=None if actuators is None else on.held(actuators, actuators.rotor_speed),
-        position_E=None if odometry is None else on.measured(odometry, odometry.position_E),
-        velocity_E=None if odometry is None else on.measured(odometry, _velocity_E(odometry, on.run(odometry))),
-        quat_EB=None if odometry is None else on.attitude(odometry),
+        omega_B=kept(omega_B),
+        specific_force_B=kept(force_B),
+        wrench_cmd_B=None if commanded is None else kept(on.held(commanded, commanded.wrench_B)),
+        wrench_des_B=None if desired is None else kept(on.held(desired, desired.wrench_B)),
+        tilt_cmd=None if actuators is None else kept(on.held(actuators, actuators.tilt)),
+        rotor_speed_cmd=None if actuators is None else kept(on.held(actuators, actuators.rotor_speed)),
+        position_E=None if odometry is None else kept(on.measured(odometry, odometry.position_E)),
+        velocity_E=None if odometry is None else kept(on.measured(odometry, _velocity_E(odometry, on.run(odometry)))),
+        quat_EB=None if odometry is None else kept(on.attitude(odometry)),
         voltage=None if flight.battery is None else np.interp(time, flight.battery.time, flight.battery.voltage),
         unmeasured=absent,
     )

@@ -25,15 +25,17 @@ pose = position x y z, quaternion x y z w; twist and acceleration = linear, angu
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ROLES
 from wrenchgap.flight.formats import Selection, Table
-from wrenchgap.flight.meaning import NUMBER, Meaning, meaning
-from wrenchgap.flight.topic_names import TYPES, by_fields, namespace, no_command, score
+from wrenchgap.flight.meaning import Meaning, meaning
+from wrenchgap.flight.namespaces import apart, fleet, namespace, twins, within
+from wrenchgap.flight.topic_names import TYPES, by_fields, no_command, score
+from wrenchgap.flight.topic_sources import parse_source, topic_of
 
 ROLE_PARTS: dict[str, tuple[str, ...]] = {
     "commanded": ("commanded",),
@@ -62,6 +64,8 @@ PART_QUANTITY: dict[str, str] = {
     "battery": "voltage",
 }
 
+FLOWN = ("commanded", "actuators", "imu", "odometry")
+"""Roles of which every vehicle in a log has topics of its own."""
 ASKED = ("gyroscope", "accelerometer")
 """Parts that nobody plays without being asked: what they say goes before the `imu`."""
 ASKED_FIELDS = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
@@ -119,22 +123,14 @@ def quantities(kind: str, fields: list[str]) -> dict[str, str]:
     return own | ({"rotor_speed": speeds[0]} if speeds else {})
 
 
-def merged_topics(
-    topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None, tables: Mapping[str, Table]
-) -> dict[str, str]:
-    """`topics`, after those entries of `preferred` that this log can follow: its topic is there, or none is wanted."""
-    wanted = (preferred or {}).items()
-    followed = {role: value for role, value in wanted if _is_none(value) or parse_source(value).topic in tables}
-    return followed | dict(topics or {})
-
-
-def _is_none(value: str) -> bool:
+def is_none(value: str) -> bool:
+    """Whether an override says that no topic plays the role."""
     return value.strip().lower() in ("none", "")
 
 
 def selection(topics: Mapping[str, str]) -> Selection:
     """What to decode of a log: topics that offer something, and those that are named."""
-    named = {_topic_of(value) for value in topics.values()}
+    named = {topic_of(value) for value in topics.values()}
     return lambda topic, kind, fields: topic in named or bool(quantities(kind, fields))
 
 
@@ -145,7 +141,8 @@ def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None
     cannot play the role.
     """
     named = _overrides(topics or {}, tables, where)
-    proposer = _Proposer(tables, {part: source for part, source in named.items() if source is not None})
+    chosen = {part: source for part, source in named.items() if source is not None}
+    proposer = _Proposer(tables, chosen, fleet(_likely(tables)))
     for part in PART_QUANTITY:
         if part not in named and part not in ASKED:
             proposer.choose(part)
@@ -154,14 +151,15 @@ def propose(tables: Mapping[str, Table], topics: Mapping[str, str] | None = None
         {part: proposer.sources[part] for part in PART_QUANTITY if part in proposer.sources},
         proposer.candidates,
         tuple(proposer.notes),
-        tuple(proposer.vehicles) if not any(named.values()) else (),
+        tuple(proposer.asked(any(named.values()))),
     )
 
 
 class _Proposer:
-    def __init__(self, tables: Mapping[str, Table], named: dict[str, Source]) -> None:
-        self.tables = tables
+    def __init__(self, tables: Mapping[str, Table], named: dict[str, Source], fleet: tuple[str, ...] = ()) -> None:
+        self.tables, self.fleet = tables, fleet
         self.sources = dict(named)
+        self.told = self._vehicle() is not None
         self.candidates: dict[str, tuple[str, ...]] = {}
         self.notes: list[str] = []
         self.vehicles: list[tuple[str, str]] = []
@@ -176,15 +174,47 @@ class _Proposer:
                 scored.append((own + self._kinship(part, topic), len(table), topic, place))
         scored.sort(key=lambda entry: (-entry[0], -entry[1], entry[2]))
         good = [entry for entry in scored if entry[0] > 0 and self._free(part, entry[2])]
+        good = self._of_one(part, good)
         if good:
             _, _, topic, place = good[0]
-            alike = [entry[2] for entry in good if _twins(topic, entry[2])]
+            alike = [entry[2] for entry in good if twins(topic, entry[2])]
             if len(alike) > 1 and not self.vehicles and not self.sources:
                 self.vehicles = [(part, other) for other in sorted(alike)]
             self.sources[part] = Source(topic, place)
         others = tuple(entry[2] for entry in (good[1:] if good else scored))
         if others:
             self.candidates[part] = others
+
+    def _vehicle(self) -> str | None:
+        """The namespace of the vehicle that is chosen already, of those in the log."""
+        spaces = (within(source.topic, self.fleet) for source in self.sources.values())
+        return next((space for space in spaces if space is not None), None)
+
+    def _of_one(self, part: str, good: list[Any]) -> list[Any]:
+        """Without the topics of other vehicles than the one that is chosen."""
+        own = self._vehicle()
+        if own is None:
+            return good
+        kept = [entry for entry in good if within(entry[2], self.fleet) in (own, None)]
+        if good and not kept:
+            self.notes.append(
+                f"{good[0][2]} could be the {part}, but it is of another vehicle than /{own}: left out; if it is not, "
+                f"say --topic {part}={good[0][2]}."
+            )
+        return kept
+
+    def asked(self, named: bool) -> list[tuple[str, str]]:
+        """Part and topic of each of several vehicles, where nobody said which; `named`: some topic was."""
+        if self.told or (named and not self.fleet):
+            return []
+        if not self.fleet:
+            return self.vehicles
+        for part, source in self.sources.items():
+            own = within(source.topic, self.fleet)
+            others = [t for t in self.candidates.get(part, ()) if (apart(source.topic, t) or ("",))[0] == own]
+            if own is not None and others:
+                return [(part, topic) for topic in (source.topic, *others)]
+        return self.vehicles
 
     def _free(self, part: str, topic: str) -> bool:
         """The vehicle's motion and its reference are different topics; so are commanded and desired wrench."""
@@ -214,10 +244,20 @@ class _Proposer:
         )
 
 
-def _twins(topic: str, other: str) -> bool:
-    """Whether two topics are called alike in different namespaces (or are the same)."""
-    own, their = namespace(topic), namespace(other)
-    return bool(own and their) and topic.strip("/")[len(own) :] == other.strip("/")[len(their) :]
+def _likely(tables: Mapping[str, Table]) -> dict[str, list[str]]:
+    """Topics whose type and name suit a role, of roles that every vehicle in a log has topics of its own for."""
+    found: dict[str, list[str]] = {}
+    for role in FLOWN:
+        for part in ROLE_PARTS[role]:
+            if part not in ASKED:
+                found.setdefault(role, []).extend(
+                    topic
+                    for topic, table in tables.items()
+                    if _offered(table, part) is not None
+                    and score(part, topic, table.type) > 0
+                    and not (part == "commanded" and no_command(topic))
+                )
+    return found
 
 
 def _offered(table: Table, part: str) -> str | None:
@@ -236,49 +276,6 @@ def _offered(table: Table, part: str) -> str | None:
     return place if present else None
 
 
-def _topic_of(value: str) -> str:
-    return re.split(r"[.\[*:]", value, maxsplit=1)[0]
-
-
-@dataclass(frozen=True)
-class Said:
-    """An override in its pieces: `/topic.field[columns]*factor:words`."""
-
-    topic: str
-    field: str | None
-    columns: tuple[int, ...] | None
-    factor: float
-    words: str
-
-
-def parse_source(value: str) -> Said:
-    """Split `/topic.field[columns]*factor:words`; raises `UsageError` where it is not of this form."""
-    form = rf"([^.\[\]*:]+)(?:\.([\w.]+))?(?:\[([\d,:\s]+)\])?(?:\*({NUMBER}))?(?::(.+))?"
-    match = re.fullmatch(form, value.strip())
-    if match is None:
-        raise UsageError(
-            f"topic {value!r}: expected /topic, /topic.field, /topic[0:6] or /topic[3,2,1,0], with *FACTOR or :WORDS "
-            "behind it, as in /imu:frd,g"
-        )
-    topic, place, columns, factor, words = match.groups()
-    return Said(topic, place, None if columns is None else _columns(columns, value), float(factor or 1.0), words or "")
-
-
-def _columns(text: str, value: str) -> tuple[int, ...]:
-    chosen: list[int] = []
-    for piece in text.split(","):
-        bounds = piece.split(":")
-        if len(bounds) > 2 or not all(bound.strip().isdigit() for bound in bounds):
-            raise UsageError(
-                f"topic {value!r}: columns {piece.strip()!r}; expected numbers or first:last+1, as in [0:6]"
-            )
-        first = int(bounds[0])
-        chosen += range(first, int(bounds[1]) if len(bounds) == 2 else first + 1)
-    if not chosen:
-        raise UsageError(f"topic {value!r}: selects no column")
-    return tuple(chosen)
-
-
 def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: str) -> dict[str, Source | None]:
     named: dict[str, Source | None] = {}
     for role, value in topics.items():
@@ -286,12 +283,12 @@ def _overrides(topics: Mapping[str, str], tables: Mapping[str, Table], where: st
             valid = ", ".join(dict.fromkeys((*ROLES, *PART_QUANTITY)))
             raise UsageError(f"topic mapping {role}={value}: no role is called {role!r}; roles: {valid}")
         parts = tuple(part for part in ROLE_PARTS.get(role, (role,)) if part == role or part not in ASKED)
-        if _is_none(value):
+        if is_none(value):
             named |= dict.fromkeys(parts)
             continue
         found = {part: source for part in parts if (source := _named_source(value, part, tables, where, parts))}
         if not found:
-            topic = _topic_of(value)
+            topic = topic_of(value)
             raise LogError(
                 f"{where}: {topic} ({tables[topic].type}) cannot play {role!r}: "
                 f"{tables[topic].problem or 'it holds no ' + ' or '.join(PART_QUANTITY[p] for p in parts)}; "

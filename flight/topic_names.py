@@ -168,7 +168,11 @@ def name_words(topic: str) -> frozenset[str]:
     return frozenset(word.lower() for word in re.split(r"[^A-Za-z]+", spaced) if word)
 
 
-def namespace(topic: str) -> str:
-    """The first component of a topic's name, where there is more than one."""
-    parts = topic.strip("/").split("/")
-    return parts[0] if len(parts) > 1 else ""
+OTHER_SOURCES = (
+    _TRUTH
+    | _COMMAND
+    | _DESIRED
+    | _NOT_COMMAND
+    | {"ground", "sim", "simulation", "simulator", "raw", "filtered", "fused"}
+) - {"vehicle"}
+"""Words by which a namespace is not another vehicle's, but another source of the same one."""

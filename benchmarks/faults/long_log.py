@@ -1,6 +1,7 @@
 """Hours of log: how much memory opening one takes.
 
     python -m benchmarks.faults.long_log --hours 10 --folder /tmp                 # makes it, opens it, deletes it
+    python -m benchmarks.faults.long_log --hours 10 --picture 5500 --folder /tmp --page        # and docs/performance.md
 
 A hover that sways, at 100 Hz (odometry at 50 Hz), as MCAP without compression: 3 GB in ten hours; `--hours`
 and `--picture` (bytes of a picture that comes 5 times a second and that nobody reads) make it longer and larger. Each
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import struct
 import subprocess
@@ -23,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
+from benchmarks import pages
 from wrenchgap.flight.gravity import GRAVITY
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -145,28 +148,41 @@ def peak(words: list[str]) -> dict[str, Any]:
     }
 
 
+def table(size: int, hours: float, rows: list[dict[str, Any]], load: str) -> str:
+    """The table of docs/performance.md."""
+    log = f"{hours:g} hours, {size / 1e9:.2f} GB"
+    lines = [(f"`{row['command']} -m`", log, f"{row['peak_MB']:,} MiB", f"{row['processor_s']:.0f} s") for row in rows]
+    return pages.markdown(("command", "log", "largest resident memory", "processor time"), lines, load, left=2)
+
+
 def main() -> None:
     """Make, measure, delete."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=10.0)
     parser.add_argument("--picture", type=int, default=0)
-    parser.add_argument("--folder", type=Path, required=True)
+    parser.add_argument("--folder", type=Path, default=Path(), help="where the log is made")
     parser.add_argument("--command", action="append", help="of wrenchgap, by default inspect and compare")
+    parser.add_argument("--log", type=Path, help="of this benchmark, made before: it is neither made nor deleted")
+    parser.add_argument("--page", action="store_true", help="write the table of docs/performance.md")
     asked = parser.parse_args()
-    path = asked.folder / "wrenchgap-long.mcap"
+    path = asked.log or asked.folder / "wrenchgap-long.mcap"
     try:
         start = time.monotonic()
-        size = write(path, asked.hours, asked.picture)
-        print(
-            f"{size / 1e9:.2f} GB in {time.monotonic() - start:.0f} s, by {resource.getrusage(0).ru_maxrss // 1024} MB",
-            flush=True,
-        )
+        size = path.stat().st_size if asked.log else write(path, asked.hours, asked.picture)
+        took, own = time.monotonic() - start, resource.getrusage(0).ru_maxrss // 1024
+        print(f"{size / 1e9:.2f} GB in {took:.0f} s, by {own} MB", flush=True)
+        rows, before = [], os.getloadavg()[0]
         for command in asked.command or ("inspect", "compare"):
             words = [sys.executable, "-m", "wrenchgap", command, str(path), "-m", "crazyflie"]
             words += ["--topic=commanded=/command/wrench", "--topic=imu=/imu", "--topic=odometry=/odometry"]
-            print(json.dumps({"command": command, **peak(words)}), flush=True)
+            rows.append({"command": command, **peak(words)})
+            print(json.dumps(rows[-1]), flush=True)
+            if asked.page:
+                load = f"Load while measured: {before:.1f} to {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
+                pages.renew(pages.PERFORMANCE, {"hours": table(size, asked.hours, rows, load)})
     finally:
-        path.unlink(missing_ok=True)
+        if not asked.log:
+            path.unlink(missing_ok=True)
 
 
 if __name__ == "__main__":

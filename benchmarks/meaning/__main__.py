@@ -2,6 +2,7 @@
 
     python -m benchmarks.meaning --json docs/reliability.json --page docs/reliability.md     # the published logs
     python -m benchmarks.meaning --only quad --fault stuck                                    # a few, printed
+    python -m benchmarks.meaning --open-only ...             # opens and mends the logs, and does not explain them
     python -m benchmarks.meaning --rows rows.jsonl ...       # goes on where it was interrupted
 
 Nothing that flies imports `plant` or above.
@@ -49,8 +50,8 @@ def flights(seed: int, only: str) -> Iterator[tuple[str, Flight, str, bool]]:
 class Rows:
     """Rows as they come, in a file of lines; those that are there already are not made again."""
 
-    def __init__(self, path: Path | None, folder: Path) -> None:
-        self.path, self.folder = path, folder
+    def __init__(self, path: Path | None, folder: Path, *, explain: bool = True) -> None:
+        self.path, self.folder, self.explain = path, folder, explain
         lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
         self.known = [(kind, read(row)) for kind, row in map(json.loads, lines)]
 
@@ -59,7 +60,7 @@ class Rows:
         for known, row in self.known:
             if (known, row.vehicle, row.fault) == (kind, vehicle, fault.name):
                 return row
-        row = judge(vehicle, flight, model, fault, self.folder, ask=ask)
+        row = judge(vehicle, flight, model, fault, self.folder, ask=ask and self.explain)
         print(_line(row), flush=True)
         if self.path is not None:
             with self.path.open("a", encoding="utf-8") as out:
@@ -99,11 +100,14 @@ def main() -> None:
     parser.add_argument("--only", default="", help="a vehicle")
     parser.add_argument("--fault", default="", help="words of a fault's name")
     parser.add_argument("--rows", type=Path, help="lines of rows, one for each log, that are not made again")
+    parser.add_argument("--open-only", action="store_true", help="open and mend, without asking explain")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--page", type=Path)
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        faults, healthy = run(asked.seed, asked.only, asked.fault, Rows(asked.rows, Path(folder) / "log"))
+        faults, healthy = run(
+            asked.seed, asked.only, asked.fault, Rows(asked.rows, Path(folder) / "log", explain=not asked.open_only)
+        )
     if asked.json is not None:
         rows = {"seed": asked.seed, "faults": [plain(r) for r in faults], "healthy": [plain(r) for r in healthy]}
         asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.reader import make_reader
-from mcap.writer import Writer
 from scipy.spatial.transform import Rotation
 
+from benchmarks.meaning.files import hour, microseconds, milliseconds, two_vehicles
 from wrenchgap.flight.flight import Array, Flight
 
 GRAVITY = 9.80665
@@ -133,6 +132,41 @@ def _stuck(flight: Flight, axis: int, seconds: float = 3.0, accel: bool = False)
     return _stuck(out, -1, seconds, accel=True) if axis < 0 and not accel else out
 
 
+def _held(role: str, name: str, columns: Any, seconds: float, value: float | None = None) -> Change:
+    """Some columns of a series at what they were, or at `value`, from 6 s on."""
+
+    def apply(flight: Flight) -> Flight:
+        series = getattr(flight, role)
+        first, last = np.searchsorted(series.time, (6.0, 6.0 + seconds))
+        values = getattr(series, name).copy()
+        values[first:last, columns] = values[first, columns] if value is None else value
+        return replace(flight, **{role: replace(series, **{name: values})})
+
+    return apply
+
+
+def _odometry_stuck(flight: Flight) -> Flight:
+    for name in ("position_E", "quat_EB", "velocity_E", "omega_B"):
+        flight = _held("odometry", name, slice(None), 3.0)(flight)
+    return flight
+
+
+def _alone(change: Change) -> Change:
+    """The same on a log of actuators and IMU alone."""
+    return lambda flight: replace(change(flight), commanded=None, odometry=None)
+
+
+def _swapped(speed: Array) -> Array:
+    """The first two rotors in each other's place."""
+    return speed[:, [1, 0, *range(2, speed.shape[1])]]
+
+
+def _often_beyond(speed: Array) -> Array:
+    out = speed.copy()
+    out[::10] = 9000.0
+    return out
+
+
 def _spiked(flight: Flight) -> Flight:
     imu = flight.imu
     assert imu is not None
@@ -178,42 +212,6 @@ def _ned(odometry: Any) -> Mapping[str, Array]:
     }
 
 
-def stamps(path: Path, topics: tuple[str, ...], change: Callable[[int, int], int]) -> None:
-    """Rewrite the header stamps of some topics: `change` gets log time and stamp [ns]; CDR has them at byte 4."""
-    partial_path = path.with_suffix(".partial")
-    with path.open("rb") as source, partial_path.open("wb") as target:
-        writer = Writer(target)
-        writer.start(profile="ros2")
-        channels: dict[int, int] = {}
-        for schema, channel, message in make_reader(source).iter_messages():
-            if channel.id not in channels:
-                assert schema is not None
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, number)
-            data = bytearray(message.data)
-            if channel.topic in topics:
-                sec, nanosec = np.frombuffer(bytes(data[4:12]), dtype="<u4")
-                stamp = change(message.log_time, int(sec) * 1_000_000_000 + int(nanosec))
-                data[4:12] = np.array(divmod(stamp, 1_000_000_000), dtype="<u4").tobytes()
-            writer.add_message(channels[channel.id], message.log_time, bytes(data), message.publish_time)
-        writer.finish()
-    partial_path.replace(path)
-
-
-EVERY = ("/command/wrench", "/command/actuators", "/imu", "/odometry")
-START_NS = 1_700_000_000_000_000_000
-
-
-def _milliseconds(path: Path) -> None:
-    """A millisecond counter from start-up, written as seconds."""
-    stamps(path, EVERY, lambda log, stamp: (stamp - START_NS) * 1000 + 5_000_000_000)
-
-
-def _hour(path: Path) -> None:
-    """Somebody sets the clock of the companion computer in mid-flight: the IMU's stamps jump by an hour."""
-    stamps(path, ("/imu",), lambda log, stamp: stamp + (3_600_000_000_000 if log - START_NS > 8e9 else 0))
-
-
 def _number(key: str, change: Callable[[float], float]) -> Callable[[str], str]:
     def apply(text: str) -> str:
         def scaled(match: re.Match[str]) -> str:
@@ -252,6 +250,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("IMU forward-right-down", ("body-frame",), partial(_imu, gyro=FRD_B, accel=FRD_B)),
     Fault("IMU turned by 90 deg", ("body-frame",), _turned(90.0)),
     Fault("IMU turned by 45 deg", ("body-frame",), _turned(45.0)),
+    Fault("IMU turned by 45 deg, no attitude", ("body-frame",), _alone(_turned(45.0))),
     Fault(
         "IMU with x and y swapped", ("body-frame", "gyroscope"),
         partial(_imu, gyro=np.eye(3)[[1, 0, 2]], accel=np.eye(3)[[1, 0, 2]]),
@@ -283,6 +282,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("force in units of g", ("force-unit",), _in_g),
     Fault("rotors in another order", ("rotors",), _rotors(_shuffled), tilting=False),
     Fault("rotors in another order, no wrench", ("rotors",), _uncommanded(_rotors(_shuffled)), tilting=False),
+    Fault("two rotors swapped, no wrench", ("rotors",), _uncommanded(_rotors(_swapped)), tilting=False),
     Fault("rotor speeds in rpm, no wrench", ("rotor-speed-unit",), _uncommanded(_rotors(lambda s: s * 30 / np.pi))),
     Fault("rotor speeds in rpm", ("rotor-speed-unit", "actuation"), _rotors(lambda s: s * 30 / np.pi)),
     Fault("every spin turned over", ("rotors",), model=_spins, tilting=False),
@@ -291,15 +291,34 @@ FAULTS: tuple[Fault, ...] = (
     Fault("tilt of the opposite sign, no wrench", ("rotors",), _uncommanded(_tilt), tilting=True),
     Fault("inertia ten times too large", ("inertia", "torque-unit"), model=_number("inertia", lambda v: 10.0 * v)),
     Fault("inertia in g m^2", ("inertia", "torque-unit"), model=_number("inertia", lambda v: 1000.0 * v)),
+    Fault("inertia a third of what it is", ("inertia",), model=_number("inertia", lambda v: v / 3.0)),
+    Fault(
+        "arms twice as long, no wrench", ("inertia",), _uncommanded(lambda f: f),
+        model=_number("length", lambda v: 2.0 * v),
+    ),
+    Fault("kappa of the opposite sign", ("kappa", "rotors"), model=_number("kappa", lambda v: -v)),
+    Fault(
+        "kappa over the arm, no wrench", ("kappa",), _uncommanded(lambda f: f),
+        model=_number("kappa", lambda v: 4.0 * v), tilting=False,
+    ),
+    Fault("c_f per rpm^2", ("thrust-coefficient",), model=_number("c_f", lambda v: v * (np.pi / 30.0) ** 2)),
     Fault("kappa as torque coefficient", ("kappa",), model=_number("kappa", lambda v: 1e-5 * v)),
     Fault("gyroscope's x stuck for 3 s", ("frozen",), partial(_stuck, axis=0)),
     Fault("IMU stuck for 3 s", ("frozen",), partial(_stuck, axis=-1)),
+    Fault("odometry stuck for 3 s", ("frozen",), _odometry_stuck),
+    Fault("commanded wrench stuck for 3 s", ("frozen",), _held("commanded", "wrench_B", slice(None), 3.0)),
+    Fault("a rotor's command stuck for 1 s", ("frozen",), _held("actuators", "rotor_speed", [1], 1.0)),
+    Fault("a rotor's command zero for 1 s", ("frozen",), _held("actuators", "rotor_speed", [1], 1.0, 0.0)),
     Fault("spikes of 1e5 m/s^2", ("spikes",), _spiked),
     Fault("spikes of rotor speed", ("spikes",), _rotors(_rotor_spikes)),
+    Fault("every tenth rotor speed 9000 rad/s", ("spikes",), _rotors(_often_beyond)),
     Fault("IMU at 10 Hz", ("rate",), _slow("imu", 25)),
     Fault("commands at 10 Hz", ("rate",), lambda f: _slow("actuators", 25)(_slow("commanded", 25)(f))),
+    Fault("actuators at 10 Hz beside a fast wrench", ("rate",), _slow("actuators", 25)),
     Fault("an IMU that never changes", ("constant-channel",), _constant),
-    Fault("stamps in milliseconds", ("clock-unit",), file=_milliseconds),
-    Fault("a clock that is set in mid-flight", ("clock-jump",), file=_hour),
+    Fault("stamps in milliseconds", ("clock-unit",), file=milliseconds),
+    Fault("stamps in microseconds", ("clock-unit",), file=microseconds),
+    Fault("two vehicles in one log", ("vehicles",), file=two_vehicles, tilting=False),
+    Fault("a clock that is set in mid-flight", ("clock-jump",), file=hour),
 )  # fmt: skip
 """All of them."""

@@ -11,11 +11,12 @@ HEAD = """# Reliability
 
 ## Meaning: wrong units, frames, signs, orders, clocks, stuck channels
 
-Made by `python -m benchmarks.meaning --json docs/reliability.json --page docs/reliability.md` (seed {seed}). Each log
-has one fault. It is opened for its model as every command opens a log. Flown by MuJoCo, with a controller and sensors
-of the benchmark (`benchmarks/meaning`, and the tilt-arm hexarotor of `benchmarks/hidden_effects`); nothing that flies
-imports `plant`. The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults, and
-on the recorded logs.
+Made by `python -m benchmarks.meaning{option} --json docs/reliability.json --page docs/reliability.md` (seed {seed}).
+Each log has one fault. It is opened for its model as every command opens a log. Flown by MuJoCo, with a controller and
+sensors of the benchmark (`benchmarks/meaning`, and the tilt-arm hexarotor of `benchmarks/hidden_effects`); nothing
+that flies imports `plant`.
+The thresholds of the [checks](checks.md) were set on other seeds of the same vehicles and faults,
+and on the recorded logs.
 
 - *named*: a check that means this fault says it, by refusing the log (exit code 2) or, where samples are left out, by
   a warning at the top of every result;
@@ -33,7 +34,7 @@ def page(faults: Sequence[Row], healthy: Sequence[Row], seed: int) -> str:
     calm = [row for row in faults if row.vehicle == CALM]
     return "".join(
         (
-            HEAD.format(seed=seed),
+            HEAD.format(seed=seed, option="" if any(row.firm is not None for row in faults) else " --open-only"),
             _scores(usual, healthy),
             "\n### By fault\n\n",
             _table(usual),

@@ -32,13 +32,15 @@ LIVELY = 0.05
 """Share of repeated values of a channel that otherwise changes with every sample."""
 WATCHED = {
     "imu": ("omega_B", "specific_force_B"),
-    "odometry": ("position_E", "quat_EB"),
+    "odometry": ("position_E", "quat_EB", "velocity_E", "omega_B"),
     "commanded": ("wrench_B",),
     "actuators": ("rotor_speed", "tilt"),
 }
 """Channels that are watched, by role."""
 LIMITED = ("commanded", "actuators")
 """Roles whose channels may rest at a limit."""
+JUMP = 5.0
+"""Times the 99th percentile of its steps by which a channel leaps to a value and from it."""
 STIRRING = 0.2
 """Share of its usual steps that another channel makes where the flight goes on."""
 MOST = 0.5
@@ -117,8 +119,8 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         for name, values, longest in channels:
             if longest < FROZEN_SAMPLES:
                 continue
-            for start, stop in _runs(series[role].time, values, limited=role in LIMITED):
-                if role in LIMITED and _saturated(series[role].time, channels, start, stop):
+            for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED):
+                if role in LIMITED and not jumps and _saturated(series, lively, start, stop):
                     continue
                 sensors = {r for r in ("imu", "odometry") if r in series}
                 witnesses = (
@@ -136,10 +138,13 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                     yield role, start, stop, name
 
 
-def _saturated(time: Array, channels: list[_Channel], start: float, stop: float) -> bool:
-    """Whether one of the commands rests at its limit: all rotors at full speed hold every torque."""
-    a, b = np.searchsorted(time, (start, stop))
-    return any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in channels if b > a)
+def _saturated(series: dict[str, Series], lively: dict[str, list[_Channel]], start: float, stop: float) -> bool:
+    """Whether a command rests at its limit: rotors at full speed hold every torque, in the wrench as well."""
+    for role in (r for r in LIMITED if r in series):
+        a, b = np.searchsorted(series[role].time, (start, stop))
+        if b > a and any(np.ptp(c[a:b]) == 0.0 and c[a] in (c.min(), c.max()) for _, c, _ in lively[role]):
+            return True
+    return False
 
 
 class _Channel(NamedTuple):
@@ -155,24 +160,33 @@ def _lively(series: Series, names: tuple[str, ...]) -> list[_Channel]:
     found = []
     for name in names:
         values = getattr(series, name)
-        if len(values) < 4 * FROZEN_SAMPLES:
+        if values is None or len(values) < 4 * FROZEN_SAMPLES:
             continue
         for k, (count, longest) in enumerate(row_kernels.repeats(values).T.tolist()):
-            if (count - longest) <= LIVELY * max(len(values) - 1 - longest, 1):
+            if longest < len(values) - 1 and (count - longest) <= LIVELY * max(len(values) - 1 - longest, 1):
                 found.append(_Channel(f"{name} {k}", values[:, k], longest))
     return found
 
 
-def _runs(time: Array, column: Array, *, limited: bool) -> Iterator[tuple[float, float]]:
-    same = np.diff(column) == 0.0
+def _runs(time: Array, column: Array, *, limited: bool) -> Iterator[tuple[float, float, bool]]:
+    """Start and stop [s] of runs of one value, and whether the column leaps to zero and back.
+
+    A command that rests at its limit came there; one that is zero from one sample to the next was lost.
+    """
+    steps = np.diff(column)
+    same = steps == 0.0
     edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
+    usual = None
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first < FROZEN_SAMPLES or time[last] - time[first] < FROZEN_SECONDS:
             continue
-        at_end = first == 0 or last == len(same)
+        if first == 0 or last == len(same):
+            continue
+        usual = JUMP * float(np.percentile(np.abs(steps), 99)) if usual is None else usual
+        jumps = column[first] == 0.0 and min(abs(steps[first - 1]), abs(steps[last])) > usual
         at_limit = limited and column[first] in (column.min(), column.max())
-        if not at_end and not at_limit:
-            yield float(time[first]), float(time[last])
+        if jumps or not at_limit:
+            yield float(time[first]), float(time[last]), bool(jumps)
 
 
 def _moves(time: Array, column: Array, start: float, stop: float) -> bool | None:

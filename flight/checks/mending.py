@@ -21,14 +21,24 @@ def option(flight: Flight, words: str, *parts: str) -> str:
     found = {part: _source(flight, part) for part in parts}
     if set(parts) == {"pose", "twist"} and found["pose"] == found["twist"]:
         found = {"odometry": found["pose"]}
-    if parts == ("imu",) and "gyroscope" in flight.mapping:
-        found = {part: _source(flight, part) for part in ("gyroscope", "accelerometer")}
+    if parts == ("imu",) and not {"gyroscope", "accelerometer"}.isdisjoint(flight.mapping):
+        found = {part: _source(flight, part) for part in _sensors(words)}
     return " ".join(f"--topic {shlex.quote(f'{part}={_with(source, words)}')}" for part, source in found.items())
+
+
+def _sensors(words: str) -> tuple[str, ...]:
+    """Which of the two sensors of an IMU the words are about: a unit is that of one, axes are those of both."""
+    both, first = ("gyroscope", "accelerometer"), words.partition(",")[0]
+    if first in ACCELEROMETER_UNITS or first.startswith("accel"):
+        return both[1:]
+    return both[:1] if first == "deg" or first.startswith("gyro") else both
 
 
 def _source(flight: Flight, part: str) -> str:
     if part in flight.mapping:
         return flight.mapping[part]
+    if part in ("gyroscope", "accelerometer") and "imu" in flight.mapping:
+        return flight.mapping["imu"]
     role = {"pose": "odometry", "twist": "odometry", "rotor_speed": "actuators", "tilt": "actuators"}.get(part, part)
     series = flight.series().get(role)
     return "/topic" if series is None else series.topic.split(" + ")[-1 if part in ("twist", "rotor_speed") else 0]

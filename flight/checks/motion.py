@@ -24,6 +24,8 @@ FEWEST = 20
 """Intervals below which nothing is said."""
 MOST = 8_000
 """Intervals that are compared of a flight of many; they overlap."""
+FULL = 2.5
+"""Angle [rad] turned in an interval beyond which two attitudes do not tell which way round: half a turn is none."""
 BLOCKS = 8
 
 
@@ -72,6 +74,8 @@ def seen(flight: Flight) -> Seen | None:
     if flight.imu is not None:
         usable &= _covered(flight.imu, time[first], time[last])
     first, middle, last = first[usable], middle[usable], last[usable]
+    slow = _halves(quat, first, middle, last) < FULL
+    first, middle, last = first[slow], middle[slow], last[slow]
     if len(first) < FEWEST:
         return None
     span = (time[last] - time[first])[:, None]
@@ -91,6 +95,12 @@ def seen(flight: Flight) -> Seen | None:
         gyro=None if imu is None else _mean(imu, imu.omega_B, time[first], time[last]),
         accel=None if imu is None else _mean(imu, imu.specific_force_B, time[first], time[last]),
     )
+
+
+def _halves(quat: Array, first: NDArray[np.intp], middle: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
+    """Angles [rad] turned in both halves of the intervals, added (K,)."""
+    halves = so3.turned(quat[first], quat[middle]), so3.turned(quat[middle], quat[last])
+    return np.asarray(sum(np.linalg.norm(half, axis=1) for half in halves))
 
 
 def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:

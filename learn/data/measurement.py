@@ -1,3 +1,4 @@
+# Long because filter, record and prediction are one chain, told in its order.
 """From an IMU to a measured wrench, and from commands to what a model says that wrench should have been.
 
     F_meas = m [f_O + domega x c + omega x (omega x c)],    M_meas = J domega + omega x J omega
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
+from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.second_order import low_pass_section, response
 from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.both_ways import both_ways
@@ -100,6 +102,23 @@ def low_pass(signal: Array, dt: float, cutoff_hz: float) -> Array:
     return np.asarray(both_ways(section, start, np.ascontiguousarray(flat), padding)).reshape(np.shape(signal))
 
 
+def thinned(signal: Array, dt: float, cutoff_hz: float, keep: slice) -> Array:
+    """The samples `keep` of `low_pass`; of hours, without ever holding all of it."""
+    if len(signal) <= PIECE or signal.ndim == 1:
+        return np.asarray(low_pass(signal, dt, cutoff_hz)[keep].copy())
+    return np.stack([low_pass(column, dt, cutoff_hz)[keep] for column in signal.T], axis=1)
+
+
+def _turning(omega: Array, dt: float, cutoff_hz: float, keep: slice) -> tuple[Array, Array]:
+    """The samples `keep` of body rates (N, 3) through the filter, and of their derivative."""
+    if len(omega) <= PIECE:
+        slow = low_pass(omega, dt, cutoff_hz)
+        return slow[keep].copy(), derivative(slow, dt)[keep].copy()
+    columns = [low_pass(column, dt, cutoff_hz) for column in omega.T]
+    kept = np.stack([column[keep] for column in columns], axis=1)
+    return kept, np.stack([derivative(column, dt)[keep] for column in columns], axis=1)
+
+
 def derivative(signal: Array, dt: float) -> Array:
     """Fourth-order central differences along axis 0, second order in the two samples at either end."""
     if signal.ndim > 1 and len(signal) > PIECE:
@@ -137,9 +156,9 @@ def prepare(
     state, has_pose = _state(samples)
     step = max(1, round(1.0 / (dt * (rate_hz or 5.0 * cutoff_hz))))
     keep = slice(trim, len(samples) - trim, step)
-    omega = low_pass(samples.omega_B, dt, cutoff_hz)
-    omega, omega_dot = omega[keep].copy(), derivative(omega, dt)[keep]
-    force = low_pass(samples.specific_force_B, dt, cutoff_hz)[keep]
+    omega, omega_dot = _turning(samples.omega_B, dt, cutoff_hz, keep)
+    force = thinned(samples.specific_force_B, dt, cutoff_hz, keep)
+    give_back(len(samples))
     felt = felt_at_origin(force, omega, omega_dot, vehicle.imu_position_B)
     known = measured_axes(vehicle, samples.unmeasured)
     measured = measured_wrench(vehicle.body, Motion(omega, omega_dot, felt))
@@ -151,15 +170,20 @@ def prepare(
         state=state,
         keep=keep,
         time=samples.time[keep],
-        measured=np.where(known, measured, np.nan),
-        commanded=low_pass(sent.wrench_B, dt, cutoff_hz)[keep].copy(),
-        desired=None if samples.wrench_des_B is None else low_pass(samples.wrench_des_B, dt, cutoff_hz)[keep].copy(),
-        state_kept=replace(state.take(keep), omega_B=omega),
+        measured=on_disk(np.where(known, measured, np.nan)),
+        commanded=on_disk(thinned(sent.wrench_B, dt, cutoff_hz, keep)),
+        desired=None if samples.wrench_des_B is None else thinned(samples.wrench_des_B, dt, cutoff_hz, keep),
+        state_kept=_on_disk(replace(state.take(keep), omega_B=omega)),
         noise=np.where(known, _noise(samples, vehicle, cutoff_hz, imu), np.nan),
         source=source,
         has_pose=has_pose,
         has_voltage=samples.voltage is not None,
     )
+
+
+def _on_disk(state: State) -> State:
+    held = {item.name: getattr(state, item.name) for item in fields(state)}
+    return replace(state, **{name: value if value is None else on_disk(value) for name, value in held.items()})
 
 
 def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
@@ -211,6 +235,8 @@ class Evaluator:
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)
         act, rotors = model.rotors(commands, self.record.state, rates, self._posture(model, commands))
+        act, rotors = act and act.with_thrust(on_disk(act.thrust)), on_disk(rotors)
+        give_back(len(rotors))
         return act, rotors, self._filter(lambda: rotors)
 
     def _posture(self, model: WrenchModel, commands: Commands) -> Posture | None:
@@ -228,7 +254,7 @@ class Evaluator:
 
     def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:
         record = self.record
-        return low_pass(make(*arguments), record.dt, record.cutoff_hz)[record.keep].copy()
+        return thinned(make(*arguments), record.dt, record.cutoff_hz, record.keep)
 
 
 def _key(model: WrenchModel, place: str) -> Key:
@@ -274,7 +300,7 @@ def from_actuators(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed:
     """
     full, speed = _of_vehicle(name, vehicle, tilt, rotor_speed)
     logged = Commands(np.zeros((len(speed), 6)), full, speed)
-    return Commands(about_com(vehicle.body, nominal_wrench(vehicle, logged)), full, speed)
+    return Commands(on_disk(about_com(vehicle.body, nominal_wrench(vehicle, logged))), full, speed)
 
 
 def _of_vehicle(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Array) -> tuple[Array, Array]:
@@ -295,7 +321,8 @@ def _of_vehicle(name: str, vehicle: Vehicle, tilt: Array | None, rotor_speed: Ar
                 "map the columns with --topic tilt=/topic[...] or use another model"
             )
         full[:, tilting] = tilt if tilt.shape[1] == len(tilting) else tilt[:, tilting]
-    return full, np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
+    speed = np.abs(rotor_speed)  # some logs sign speeds by the direction of turning; no rotor here reverses
+    return on_disk(full), on_disk(speed)
 
 
 def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
@@ -317,7 +344,7 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
         return Commands(wrench), "none"
     asked = np.concatenate([about_origin(vehicle.body, wrench[piece]) for piece in pieces(len(wrench))])
     allocated, _ = Allocation(vehicle).allocate(asked, dt=samples.dt)
-    return Commands(wrench, allocated.tilt, allocated.rotor_speed), "allocated"
+    return Commands(wrench, on_disk(allocated.tilt), on_disk(allocated.rotor_speed)), "allocated"
 
 
 def _state(samples: Samples) -> tuple[State, bool]:

@@ -92,7 +92,7 @@ def opened(
     found = flight.in_si(as_speeds(found, model))
     asked = _Asked(found.path.name, accepted_names(accept), gate)
     found, unlikely = possible(checked(found), model)
-    asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz)))
+    asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz, rotors=model.vehicle.has_rotors)))
     played, notes = _commanded(found, incomplete)
     try:
         resampled = flight.resample(played, require=_needed(played))
@@ -103,7 +103,7 @@ def opened(
         return OpenFlight(found, (), (), (), outside(between), why, asked.checks)
     known = _sent(resampled.samples, model.vehicle)
     phases = phases_of(known, model.vehicle, cutoff_hz, phase_names(keep, "keep"))
-    give_back(max(map(len, resampled.samples)))
+    give_back(asked.hold(resampled.samples))
     asked.pass_(against_model(played, model, _flown(resampled.samples, phases)))
     within = kept_within(resampled.samples, between, found)
     parts, left_out = _parts(within, resampled.samples, phases, model.vehicle, known)
@@ -139,10 +139,17 @@ class _Asked:
     accept: tuple[str, ...]
     gate: bool
     checks: tuple[Check, ...] = ()
+    longest: int = 0
+
+    def hold(self, stretches: Sequence[Samples]) -> int:
+        """Samples of the longest stretch, after whose checks memory is given back."""
+        self.longest = max(map(len, stretches))
+        return self.longest
 
     def pass_(self, found: Iterable[Check]) -> None:
         """Add checks; raise LogError where one of them stops. Roles have errors of their own."""
         self.checks += accepting(found, self.accept)
+        give_back(self.longest)
         if self.gate:
             stop_where_bad(self.where, (check for check in self.checks if check.name != "roles"))
 

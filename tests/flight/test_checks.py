@@ -11,10 +11,10 @@ from wrenchgap import flight
 from wrenchgap.flight.check import NAMES, Check, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.checks.axes import PERMUTATIONS, best_axes
-from wrenchgap.flight.checks.mending import _with
+from wrenchgap.flight.checks.mending import _with, option
 from wrenchgap.flight.clocks import relation, without_jumps
 from wrenchgap.flight.errors import LogError, UsageError
-from wrenchgap.flight.flight import Flight, ImuSeries, OdometrySeries, WrenchSeries
+from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries, WrenchSeries
 
 SECOND = 1_000_000_000
 
@@ -193,6 +193,21 @@ def test_two_vehicles_in_one_log_are_asked_for_not_guessed(logs, tmp_path):
     assert {series.topic.split("/")[1] for series in told.series().values()} == {"uav2"}
 
 
+def test_a_follower_beside_a_leader_without_a_namespace_is_asked_for_and_never_mixed(logs, tmp_path):
+    time, recording = np.arange(0, 6, 0.01), logs.Recording()
+    for name in ("", "/follower"):
+        for topic in ("/command/wrench", "/imu", "/odometry"):
+            kind, columns = logs.PLAIN[topic]
+            recording.series(f"{name}{topic}", kind, time, columns(time), stamp_s=True)
+    path = recording.save(tmp_path / "log.mcap")
+    guessed = flight.load(path)
+    assert guessed.checks[0].name == "vehicles"
+    assert {s.topic for s in guessed.series().values()} == {"/command/wrench", "/imu", "/odometry"}
+    told = flight.load(path, topics={"imu": "/follower/imu"})
+    assert "vehicles" not in {check.name for check in told.checks}
+    assert all(series.topic.startswith("/follower/") for series in told.series().values())
+
+
 @pytest.mark.parametrize(
     ("source", "by", "mended"),
     [
@@ -211,3 +226,63 @@ def test_a_factor_takes_the_place_of_the_word_that_it_undoes(source, by, mended)
 def test_what_cannot_be_accepted_is_not_offered_to_be():
     assert Check("model", "bad", "no flight").remedy == ""
     assert Check("gaps", "bad", "many").remedy == "or say --accept gaps"
+
+
+@pytest.mark.parametrize("channel", ["rate", "wrench"])
+def test_odometry_rates_and_a_wrench_along_z_alone_freeze_too(channel):
+    """The wrench of a vehicle with fixed rotors has forces that are zero throughout: those rest at no limit."""
+
+    def change(name, values):
+        if name != channel:
+            return values
+        out = values.copy()
+        if name == "wrench":
+            out[:, :2] = 0.0
+        out[400:600] = out[400]
+        return out
+
+    log = moving(change=change)
+    rate = change("rate", log.imu.omega_B + white(np.random.default_rng(6), len(log.imu.time), 0.01))
+    found = checked(replace(log, odometry=replace(log.odometry, omega_B=rate)))
+    assert "frozen" in {c.name for c in found.checks if c.level == "warn"}
+    (gone, *_) = found.left_out
+    assert (gone.start, gone.stop) == pytest.approx((4.0, 5.99))
+
+
+def test_a_command_that_leaps_to_zero_and_back_was_lost_and_one_that_came_there_rests():
+    time = np.arange(0.0, 12.0, 0.01)
+    rng = np.random.default_rng(2)
+    speed = 500.0 + 20.0 * rng.standard_normal((len(time), 4))
+    lost, clipped = speed.copy(), speed.copy()
+    lost[400:550, 1] = 0.0
+    clipped[:, 1] = np.clip(600.0 * np.sin(0.9 * time) + speed[:, 1] - 500.0, 0.0, None)
+
+    def found(values):
+        sent = ActuatorSeries("/a", time, np.zeros((len(time), 0)), values)
+        return {c.name for c in checked(replace(moving(), actuators=sent)).checks if c.level == "warn"}
+
+    assert "frozen" in found(lost)
+    assert "frozen" not in found(clipped)
+
+
+def test_a_flip_faster_than_half_a_turn_in_an_interval_is_no_wrong_gyroscope():
+    """At 17 rad/s an interval of 0.2 s turns by 3.4 rad, which two attitudes show as 2.9 rad the other way."""
+    time = np.arange(0.0, 12.0, 0.01)
+    rate = 0.3 * np.sin(2.0 * time) + 17.0 * ((time > 5.0) & (time < 5.0 + 2.0 * np.pi * 3.0 / 17.0))
+    angle = np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * 0.01)))
+    zero = np.zeros_like(time)
+    quat = np.column_stack((np.cos(angle / 2), np.sin(angle / 2), zero, zero))
+    omega = np.column_stack((rate, zero, zero))
+    force = Rotation.from_quat(quat, scalar_first=True).inv().apply([0.0, 0.0, 9.80665])
+    odometry = OdometrySeries("/odometry", time, np.zeros((len(time), 3)), quat, np.zeros((len(time), 3)), omega)
+    imu = ImuSeries("/imu", time, omega, force)
+    for sensor, name in ((imu, "gyroscope"), (None, "odometry-rate")):
+        found = checked(Flight("f", Path("f"), "0", 0, imu=sensor, odometry=odometry)).checks
+        assert {c.name: c.level for c in found}.get(name, "ok") == "ok"
+
+
+def test_a_mend_of_an_imu_of_two_topics_names_the_sensor_that_it_is_about():
+    two = replace(moving(), mapping={"imu": "/acc", "gyroscope": "/gyro"})
+    assert option(two, "deg", "imu") == "--topic gyroscope=/gyro:deg"
+    assert option(two, "g", "imu") == "--topic accelerometer=/acc:g"
+    assert option(two, "frd", "imu") == "--topic gyroscope=/gyro:frd --topic accelerometer=/acc:frd"

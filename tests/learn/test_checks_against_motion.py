@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import wrenchgap as wg
 from benchmarks.meaning.flying import HEX, QUAD, Manner, fly
@@ -87,3 +88,67 @@ def test_one_order_among_twelve_rotors_is_exactly_the_commanded_wrench():
     (check,) = found(replace(flight, actuators=rolled, checks=None), model).values()
     assert check.name == "rotors"
     assert "[1,2,3,4,5,6,7,8,9,10,11,0]" in check.mend
+
+
+def excited(flight):
+    """Whether it rolls by more than a hover does."""
+    return np.std(flight.imu.omega_B[:, 0]) > 0.1
+
+
+def turned_imu(flight, degrees):
+    turn = Rotation.from_euler("z", -degrees, degrees=True)
+    imu = replace(
+        flight.imu, omega_B=turn.apply(flight.imu.omega_B), specific_force_B=turn.apply(flight.imu.specific_force_B)
+    )
+    return replace(flight, imu=imu, checks=None)
+
+
+@pytest.mark.parametrize("degrees", [-30.0, 45.0])
+@pytest.mark.parametrize("wrench", [False, True])
+def test_an_imu_turned_about_z_is_told_without_an_attitude_and_by_its_angle(flown, degrees, wrench):
+    model, flight = flown
+    sent = flight.commanded if wrench else None
+    log = replace(alone(turned_imu(flight, degrees)), commanded=sent)
+    check = (found(log, model) | found(log, model, "warn"))["body-frame"]
+    assert check.mend == f"--topic imu=/imu:yaw={degrees:g}"
+
+
+def test_an_angle_that_the_flight_does_not_tell_is_not_said(flown):
+    """Ten degrees are a mounting error, an effect; and a gyroscope of nothing but noise turns with nothing."""
+    model, flight = flown
+    assert "body-frame" not in found(alone(turned_imu(flight, 10.0)), model, "warn")
+    rng = np.random.default_rng(5)
+    noise = replace(flight.imu, omega_B=0.5 * rng.standard_normal(flight.imu.omega_B.shape))
+    log = alone(flight, imu=noise)
+    assert "body-frame" not in found(log, model) | found(log, model, "warn")
+
+
+@pytest.mark.parametrize("factor", [1.0 / 3.0, 1.0, 3.0])
+def test_an_inertia_by_which_the_vehicle_turns_otherwise_is_warned_of(flown, factor):
+    """Torques turn it by J^-1 M: a third of J would turn it three times as fast. In a hover commands are larger than
+    what moves it, since they answer disturbances, and too small an inertia does not show."""
+    model, flight = flown
+    shows = factor == 3.0 or (factor < 1.0 and excited(flight))
+    body = replace(model.vehicle.body, inertia=factor * model.vehicle.body.inertia)
+    wrong = replace(model, vehicle=replace(model.vehicle, body=body))
+    flags = found(alone(flight), wrong, "warn")
+    assert ("inertia" in flags) == shows
+    assert not excited(flight) or not shows or f"{1.0 / factor:.2g} about x" in flags["inertia"].words
+
+
+def test_kappa_off_by_a_factor_is_told_from_the_turning_about_z(flown):
+    model, flight = flown
+    rotors = model.vehicle.rotors
+    wrong = replace(model, vehicle=replace(model.vehicle, rotors=replace(rotors, kappa=4.0 * rotors.kappa)))
+    flags = found(alone(flight), wrong, "warn")
+    assert ("kappa" in flags) == excited(flight)
+    assert not excited(flight) or "4 about z" in flags["kappa"].words
+
+
+def test_two_rotors_of_six_that_are_swapped_are_put_back_by_the_motion_alone(flown):
+    model, flight = flown
+    count = flight.actuators.rotor_speed.shape[1]
+    order = [1, 0, *range(2, count)]
+    swapped = replace(flight.actuators, rotor_speed=flight.actuators.rotor_speed[:, order])
+    check = found(alone(flight, actuators=swapped), model)["rotors"]
+    assert f"[{','.join(map(str, order))}]" in check.mend

@@ -48,6 +48,27 @@ def test_a_torque_coefficient_is_no_kappa_and_the_right_one_is_said():
     assert f"{rotors.kappa[0]:.3g} m" in found.words
 
 
+def with_rotors(model, **changes):
+    return replace(model, vehicle=replace(model.vehicle, rotors=replace(model.vehicle.rotors, **changes)))
+
+
+def test_the_sign_of_kappa_belongs_into_spin():
+    model = wg.load_model("crazyflie")
+    assert levels(with_rotors(model, kappa=-model.vehicle.rotors.kappa))["kappa"] == "warn"
+
+
+@pytest.mark.parametrize("name", SHIPPED[:3])
+@pytest.mark.parametrize(("unit", "square"), [("rpm^2", (np.pi / 30.0) ** 2), ("revolutions", (2.0 * np.pi) ** 2)])
+def test_a_c_f_per_another_speed_is_no_thrust_coefficient_and_the_right_one_is_said(name, unit, square):
+    """T = c_f Omega^2: with Omega in another unit c_f is its square as large; C_T = c_f / (rho pi R^4) has no unit."""
+    model = wg.load_model(name)
+    c_f = model.vehicle.rotors.c_f
+    (check,) = [c for c in of_vehicle(with_rotors(model, c_f=c_f * square)) if c.name == "thrust-coefficient"]
+    assert check.level == "warn"
+    assert unit in check.words
+    assert f"it is {c_f[0]:.3g};" in check.words
+
+
 def flight_of(rate, sent=250.0, speeds=None):
     time, command = np.arange(0, 8, 1 / rate), np.arange(0, 8, 1 / sent)
     imu = ImuSeries("/imu", time, np.zeros((len(time), 3)), np.zeros((len(time), 3)))
@@ -68,6 +89,37 @@ def test_what_is_too_slow_for_the_filter(rate, sent, cutoff, level):
     if level == "bad":
         assert ("/imu" if rate < sent else "/w") in found.words
         assert rates(flight_of(rate, sent), float(found.mend.split()[1]))[0].level == "ok"
+
+
+def test_actuators_that_are_slower_than_the_wrench_are_asked_too():
+    log = flight_of(250.0, 250.0, lambda count: np.full((count, 4), 1500.0))
+    slow = replace(
+        log,
+        actuators=replace(
+            log.actuators, **{name: getattr(log.actuators, name)[::25] for name in ("time", "tilt", "rotor_speed")}
+        ),
+    )
+    (found,) = rates(slow, 8.0)
+    assert found.level == "bad"
+    assert "/a (actuators)" in found.words
+    assert rates(slow, 8.0, rotors=False)[0].level == "ok"  # a model without rotors does not use them
+    assert rates(log, 8.0)[0].level == "ok"
+
+
+def test_many_commands_far_beyond_all_others_are_no_unit():
+    model = wg.load_model("crazyflie")
+
+    def speeds(count):
+        out = np.full((count, 4), 1500.0) + np.arange(count)[:, None] % 7
+        out[::10] = 9000.0
+        return out
+
+    log, (found,) = possible(flight_of(250.0, 250.0, speeds), model)
+    assert found.name == "spikes"
+    assert log.actuators.rotor_speed.max() < 2000.0
+    everywhere, none = possible(flight_of(250.0, 250.0, lambda n: 9.55 * (speeds(n) % 4000.0)), model)
+    assert none == ()
+    assert len(everywhere.actuators.time) == 2000
 
 
 def test_single_commands_beyond_speed_max_are_left_out_and_counted():

@@ -28,6 +28,7 @@ def opened(name, flight, monkeypatch, piece):
                 patch.setattr(module, "PIECE", piece)
             patch.setattr(actuation, "HOURS", piece)
             patch.setattr(memory, "HOURS", piece)
+            patch.setattr(memory, "SMALL", 1)
         found = open_flight(flight, model)
         offsets = [o.seconds for o in timing_of(found, model).offsets]
         return found, list(arrays(found.records[0], model)), np.array(offsets, dtype=float)
@@ -39,6 +40,8 @@ def test_pieces_do_not_show(monkeypatch, name, piece):
     flight = wg.simulate(wg.load_model(name), "hover", duration=10.0, excitation=1.0, seed=3)
     whole, numbers, offsets = opened(name, flight, monkeypatch, 0)
     parts, others, moved = opened(name, flight, monkeypatch, piece)
+    assert memory._is_mapped(parts.samples[0].omega_B)
+    assert not memory._is_mapped(whole.records[0].measured)
     assert parts.phases == whole.phases
     assert parts.left_out == whole.left_out
     for number, other in zip(numbers, others, strict=True):

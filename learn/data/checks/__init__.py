@@ -4,6 +4,7 @@
     vehicle     numbers of the vehicle that contradict one another
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
+    turning     torques by axis: inertia, arms, kappa; an IMU turned about z
 
 What the log says by itself is asked in `flight.checks`.
 """
@@ -18,10 +19,16 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.compared import compared
 from wrenchgap.learn.data.checks.rotors import rotors
+from wrenchgap.learn.data.checks.turning import sizes, turned_imu
 from wrenchgap.learn.data.checks.vehicle import of_vehicle
 from wrenchgap.learn.data.checks.wrench import axes, force_unit, speed_unit, torque_unit
 from wrenchgap.plant.model import Model
 
+SAID = (
+    *("force-unit", "torque-unit", "wrench-frame", "rotors", "weight", "rotor-speed-unit", "inertia", "kappa"),
+    *("gyroscope", "body-frame"),
+)
+"""Checks of numbers that make torques of another size or about other axes, which then is no news."""
 FASTER = 2.5
 """Times the cut-off that readings and commands must come, so that the filter's band is in them (Shannon: 2)."""
 
@@ -30,24 +37,32 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     """What a model says of a flight whose `stretches` are on one clock."""
     found = [*of_vehicle(model)]
     seen = compared(stretches, model.vehicle)
+    turned = None if seen is None else turned_imu(flight, model, seen)
     if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
-        found += rotors(flight, model, seen)
+        found += rotors(flight, model, seen, turned)
     if seen is not None and all(check.level != "bad" for check in found):
         found += [*force_unit(flight, model, seen), *speed_unit(flight, seen)]
         if all(check.level == "ok" for check in found):  # a wrong inertia has said so
             found += torque_unit(flight, model, seen)
-        if not any(check.level == "bad" for check in found):
-            found += axes(flight, model, seen)
-            found += rotors(flight, model, seen) if seen.wrench is not None else ()
+        if seen.wrench is not None and not any(check.level == "bad" for check in found):
+            found += axes(flight, model, seen) if turned is None else [turned.check]
+            found += rotors(flight, model, seen)
+        units = (check for check in flight.checks or () if check.level == "bad")
+        if not any(check.level != "ok" and check.name in SAID for check in (*found, *units)):
+            found += sizes(model, seen)
     return tuple(found)
 
 
-def rates(flight: Flight, cutoff_hz: float) -> tuple[Check, ...]:
-    """Whether motion and commands come fast enough for a filter of `cutoff_hz`."""
+def rates(flight: Flight, cutoff_hz: float, *, rotors: bool = True) -> tuple[Check, ...]:
+    """Whether motion and commands come fast enough for a filter of `cutoff_hz`; `rotors`: the model uses actuators.
+
+    Where a wrench and actuators are logged, both are commands: the wrench is predicted by the one, effects of rotors
+    by the other.
+    """
     played = flight.series()
     motion = "imu" if "imu" in played else "odometry"
-    sent = "commanded" if "commanded" in played else "actuators"
-    asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, sent) if role in played]
+    sent = ("commanded", *(("actuators",) if rotors or "commanded" not in played else ()))
+    asked: list[tuple[str, Series]] = [(role, played[role]) for role in (motion, *sent) if role in played]
     slow = [(role, s, 1.0 / s.period) for role, s in asked if 1.0 / s.period < FASTER * cutoff_hz]
     if not slow:
         return (Check("rate", "ok", f"Motion and commands are fast enough for {cutoff_hz:g} Hz."),)

@@ -23,6 +23,7 @@ from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import cosine, rms
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
+from wrenchgap.learn.data.checks.turning import MOVES, Turned
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model
@@ -31,22 +32,27 @@ from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import about_com, cross
 
 FITS, BETTER = 0.8, 0.25
-"""Cosine with the witness that another reading must reach, and by how much more than as stated."""
-MOVES = 0.65
-"""Likewise with the motion, in which there is more than the rotors made: real hovers have 0.66 to 0.89."""
+"""Cosine with the witness that another reading must reach, and by how much more than as stated. With the motion, in
+which there is more than the rotors made, `MOVES`: real hovers have 0.66 to 0.89."""
 AGAINST = 0.5
 """Cosine with the motion about z from which on an opposite torque is worth a word."""
 DEGREES, OFF = 180.0 / np.pi, 4.0
 """Of a radian, and the factor by which inertia, lags and noise may change the torque that a motion needs."""
 SAME, EXACT = 0.97, 0.99
 """Cosine with a commanded wrench above which the stated order is it, and above which another one is."""
+CLEAR, LEFT = 0.9, 1.0 / 3.0
+"""Cosine with the motion that an order must reach to be better than one that is like it too, and share of what that
+left unexplained."""
 TURN = "turn every spin over"
 SEEN = 1e-3
 """Of the largest: singular values of thrusts below it tell nothing."""
 
 
-def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
-    """Whether another order, spin or sign of tilt explains the witness, and the stated one does not."""
+def rotors(flight: Flight, model: Model, seen: Compared, turned: Turned | None = None) -> Iterator[Check]:
+    """Whether another order, spin or sign of tilt explains the witness, and the stated one does not.
+
+    `turned`: an IMU that is turned explains it, and is said where no order does as well.
+    """
     if seen.made is None or seen.speed is None or seen.tilt is None:
         return
     name, fits = ("the commanded wrench", FITS) if seen.wrench is not None else ("the motion", MOVES)
@@ -56,6 +62,9 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     if alike > max(MOVES, stated):
         words = f"Read in deg/s, it turns as the logged actuators make it (cosine {alike:.2f}), in rad/s far too fast"
         yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
+        return
+    if turned is not None and stated > fits:
+        yield turned.check
         return
     if stated > fits and not _reordered(model.vehicle, seen, scale, stated):
         yield Check("rotors", "ok", f"The logged actuators make torques like {name} (cosine {stated:.2f}).")
@@ -69,7 +78,10 @@ def rotors(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     }
     found = {what: _alike(seen, made, scale) for what, made in readings.items()}
     what = max(found, key=lambda k: found[k])
-    if found[what] < fits or (found[what] < stated + BETTER and stated < fits):
+    if turned is not None and _explained(found[what], turned.whole):
+        yield turned.check
+        return
+    if found[what] < fits or not (found[what] > stated + BETTER or _explained(stated, found[what])):
         words = f"The logged actuators make torques unlike {name} (cosine {stated:.2f})"
         if seen.wrench is not None:
             yield Check("rotors", "warn", f"{words}: check order, spin, c_f and tilt signs, or saturation.")
@@ -119,13 +131,18 @@ def _yaw(vehicle: Vehicle, seen: Compared, name: str) -> Iterator[Check]:
 
 
 def _reordered(vehicle: Vehicle, seen: Compared, scale: Array, stated: float) -> bool:
-    """Whether a commanded wrench like the rotors' is exactly that of another order: twelve rotors hide one."""
-    if seen.wrench is None or stated > SAME:
+    """Whether a witness like the rotors' is that of another order, and clearly: six rotors hide two, twelve one."""
+    if stated > (SAME if seen.wrench is not None else CLEAR):
         return False
     assert seen.speed is not None
     assert seen.tilt is not None
-    made = _made(vehicle, seen, seen.tilt, seen.speed[:, _order(vehicle, seen, scale)])
-    return _alike(seen, made, scale) > EXACT
+    found = _alike(seen, _made(vehicle, seen, seen.tilt, seen.speed[:, _order(vehicle, seen, scale)]), scale)
+    return found > EXACT if seen.wrench is not None else found > CLEAR and _explained(stated, found)
+
+
+def _explained(stated: float, found: float) -> bool:
+    """Whether a cosine `found` leaves less than a third of the energy that the `stated` one leaves unexplained."""
+    return 1.0 - found**2 < LEFT * (1.0 - stated**2)
 
 
 def _in_degrees(vehicle: Vehicle, seen: Compared, scale: Array) -> float:

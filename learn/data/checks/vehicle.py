@@ -3,7 +3,8 @@
 All of a vehicle's mass is within its arms and rotors, so no moment of inertia exceeds m (L + r)^2, L the longest arm,
 r the rotor's radius; and motors sit at the ends of the arms, so none is next to nothing. The drag torque of a rotor
 over its thrust, kappa, is the radius times C_Q / C_T: between a fortieth and three radii for any propeller that flies
-(C_T, C_Q of small propellers: Brandt and Selig, AIAA 2011-1255).
+(C_T, C_Q of small propellers: Brandt and Selig, AIAA 2011-1255). Its thrust coefficient C_T = c_f / (rho pi R^4) is
+about 0.01; a c_f per rpm^2 is a ninetieth of that, one per (1/s)^2 forty times as much.
 """
 
 from __future__ import annotations
@@ -20,15 +21,20 @@ LEAST_GYRATION, SMALL_GYRATION = 0.015, 0.03
 """Moment of inertia over m L^2, L the rms length of the arms: below it nothing that flies is, or hardly anything."""
 KAPPA = (0.025, 3.0)
 """Drag torque per thrust over the rotor's radius."""
+COEFFICIENT = (0.0015, 0.1)
+"""C_T = T / (rho pi R^2 (Omega R)^2); the vehicles that we have are at 0.007 to 0.021."""
+AIR_DENSITY = 1.225  # kg/m^3, at sea level
 
 
 def of_vehicle(model: Model) -> Iterator[Check]:
-    """Inertia against mass and arms, kappa against the radius."""
+    """Inertia against mass and arms, kappa and c_f against the radius."""
     vehicle = model.vehicle
     if not vehicle.has_rotors:
         return
     yield _inertia(vehicle)
     yield _kappa(vehicle)
+    if model.command is None:  # a curve from commands to newtons leaves c_f free
+        yield _thrust(vehicle)
 
 
 def _inertia(vehicle: Vehicle) -> Check:
@@ -56,6 +62,9 @@ def _kappa(vehicle: Vehicle) -> Check:
     _, rotors = vehicle.geometry()
     kappa, radius = np.abs(rotors.kappa), rotors.radius
     share = kappa / radius
+    if np.any(rotors.kappa < 0.0):
+        words = "kappa is negative: which way a rotor turns says spin, and a negative kappa turns it over"
+        return Check("kappa", "warn", f"{words}; write kappa without its sign in the model, and spin with it")
     if np.all(kappa == 0.0):
         return Check("kappa", "warn", "kappa is zero: rotors make no drag torque, and yaw is not predicted.")
     worst = int(np.argmax(np.abs(np.log(np.maximum(share, 1e-30)) - np.log(np.sqrt(KAPPA[0] * KAPPA[1])))))
@@ -68,3 +77,22 @@ def _kappa(vehicle: Vehicle) -> Check:
         hint = f": it looks like the torque coefficient [N m s^2]; kappa is that over c_f, {instead:.3g} m"
     limits = f"expected {KAPPA[0]:g} to {KAPPA[1]:g}"
     return Check("kappa", "bad", f"{described}, {limits}{hint}; correct vehicle.rotor.kappa in the model")
+
+
+def _thrust(vehicle: Vehicle) -> Check:
+    _, rotors = vehicle.geometry()
+    disc = AIR_DENSITY * np.pi * rotors.radius**4
+    coefficient = rotors.c_f / disc
+    worst = int(np.argmax(np.abs(np.log(coefficient) - np.log(np.sqrt(COEFFICIENT[0] * COEFFICIENT[1])))))
+    found, c_f = float(coefficient[worst]), float(rotors.c_f[worst])
+    described = (
+        f"c_f {c_f:.3g} N s^2 with a radius of {rotors.radius[worst]:.3g} m is a thrust coefficient of {found:.2g}"
+    )
+    if COEFFICIENT[0] < found < COEFFICIENT[1]:
+        return Check("thrust-coefficient", "ok", f"{described}.")
+    units = {"rpm^2": (30.0 / np.pi) ** 2, "revolutions per second, squared": (0.5 / np.pi) ** 2}
+    fitting = [unit for unit, k in units.items() if COEFFICIENT[0] < found * k < COEFFICIENT[1]]
+    hint = f": it looks like newtons per {fitting[0]}; in N s^2 it is {c_f * units[fitting[0]]:.3g}" if fitting else ""
+    limits = f"expected {COEFFICIENT[0]:g} to {COEFFICIENT[1]:g}"
+    words = f"{described}, {limits}{hint}; correct vehicle.rotor.c_f or radius in the model"
+    return Check("thrust-coefficient", "warn", words)

@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import Flags, Signals, contradiction
+from wrenchgap.learn.data.phases.signals import Flags, Signals, by_rows, contradiction
 
 SPIKE, OUTSTANDING = 2.5, 20.0
 """Felt minus commanded force of an impact at least: in weights, and in quartiles of the flight."""
@@ -82,8 +82,12 @@ def _joined(found: list[Phase], part: Signals, on: Flags) -> list[Phase]:
 
 def spikes(part: Signals, scale: float) -> Array:
     """Size (N,) of what is felt and neither commanded nor lasting, in weights."""
-    sudden = np.linalg.norm(part.felt - part.slow_felt, axis=1)
-    return np.asarray(np.minimum(sudden, np.linalg.norm(part.felt - scale * part.pushed, axis=1)))
+
+    def least(felt: Array, slow: Array, pushed: Array) -> Array:
+        sudden = np.linalg.norm(felt - slow, axis=1)
+        return np.asarray(np.minimum(sudden, np.linalg.norm(felt - scale * pushed, axis=1)))
+
+    return by_rows(least, part.felt, part.slow_felt, part.pushed)
 
 
 def _events(part: Signals, struck: Flags, a: int, b: int) -> Iterator[tuple[int, int]]:

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
@@ -42,9 +43,10 @@ def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehi
     _, rotors = vehicle.geometry()
     at = np.any(commands.rotor_speed >= AT * rotors.speed_max, axis=1)
     join = max(1, round(JOINED / samples.dt))
-    missing = _missing(commands, source, vehicle)
+    missing = on_disk(_missing(commands, source, vehicle))
     if missing.any():
-        missing = low_pass(missing, samples.dt, min(cutoff_hz, 0.3 / samples.dt))
+        missing = on_disk(low_pass(missing, samples.dt, min(cutoff_hz, 0.3 / samples.dt)))
+    give_back(len(missing))
     weight = vehicle.body.mass * GRAVITY
     arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
     force, torque = np.linalg.norm(missing[:, :3], axis=1), np.linalg.norm(missing[:, 3:], axis=1)

@@ -7,13 +7,15 @@ throughout is measured (`command_scale`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.memory import give_back, on_disk
+from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measured_axes import felt_at_origin
 from wrenchgap.learn.data.measurement import derivative, low_pass
 from wrenchgap.plant.state import Commands
@@ -63,19 +65,20 @@ def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals |
     dt = samples.dt
     slow, quick = (min(hz, SHARE_OF_NYQUIST / dt) for hz in (SLOW_HZ, RATES_HZ))
     weight = vehicle.body.mass * GRAVITY
-    pushed = commands.wrench_B[:, :3] / weight
+    pushed = on_disk(commands.wrench_B[:, :3] / weight)
     force = samples.specific_force_B
     known: Flags = np.asarray(np.isfinite(force).all(axis=0))
     omega = low_pass(np.nan_to_num(samples.omega_B), dt, quick)
     felt = felt_at_origin(np.nan_to_num(force), omega, derivative(omega, dt), vehicle.imu_position_B) / GRAVITY
-    felt = np.where(known, felt, pushed)
+    felt = on_disk(np.where(known, felt, pushed))
+    give_back(len(felt))
     return Signals(
         time=samples.time,
         dt=dt,
         pushed=pushed,
         felt=felt,
-        slow_pushed=low_pass(pushed, dt, slow),
-        slow_felt=low_pass(felt, dt, slow),
+        slow_pushed=on_disk(low_pass(pushed, dt, slow)),
+        slow_felt=on_disk(low_pass(felt, dt, slow)),
         turning=np.linalg.norm(low_pass(omega, dt, slow), axis=1),
         height=None if samples.position_E is None else samples.position_E[:, 2],
         speed=None if samples.velocity_E is None else np.linalg.norm(samples.velocity_E, axis=1),
@@ -103,9 +106,21 @@ def command_scale(parts: Sequence[Signals]) -> float:
 
 def contradiction(part: Signals, scale: float) -> Array:
     """Size (N,) of the slow difference between felt and commanded force, in shares of the weight."""
-    return np.asarray(np.linalg.norm(part.slow_felt - scale * part.slow_pushed, axis=1))
+    return by_rows(lambda felt, pushed: np.linalg.norm(felt - scale * pushed, axis=1), part.slow_felt, part.slow_pushed)
 
 
 def carried(part: Signals, scale: float) -> Array:
     """Share (N,) of the felt force that the rotors do not make: what the ground, or a hand, carries."""
-    return np.asarray(np.linalg.norm(part.slow_felt, axis=1) - scale * np.linalg.norm(part.slow_pushed, axis=1))
+
+    def beyond(felt: Array, pushed: Array) -> Array:
+        return np.asarray(np.linalg.norm(felt, axis=1) - scale * np.linalg.norm(pushed, axis=1))
+
+    return by_rows(beyond, part.slow_felt, part.slow_pushed)
+
+
+def by_rows(make: Callable[..., Array], *signals: Array) -> Array:
+    """What `make` gives of the rows of signals (N, C), (N,); of hours, piece by piece."""
+    out = np.empty(len(signals[0]))
+    for rows in pieces(len(out)):
+        out[rows] = make(*(signal[rows] for signal in signals))
+    return out

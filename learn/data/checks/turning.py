@@ -1,0 +1,136 @@
+"""How commands turn the vehicle above `FAST_HZ`: by how much about each axis, and about which axes.
+
+There torques turn the vehicle, and with the inertia J the angular acceleration that they make is J^-1 M. Where it has
+the shape of the measured one (cosine) but another size, a number of the model is wrong: of the inertia, of the arms, or
+kappa, which scales the torque about z alone. Where both are alike only after a turn about z, the IMU is mounted turned:
+with a = (a_x, a_y) made and b = (b_x, b_y) measured, b turned by the angle of sum (a . b) + i sum (b x a) is closest to
+a (Schoenemann 1966, in the plane). Blocks of time tell how well it is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.axes import BETTER, TURNED, rotation_words
+from wrenchgap.flight.checks.mending import option
+from wrenchgap.flight.checks.motion import BLOCKS, cosine
+from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
+from wrenchgap.plant.model import Model
+
+ALIKE, ONE = 0.8, 0.97
+"""Cosine from which on commands and motion are one signal, of a torque that is too small, and of one that is too large.
+Commands answer disturbances, which moves nothing: on real hovers they are three to seven times what the motion needs,
+with cosines of 0.6 to 0.93. No disturbance makes them smaller."""
+SIZE = 1.8
+"""Factor between torque made and torque needed beyond which no effect of a flying vehicle is the likely reason."""
+TOGETHER = 1.4
+"""Within which factors about two axes are the same."""
+SURE = 3.0
+"""Standard errors of the angle that must lie between it and `TURNED`, and be less than `TURNED`."""
+MOVES = 0.65
+"""Cosine with the motion that a reading must reach (real hovers: 0.66 to 0.89); below, the stated one is refused."""
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Turned:
+    """An IMU turned about z, as said, and the cosine `whole` that it then has with the commands, about all axes."""
+
+    check: Check
+    whole: float
+
+
+def sizes(model: Model, seen: Compared) -> Iterator[Check]:
+    """Torques that are of another size than the motion needs."""
+    pushed = seen.made if seen.made is not None else seen.wrench
+    if pushed is None:
+        return
+    felt, tried = _accelerations(model, seen, pushed)
+    found = [_size(felt[:, k], [made[:, k] for made in tried]) for k in range(3)]
+    yield from _of_sizes(model, found, logged=seen.made is not None)
+
+
+def _accelerations(model: Model, seen: Compared, pushed: Array) -> tuple[Array, list[Array]]:
+    """Angular accelerations (K, 3) measured, and made by a commanded wrench (N, 6) at each of the lags."""
+    inertia = np.diag(model.vehicle.body.inertia)
+    felt = moving(seen, seen.measured[:, 3:], fast=True) / inertia
+    return felt, [moving(seen, pushed[:, 3:], tau, fast=True) / inertia for tau in LAGS]
+
+
+def _size(felt: Array, tried: list[Array]) -> float | None:
+    """Torque made over torque needed about one axis, at the likeliest lag; None where they are not one signal."""
+    made = max(tried, key=lambda signal: cosine(felt[:, None], signal[:, None]))
+    size = float(np.linalg.norm(made) / max(float(np.linalg.norm(felt)), 1e-30))
+    return None if cosine(felt[:, None], made[:, None]) < (ONE if size > 1.0 else ALIKE) else size
+
+
+def _of_sizes(model: Model, sizes: list[float | None], *, logged: bool) -> Iterator[Check]:
+    off = {k: s for k, s in enumerate(sizes) if s is not None and not 1.0 / SIZE < s < SIZE}
+    if not off:
+        return
+    vehicle = model.vehicle
+    who = "logged actuators" if logged else "commanded wrench"
+    listed = ", ".join(f"{s:.2g} about {AXES[k]}" for k, s in enumerate(sizes) if s is not None)
+    words = f"The {who} and the model's inertia turn the vehicle more than it does by factors of {listed}"
+    fixed = vehicle.arms is not None and not vehicle.arms.tilts.any()
+    if set(off) == {2} and fixed and logged:
+        yield Check("kappa", "warn", f"{words}: correct vehicle.rotor.kappa, or the inertia about z, in the model")
+        return
+    known = [s for s in sizes if s is not None]
+    if len(known) == 3 and max(known) < TOGETHER * min(known):
+        hint = "correct vehicle.inertia, or the unit of the torques"
+    elif 2 not in off:
+        hint = "correct the inertia about x and y, or the arms' length, in the model"
+    else:
+        hint = "correct vehicle.inertia (its order is xx, yy, zz), the arms' length or kappa in the model"
+    yield Check("inertia", "warn", f"{words}: {hint}")
+
+
+def turned_imu(flight: Flight, model: Model, seen: Compared) -> Turned | None:
+    """An IMU that is turned about z by more than a mounting error, where no attitude tells and all of the flight does.
+
+    None where that is not so, or not known.
+    """
+    pushed = seen.made if seen.made is not None else seen.wrench
+    if pushed is None or flight.imu is None or flight.odometry is not None:
+        return None
+    felt, tried = _accelerations(model, seen, pushed)
+    if not felt[:, :2].any():
+        return None
+    made = max(tried, key=lambda signal: _fits(signal, felt, _angle(signal, felt)))
+    angle = _angle(made, felt)
+    parts = [_angle(a, b) for a, b in zip(np.array_split(made, BLOCKS), np.array_split(felt, BLOCKS), strict=True)]
+    away = np.degrees((np.array(parts) - angle + np.pi) % (2.0 * np.pi) - np.pi)
+    error = float(np.sqrt(np.mean(away**2) / BLOCKS))
+    as_is, fits = _fits(made, felt, 0.0), _fits(made, felt, angle)
+    if abs(np.degrees(angle)) - SURE * error < TURNED or SURE * error > TURNED or fits < max(MOVES, as_is + BETTER):
+        return None
+    words = (
+        f"The vehicle turns about x and y as the commands make it by a cosine of {as_is:.2f}, with the IMU turned "
+        f"about z by {np.degrees(angle):.0f} +- {max(error, 0.5):.1g} deg by {fits:.2f}: it "
+        "is mounted so, or the rotors are"
+    )
+    mend = option(flight, rotation_words(_about_z(angle)), "imu")
+    check = Check("body-frame", "bad" if as_is < MOVES else "warn", words, mend)
+    return Turned(check, cosine(made, felt @ _about_z(angle).T))
+
+
+def _angle(made: Array, felt: Array) -> float:
+    """Angle [rad] about z by which `felt` (K, 3) must be turned to be closest to `made` (K, 3)."""
+    (ax, ay), (bx, by) = made[:, :2].T, felt[:, :2].T
+    return float(np.arctan2(ay @ bx - ax @ by, ax @ bx + ay @ by))
+
+
+def _fits(made: Array, felt: Array, angle: float) -> float:
+    """Cosine about x and y with `felt` turned."""
+    return cosine(made[:, :2], (felt @ _about_z(angle).T)[:, :2])
+
+
+def _about_z(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,0 +1,48 @@
+"""Arrays of hours of log in temporary files: the same numbers, not resident, nothing left behind."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrenchgap.flight import memory
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="madvise and /proc are Linux's")
+
+
+def resident():
+    """Bytes of this process that lie in memory."""
+    return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
+
+
+def test_numbers_are_the_same_and_leave_memory_when_they_are_given_back(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    values = np.random.default_rng(1).standard_normal((memory.HOURS, 8))  # 64 MB
+    kept = memory.on_disk(values)
+    assert kept.tobytes() == values.tobytes()
+    del values
+    full = resident()
+    memory.give_back(memory.HOURS)
+    assert full - resident() > 50e6
+    assert np.isfinite(kept).all()
+    assert resident() > full - 20e6
+    assert list(tmp_path.iterdir()) == []  # the file has no name
+
+
+def test_what_is_short_or_on_disk_already_stays_where_it_is(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    short = np.zeros((100, 3))
+    assert memory.on_disk(short) is short
+    kept = memory.on_disk(np.zeros((memory.HOURS, 2)))
+    assert memory.on_disk(kept) is kept
+    assert np.shares_memory(memory.on_disk(kept[10:, 0]), kept)
+
+
+def test_without_room_on_a_disk_it_stays_in_memory(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(memory.os, "posix_fallocate", full)
+    values = np.zeros((memory.HOURS, 2))
+    assert memory.on_disk(values) is values
