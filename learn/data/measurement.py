@@ -36,6 +36,7 @@ from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
 
 T = TypeVar("T")
+P = TypeVar("P", State, Commands)
 
 CUTOFF_HZ = 8.0
 """Default corner of the filter on both sides [Hz]."""
@@ -181,9 +182,10 @@ def prepare(
     )
 
 
-def _on_disk(state: State) -> State:
-    held = {item.name: getattr(state, item.name) for item in fields(state)}
-    return replace(state, **{name: value if value is None else on_disk(value) for name, value in held.items()})
+def _on_disk(part: P) -> P:
+    """The same with its arrays on disk, where the flight is one of hours."""
+    held: dict[str, Any] = {item.name: getattr(part, item.name) for item in fields(part)}
+    return replace(part, **{name: value if value is None else on_disk(value) for name, value in held.items()})
 
 
 def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
@@ -344,7 +346,7 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
         return Commands(wrench), "none"
     asked = np.concatenate([about_origin(vehicle.body, wrench[piece]) for piece in pieces(len(wrench))])
     allocated, _ = Allocation(vehicle).allocate(asked, dt=samples.dt)
-    return Commands(wrench, on_disk(allocated.tilt), on_disk(allocated.rotor_speed)), "allocated"
+    return _on_disk(Commands(wrench, allocated.tilt, allocated.rotor_speed)), "allocated"
 
 
 def _state(samples: Samples) -> tuple[State, bool]:
