@@ -185,7 +185,8 @@ def prepare(
 def _on_disk(part: P) -> P:
     """The same with its arrays on disk, where the flight is one of hours."""
     held: dict[str, Any] = {item.name: getattr(part, item.name) for item in fields(part)}
-    return replace(part, **{name: value if value is None else on_disk(value) for name, value in held.items()})
+    kept: dict[str, Any] = {name: value if value is None else on_disk(value) for name, value in held.items()}
+    return replace(part, **kept)
 
 
 def predict(record: Record, model: WrenchModel, body: Body | None = None) -> Array:
