@@ -31,9 +31,12 @@ def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = No
     assert commands.tilt is not None
     assert commands.rotor_speed is not None
     speed = commands.rotor_speed
-    thrust = np.empty(speed.shape)
-    for k in pieces(len(speed)):  # of hours, products of all samples would be held beside it
-        thrust[k] = rotors.c_f * speed[k] * np.abs(speed[k])
+    if len(speed) <= HOURS:
+        thrust = rotors.c_f * speed * np.abs(speed)
+    else:
+        thrust = np.empty(speed.shape)
+        for k in pieces(len(speed)):  # products of all samples would be held beside it
+            thrust[k] = rotors.c_f * speed[k] * np.abs(speed[k])
     if posture is None:
         return Actuation(vehicle, commands.tilt, speed, thrust)
     return Actuation(vehicle, posture.tilt, speed, thrust, posture=posture)
