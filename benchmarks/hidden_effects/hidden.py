@@ -816,7 +816,7 @@ class Ringing(Hidden):
 class Heating(Hidden):
     """Motors that lose thrust as they warm up: T (1 - size (1 - exp(-t / 12 s))), no voltage recorded."""
 
-    answers = ("battery_sag", "thrust_scale")
+    answers = ("battery_sag", "thrust_fade", "thrust_scale")
     unit, size = "relative loss when hot", 0.08
     loss: float = 0.08
 
