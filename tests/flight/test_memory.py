@@ -22,11 +22,13 @@ def test_numbers_are_the_same_and_leave_memory_when_they_are_given_back(tmp_path
     kept = memory.on_disk(values)
     assert kept.tobytes() == values.tobytes()
     del values
+    memory.give_back(memory.HOURS)  # with what other tests of this process left
+    least = resident()
+    assert np.isfinite(kept).all()
     full = resident()
+    assert full - least > 50e6
     memory.give_back(memory.HOURS)
     assert full - resident() > 50e6
-    assert np.isfinite(kept).all()
-    assert resident() > full - 20e6
     assert list(tmp_path.iterdir()) == []  # the file has no name
 
 
