@@ -57,7 +57,7 @@ bench: setup ## the tables of docs/performance.md, their rows as JSON in build/b
 golden: setup ## keep the golden results of tests/golden anew, after a change that was meant
 	$(VENV) -m scripts.golden_replays --refresh
 
-fuzz: setup ## coverage-guided fuzzing of readers, model files and stored GPs (MINUTES=5; atheris, Linux alone)
+fuzz: setup ## coverage-guided fuzzing of readers, model files and stored GPs (MINUTES=5 of processor time; atheris, Linux alone)
 	$(VENV) -m benchmarks.faults.fuzz --minutes $(or $(MINUTES),5)
 
 faults: setup ## the 20,000 damaged files: docs/faults.json, docs/reliability.md

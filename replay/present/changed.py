@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,8 @@ WORTH_A_WORD = 1.0
 """Standard deviations from which on the nearest change is named although nothing changed."""
 MOST = 8
 """Changes by themselves that are shown."""
+WIDE = 5
+"""Parameters that a table of flights has columns for, whatever the number of flights."""
 SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
@@ -220,15 +223,28 @@ def flights(found: Changed) -> Table:
     return out
 
 
+def by_flight(found: Changed) -> tuple[list[str], list[list[str]], int]:
+    """Heads, rows and the number of columns of words of a table: values of what changed, on each flight alone.
+
+    Parameters are columns, unless there are more of them than a screen is wide and than there are flights.
+    """
+    flown = [r for r in found.rows if r.values]
+    places = Counter((p.effect, p.where) for p in found.parameters)
+    names = [p.where if p.where and places[p.effect, p.where] == 1 else p.name for p in found.parameters]
+    units = [unit(p.unit) or "1" for p in found.parameters]
+    cells = [[number(r.values[p.effect, p.name]) for p in found.parameters] for r in flown]
+    if len(names) <= max(WIDE, len(flown)):
+        heads = [f"{p.effect} {n} [{u}]" for p, n, u in zip(found.parameters, names, units, strict=True)]
+        return ["flight", "", *heads], [[r.flight, r.role, *c] for r, c in zip(flown, cells, strict=True)], 2
+    columns = zip(found.parameters, names, units, *cells, strict=True)
+    rows = [[p.effect, *cells] for p, *cells in columns]
+    return ["effect", "parameter", "unit", *(f"{r.flight} ({r.role})" for r in flown)], rows, 3
+
+
 def values(found: Changed) -> Table:
     """Values of what changed, on each flight alone."""
-    keys = [(p.effect, p.name) for p in found.parameters]
-    heads = [f"{p.effect} {p.where or p.name} [{unit(p.unit) or '1'}]" for p in found.parameters]
-    out = table("what changed, on each flight by itself", "flight", "", *heads, left=2)
-    for r in found.rows:
-        if r.values:
-            out.add_row(escape(r.flight), r.role, *(number(r.values[k]) for k in keys))
-    return out
+    heads, rows, left = by_flight(found)
+    return plain("what changed, on each flight by itself", heads, rows, left)
 
 
 def to_json(found: Changed) -> dict[str, Any]:

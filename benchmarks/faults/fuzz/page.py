@@ -9,31 +9,32 @@ TEXT = """{heading}
 
 `make fuzz` ([decision](decisions/0024-atheris.md)) searches with atheris, guided by coverage, in turns over logs,
 message definitions with messages, model files, stored GPs and trajectories. Made by `python -m benchmarks.faults.fuzz
---minutes {minutes:.0f} --json docs/fuzz.json --page docs/reliability.md`: {minutes:.0f} minutes by the clock,
-{processor:.0f} minutes of processor time, one process at a time; {findings} ([what](#what-damaged-files-showed)).
+--minutes {processor:.0f} --json docs/fuzz.json --page docs/reliability.md`: {processor:.0f} minutes of processor time,
+{minutes:.0f} by the clock, one process at a time; {findings} ([what](#what-damaged-files-showed)).
 
 - *branches*: places of the instrumented code (readers, plant, stored GPs, rosbags, pyulog, tomlkit) that were passed,
   with the corpus that is kept at the beginning and at the end;
 - *new inputs*: those that passed a new branch, or one a new number of times. The small ones are kept.
 
 """
-HEADS = ("target", "minutes", "executions", "branches at the beginning", "branches at the end", "new inputs")
+HEADS = ("target", "processor minutes", "executions", "branches at the beginning", "branches at the end", "new inputs")
 
 
-def section(total: Mapping[str, Mapping[str, float]], findings: int) -> str:
+def section(total: Mapping[str, Mapping[str, float]]) -> str:
     """Heading, words and table."""
     minutes = sum(sums["seconds"] for sums in total.values()) / 60.0
     processor = sum(sums["processor_s"] for sums in total.values()) / 60.0
+    findings = int(sum(sums["found"] for sums in total.values()))
     said = {0: "no fault was found", 1: "one fault was found"}.get(findings, f"{findings} faults were found")
     text = TEXT.format(heading=HEADING, minutes=minutes, processor=processor, findings=said)
     lines = [f"| {' | '.join(HEADS)} |", "|---" + "|---:" * (len(HEADS) - 1) + "|"]
     for target, sums in total.items():
         counts = (f"{int(sums[key]):,}" for key in ("executions", "branches_before", "branches", "new_inputs"))
-        lines.append(f"| {target} | {sums['seconds'] / 60.0:.0f} | {' | '.join(counts)} |")
+        lines.append(f"| {target} | {sums['processor_s'] / 60.0:.0f} | {' | '.join(counts)} |")
     return text + "\n".join(lines) + "\n"
 
 
-def with_section(text: str, total: Mapping[str, Mapping[str, float]], findings: int) -> str:
+def with_section(text: str, total: Mapping[str, Mapping[str, float]]) -> str:
     """A page with this section in the place of an older one."""
     before, _, rest = text.partition(f"{HEADING}\n")
-    return before + section(total, findings) + rest[rest.index("\n## ") :]
+    return before + section(total) + rest[rest.index("\n## ") :]

@@ -79,7 +79,5 @@ def _flights(found: Changed) -> Table:
 
 
 def _values(found: Changed) -> Table:
-    keys = [(p.effect, p.name) for p in found.parameters]
-    heads = ("flight", "", *(f"{p.effect} {p.where or p.name} [{unit(p.unit) or '1'}]" for p in found.parameters))
-    rows = [[r.flight, r.role, *(number(r.values[k]) for k in keys)] for r in found.rows if r.values]
-    return Table(heads, rows, left=2, caption="What changed, on each flight by itself.")
+    heads, rows, left = words.by_flight(found)
+    return Table(heads, rows, left=left, caption="What changed, on each flight by itself.")
