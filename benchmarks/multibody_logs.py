@@ -1,9 +1,8 @@
 """What is named, and how far the error falls, on the logs of an independent multibody simulation.
 
-    python -m benchmarks.multibody_logs [--data FOLDER] [--json FILE]
+    python -m benchmarks.multibody_logs FOLDER [--json FILE] [--page docs/results.md]
 
-FOLDER holds NAME.train.mcap and NAME.test.mcap, one hidden effect each. Fitted on train, judged on test. The tables of
-docs/results.md are what this prints.
+FOLDER holds NAME.train.mcap and NAME.test.mcap, one hidden effect each. Fitted on train, judged on test.
 """
 
 import argparse
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import renew
 from wrenchgap import add, compare, explain, learn_gp, load_model, open_flights
 from wrenchgap.learn import FitSettings
 
@@ -23,7 +23,6 @@ HIDDEN = {
     "weak_rotor": "rotor_thrust",
     "wake": "rotor_interference",
 }
-DEFAULT = Path(__file__).parent.parent.parent / "shared" / "data" / "multibody"
 
 
 def percent(values):
@@ -56,33 +55,42 @@ def one(folder, name, model):
     }
 
 
+def described(name, r):
+    """One pair of flights as lines."""
+    yield f"{name}: {r['verdict']}: {', '.join(r['effects'])}   groups {r['groups']}"
+    yield f"  with the hidden effect   {percent(r['reduction_with_hidden_effect'])}"
+    yield f"  with all that was named  {percent(r['reduction_with_all_named'])}"
+    yield f"  with a torque GP                        {percent(r['reduction_with_gp'])}"
+    for p in r["parameters"]:
+        if abs(p["value"]) > 3 * p["std"]:
+            yield f"  {p['effect']}.{p['name']} = {p['value']:.4g} +- {p['std']:.1g} {p['unit']}"
+    yield f"  explain took {r['explain_cpu_seconds']:.1f} s of CPU"
+
+
 def main():
-    """Print the table and write the JSON."""
+    """Print the table, write the JSON and the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=DEFAULT)
+    parser.add_argument("folder", type=Path)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--page", type=Path, help="the page whose table is written anew")
     options = parser.parse_args()
-    if not (options.data / "ideal.train.mcap").exists():
-        print(f"{options.data}: no multibody logs there; say where they are with --data")
-        return
+    if not (options.folder / "ideal.train.mcap").exists():
+        parser.error(f"{options.folder}: no multibody logs there; expected NAME.train.mcap and NAME.test.mcap")
     model = load_model("tilt_hexarotor")
     results = {}
-    print(
+    said = [
         "RMS reduction on the unseen test flight [%], F_x F_y F_z M_x M_y M_z; "
         "-: below three times the sensor noise already"
-    )
+    ]
     for name in HIDDEN:
-        results[name] = r = one(options.data, name, model)
-        print(f"\n{name}: {r['verdict']}: {', '.join(r['effects'])}   groups {r['groups']}")
-        print(f"  with the hidden effect   {percent(r['reduction_with_hidden_effect'])}")
-        print(f"  with all that was named  {percent(r['reduction_with_all_named'])}")
-        print(f"  with a torque GP                        {percent(r['reduction_with_gp'])}")
-        for p in r["parameters"]:
-            if abs(p["value"]) > 3 * p["std"]:
-                print(f"  {p['effect']}.{p['name']} = {p['value']:.4g} +- {p['std']:.1g} {p['unit']}")
-        print(f"  explain took {r['explain_cpu_seconds']:.1f} s of CPU")
+        results[name] = one(options.folder, name, model)
+        lines = "\n".join(described(name, results[name]))
+        print(lines, flush=True)
+        said.append(lines)
     if options.json:
         options.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    if options.page:
+        renew(options.page, {"multibody": "```text\n" + "\n\n".join(said) + "\n```"})
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""`wrenchgap changed` on real flights with labelled defects: CrazyPAD, drone E8, as docs/real-defects.md and JSON.
+"""`wrenchgap changed` and `explain` on real flights with labelled defects: CrazyPAD, drone E8, as a page and JSON.
 
     python -m benchmarks.real_defects FOLDER --json docs/real-defects.json --page docs/real-defects.md
 
 FOLDER holds the flights as logs, named as CrazyPAD names them (`normal_flight__E8_log00*.mcap`,
 `cut_propeller_M3_2mm_2mm_43mm__E8_log01*.mcap`), and the nominal model, `e8.toml`. Every answer is that of
-`wrenchgap.changed`, which the command calls. Source of the flights: CrazyPAD, Data 2024, 9, 79, MIT licence.
+`wrenchgap.changed`, which the command calls; those without healthy flights beside are `wrenchgap.explain`'s. Source of
+the flights: CrazyPAD, Data 2024, 9, 79, MIT licence.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ ROTORS = ("M1", "M2", "M3", "M4")
 """What CrazyPAD calls the rotors, in the order of the model file."""
 UNMEASURED = ("force_x", "force_y")
 """The logs hold no lateral accelerations."""
+LIKELY = 0.05
+"""Weight from which on a set of effects is part of what `explain` says."""
 CARRIED = ("mass", "com_offset", "payload", "inertia")
 """Names that say a weight."""
 
@@ -119,6 +122,43 @@ def judged(case: str, suspects: Sequence[Path], healthy: Sequence[Path], baselin
     )
 
 
+@dataclass(frozen=True)
+class Explained:
+    """What `explain` says of all flights of a case, without healthy ones beside.
+
+    `sets` are likely sets of effects, heaviest first; `rotors` the thrusts of the rotors where they were fitted.
+    """
+
+    case: str
+    kind: str
+    blades: tuple[float, ...]
+    flights: tuple[str, ...]
+    verdict: str
+    firm: tuple[str, ...]
+    sets: tuple[tuple[tuple[str, ...], float], ...]
+    rotors: dict[str, float]
+
+
+def explained(case: str, flights: Sequence[Path], model: wg.Model) -> Explained:
+    """One answer of `wrenchgap.explain`."""
+    found = wg.explain(wg.open_flights(flights, model, unmeasured=UNMEASURED), model, jobs=1)
+    return Explained(
+        case,
+        kind_of(case),
+        blades_of(case),
+        tuple(p.name for p in flights),
+        str(found.verdict),
+        found.firm,
+        tuple((s.names, round(s.weight, 4)) for s in found.posterior.sets if s.weight >= LIKELY),
+        {
+            ROTORS[int(v.name.removeprefix("rotor_"))]: v.value
+            for s in found.fit.snapshot
+            if s.effect == "rotor_thrust"
+            for v in s.values
+        },
+    )
+
+
 def comparisons(folder: Path) -> Iterator[tuple[str, list[Path], list[Path]]]:
     """Cases with all healthy flights, both flights together and each by itself; then healthy against healthy."""
     normal = sorted(folder.glob("normal_flight__E8*.mcap"))
@@ -145,9 +185,14 @@ def main() -> None:
     given = parser.parse_args()
     model = wg.load_model(given.folder / "e8.toml")
     model = replace(model, vehicle=replace(model.vehicle, rotor_names=ROTORS))
-    rows = json.loads(given.json.read_text())["rows"] if given.json.exists() else []
+    kept = json.loads(given.json.read_text()) if given.json.exists() else {}
+    rows, alone = kept.get("rows", []), kept.get("explained", [])
     known: tuple[list[Path], Baseline] | None = None
     done = {(tuple(r["suspect"]), tuple(r["healthy"])) for r in rows}
+
+    def keep() -> None:
+        given.json.write_text(json.dumps({"rows": rows, "explained": alone}, indent=1) + "\n", encoding="utf-8")
+
     for case, suspects, healthy in comparisons(given.folder):
         key = (tuple(p.name for p in suspects), tuple(p.name for p in healthy))
         if given.only not in case or key in done:
@@ -156,11 +201,17 @@ def main() -> None:
             known = healthy, Baseline(wg.open_flights(healthy, model, unmeasured=UNMEASURED), model, jobs=1)
         rows.append(asdict(judged(case, suspects, healthy, known[1])))
         print(f"{case}: {rows[-1]['summary']}", flush=True)
-        given.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
+        keep()
+    flights = sorted(given.folder.glob("*__E8*.mcap"))
+    for case in sorted(set(map(case_of, flights)) - {r["case"] for r in alone}):
+        if given.only in case:
+            alone.append(asdict(explained(case, [p for p in flights if case_of(p) == case], model)))
+            print(f"explain {case}: {alone[-1]['verdict']}, firm {alone[-1]['firm']}", flush=True)
+            keep()
     if given.page is not None:
         from benchmarks.real_defects_page import page
 
-        given.page.write_text(page(rows), encoding="utf-8")
+        given.page.write_text(page(rows, alone), encoding="utf-8")
 
 
 if __name__ == "__main__":

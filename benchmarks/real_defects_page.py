@@ -11,6 +11,10 @@ BOTH = 2.0
 SURE = 0.9
 RIGHT = {"cut": {"rotor_thrust"}, "tape": {"rotor_thrust"}, "weight": {"mass", "com_offset", "payload", "inertia"}}
 """Names that are not wrong, by what was done to the vehicle."""
+EVERY = {"motor_lag", "asymmetric_motor_lag", "thrust_curve"}
+"""True of every Crazyflie, and not in the model file: its motors follow within some 70 ms, its thrust is no square."""
+SHOWN = 3
+"""Sets of effects that are shown."""
 
 HEAD = """# Real defects: what `changed` finds on CrazyPAD
 
@@ -45,8 +49,19 @@ LIMITS = """
 """
 
 
-def page(rows: Sequence[Row]) -> str:
-    """The whole page."""
+EXPLAINED = """
+## What `explain` says, without healthy flights beside
+
+All flights of a case together, against the model file, which was calibrated on two of the normal flights. Motors that
+lag and a thrust that is not the square of the command are true of every Crazyflie and not in the file; they do not
+count as wrong. In a hover, a weak rotor, a rope, a weight and a constant wrench differ by little: this is what
+`changed` is for.
+
+"""
+
+
+def page(rows: Sequence[Row], alone: Sequence[Row] = ()) -> str:
+    """The whole page; `alone` is what `explain` says."""
     together = [r for r in rows if r["kind"] != "healthy" and len(r["suspect"]) > 1]
     single = [r for r in rows if r["kind"] != "healthy" and len(r["suspect"]) == 1]
     healthy = [r for r in rows if r["kind"] == "healthy"]
@@ -62,6 +77,7 @@ def page(rows: Sequence[Row]) -> str:
             singles(single),
             "\n## Weights: where the centre of mass by itself would have moved\n\n",
             weights(together + single),
+            explained(sorted(alone, key=_order)),
             LIMITS,
         )
     )
@@ -79,12 +95,7 @@ def is_rotor(row: Row) -> bool:
 
 def wrong(row: Row) -> bool:
     """Whether a firm name, or a rotor that is sure, is not what was done to the vehicle."""
-    allowed = {
-        "cut": {"rotor_thrust"},
-        "tape": {"rotor_thrust"},
-        "weight": {"mass", "com_offset", "payload", "inertia"},
-    }
-    if set(row["firm"]) - allowed.get(row["kind"], set()):
+    if set(row["firm"]) - RIGHT.get(row["kind"], set()):
         return True
     return row["kind"] == "cut" and bool(row["firm"]) and row["where"] != "M3" and row["probability"] >= SURE
 
@@ -136,6 +147,8 @@ def _truth(row: Row) -> str:
         series = "" if row["case"].count("mm") > 1 else " (second series)"
         return f"M3 cut {a:g} mm" + (f" and {b:g} mm" if b else f", one blade{series}")
     words = row["case"].split("_")
+    if row["kind"] == "healthy":
+        return "normal flights"
     if row["kind"] == "weight":
         return f"weight near {' and '.join(w for w in words if w.startswith('M'))}"
     return f"tape on {', '.join(w for w in words if w.startswith('M'))}"
@@ -182,3 +195,25 @@ def weights(rows: Sequence[Row]) -> str:
             numbers = f"{r['com_mm']:.1f} mm | {r['com_significance']:.1f} sigma"
             lines.append(f"| {_truth(r)} | {len(r['suspect'])} | {r['com_towards']} | {numbers} |")
     return "\n".join(lines) + "\n"
+
+
+def explained(rows: Sequence[Row]) -> str:
+    """What `explain` says of each case, without healthy flights beside."""
+    if not rows:
+        return ""
+    out = [
+        "| truth | verdict | firm | likely sets of effects | least thrust, where rotors were fitted |",
+        "|---|---|---|---|---|",
+    ]
+    for r in rows:
+        sets = "; ".join(f"{' + '.join(names)} {100 * weight:.0f} %" for names, weight in r["sets"][:SHOWN]) or "-"
+        weakest = min(r["rotors"].items(), key=lambda rotor: rotor[1], default=None)
+        least = f"{weakest[0]}, {100 * weakest[1]:+.0f} %" if weakest else "-"
+        out.append(f"| {_truth(r)} | {r['verdict']} | {', '.join(r['firm']) or '-'} | {sets} | {least} |")
+    wrong_firm = [r for r in rows if set(r["firm"]) - RIGHT.get(r["kind"], set()) - EVERY]
+    large = [r for r in rows if r["kind"] == "cut" and min(r["blades"]) >= BOTH]
+    there = [r for r in large if any("rotor_thrust" in names for names, _ in r["sets"])]
+    said = f"Firm names that are wrong: {len(wrong_firm)} of {len(rows)} cases"
+    said += f" ({'; '.join(map(_truth, wrong_firm))})" if wrong_firm else ""
+    said += f". Rotor thrust in a likely set: {len(there)} of {len(large)} cases with 2 mm or more cut off both blades."
+    return EXPLAINED + "\n".join(out) + f"\n\n{said}\n"

@@ -1,6 +1,6 @@
 """Real flights with a slung payload whose position was recorded: what the rope did, and what `explain` makes of it.
 
-    python -m benchmarks.real_logs [FOLDER] [--pairs] [--json FILE]
+    python -m benchmarks.real_logs FOLDER [--pairs] [--json FILE] [--page docs/real-logs.md]
 
 FOLDER holds crazyflie-payload-NNN.mcap. The payload of 5 g is a point mass on a rope of 0.51 m. Its recorded motion
 gives the pull on the vehicle without any model of the vehicle,
@@ -15,7 +15,7 @@ in which thrust and its scale do not appear: the first coefficient tells the rat
 controller believes. (Errors of the pull make it small, never large.) Coefficients by least squares, standard
 deviations by a sandwich over blocks of 2 s.
 
-With --pairs, `explain` is fitted on each flight and tested on each other one.
+With --pairs or --page, `explain` is fitted on each flight and tested on each other one.
 """
 
 import argparse
@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import renew
 from wrenchgap import explain, flight, load_model, open_flights
 from wrenchgap.flight import so3
 from wrenchgap.flight.derivative import smooth
@@ -34,7 +35,6 @@ from wrenchgap.learn.diagnose.timing import timing_of
 from wrenchgap.replay.present.documents import plain
 from wrenchgap.replay.present.timing import sentences, warnings
 
-DEFAULT = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
 PAYLOAD = 0.005  # kg
 PAYLOAD_TOPIC = "/payload/state_estimate"
 GRAVITY = 9.80665
@@ -235,6 +235,7 @@ def pair(train, test, model):
     return {
         "verdict": found.verdict,
         "effects": list(found.effects),
+        "firm": list(found.firm),
         "groups": [list(g) for g in found.groups],
         "parameters": [{"effect": s.effect, **v.__dict__} for s in found.fit.snapshot for v in s.values],
         "held_out_fall": found.reduction.tolist(),
@@ -252,19 +253,34 @@ def print_pair(train, test, r):
     print("  " + ", ".join(f"{p['effect']}.{p['name']} {p['value']:.3g} +- {p['std']:.1g} {p['unit']}" for p in clear))
 
 
+def table(logs, pairs):
+    """What each flight says and what that is worth on each other one, in Markdown."""
+    out = ["| fitted on | verdict | named, firm in bold | rms reduction on an unseen flight, F_x F_y F_z M_x M_y M_z |"]
+    out.append("|---|---|---|---|")
+    for train in logs:
+        tests = {name: pairs[f"{train}->{name}"] for name in logs if name != train}
+        found = next(iter(tests.values()))
+        named = ", ".join(f"**{e}**" if e in found["firm"] else e for e in found["effects"]) or "-"
+        worth = "; ".join(
+            f"{name}: {', '.join(f'{100 * v:.0f}' for v in r['unseen_fall'])} %" for name, r in tests.items()
+        )
+        out.append(f"| {train} | {found['verdict']} | {named} | {worth} |")
+    return "\n".join(out)
+
+
 def main():
     """Print the tables and write the JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, nargs="?", default=DEFAULT)
+    parser.add_argument("folder", type=Path)
     parser.add_argument("--pairs", action="store_true", help="run explain on each flight, tested on each other one")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--page", type=Path, help="the page whose table is written anew")
     options = parser.parse_args()
     logs = {
         p.stem.removeprefix("crazyflie-payload-"): p for p in sorted(options.folder.glob("crazyflie-payload-*.mcap"))
     }
     if not logs:
-        print(f"{options.folder}: no crazyflie-payload-*.mcap there; say where they are")
-        return
+        parser.error(f"{options.folder}: no crazyflie-payload-*.mcap there")
     model = load_model("crazyflie")
     flights = {name: one(path, model) for name, path in logs.items()}
     for name, r in flights.items():
@@ -277,13 +293,15 @@ def main():
             f"  {value:.4f} if {words}: {(m['mass_ratio'] - value) / m['mass_ratio_std']:+.1f} standard deviations off"
         )
     pairs = {}
-    if options.pairs:
+    if options.pairs or options.page:
         for train, test in permutations(logs, 2):
             pairs[f"{train}->{test}"] = r = pair(logs[train], logs[test], model)
             print_pair(train, test, r)
     if options.json:
         body = plain({"flights": flights, "masses": m, "pairs": pairs})
         options.json.write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
+    if options.page:
+        renew(options.page, {"pairs": table(logs, pairs)})
 
 
 if __name__ == "__main__":

@@ -151,6 +151,12 @@ def _odometry_stuck(flight: Flight) -> Flight:
     return flight
 
 
+def _twist_stuck(flight: Flight) -> Flight:
+    for name in ("velocity_E", "omega_B"):
+        flight = _held("odometry", name, slice(None), 3.0)(flight)
+    return flight
+
+
 def _alone(change: Change) -> Change:
     """The same on a log of actuators and IMU alone."""
     return lambda flight: replace(change(flight), commanded=None, odometry=None)
@@ -306,6 +312,15 @@ FAULTS: tuple[Fault, ...] = (
     Fault("gyroscope's x stuck for 3 s", ("frozen",), partial(_stuck, axis=0)),
     Fault("IMU stuck for 3 s", ("frozen",), partial(_stuck, axis=-1)),
     Fault("odometry stuck for 3 s", ("frozen",), _odometry_stuck),
+    Fault("odometry's twist stuck for 3 s", ("frozen",), _twist_stuck),
+    Fault(
+        "odometry's velocity never filled in", ("velocity",),
+        _odometry(lambda o: {"velocity_E": 0.0 * o.velocity_E}),
+    ),
+    Fault(
+        "odometry's rates never filled in, no IMU", ("odometry-rate",),
+        _no_imu(_odometry(lambda o: {"omega_B": 0.0 * o.omega_B})),
+    ),
     Fault("commanded wrench stuck for 3 s", ("frozen",), _held("commanded", "wrench_B", slice(None), 3.0)),
     Fault("a rotor's command stuck for 1 s", ("frozen",), _held("actuators", "rotor_speed", [1], 1.0)),
     Fault("a rotor's command zero for 1 s", ("frozen",), _held("actuators", "rotor_speed", [1], 1.0, 0.0)),

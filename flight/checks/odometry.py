@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.attitude import rate_check
+from wrenchgap.flight.checks.attitude import STILL, rate_check
 from wrenchgap.flight.checks.mending import factor, option
 from wrenchgap.flight.checks.motion import BLOCKS, Seen, cosine, rms, without_mean
 from wrenchgap.flight.flight import Array, Flight
@@ -18,6 +18,8 @@ STANDING = 0.05
 """[m/s] Motion below which velocities are not compared."""
 SHAKEN = 0.3
 """[m/s^2] Acceleration below which lengths are not compared with the accelerometer."""
+EMPTY = 0.01
+"""Share of the attitude's rates below which the odometry's own are no rates."""
 ALIKE = 0.8
 """Cosine from which on two signals are the same up to a factor."""
 FACTOR = 1.4
@@ -28,6 +30,11 @@ UNITS = {1000.0: "mm", 100.0: "cm"}
 def odometry_rate(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     """The odometry's own rates against its attitude."""
     if seen is None or seen.own_rate is None:
+        return
+    turned, logged = rms(without_mean(seen.rate)), rms(seen.own_rate)
+    if logged < EMPTY * turned and turned > STILL:
+        words = f"Odometry's rates are {logged / turned:.1g} times those of its attitude: nobody fills them in"
+        yield Check("odometry-rate", "bad", words, "--topic twist=none")
         return
     found = rate_check("odometry-rate", flight, (seen.rate, seen.own_rate), ("twist",), "rate")
     if found.level != "ok":

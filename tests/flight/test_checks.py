@@ -281,6 +281,16 @@ def test_a_flip_faster_than_half_a_turn_in_an_interval_is_no_wrong_gyroscope():
         assert {c.name: c.level for c in found}.get(name, "ok") == "ok"
 
 
+def test_rates_that_nobody_fills_in_are_not_those_of_a_vehicle_that_turns():
+    flight = moving()
+    for share, level in ((1.0, "ok"), (0.0, "bad")):
+        rated = replace(flight.odometry, omega_B=share * flight.imu.omega_B)
+        checks = {c.name: c for c in checked(replace(flight, imu=None, odometry=rated)).checks}
+        found = checks.get("odometry-rate")
+        assert (found.level if found else "ok") == level
+    assert found.mend == "--topic twist=none"
+
+
 def test_a_mend_of_an_imu_of_two_topics_names_the_sensor_that_it_is_about():
     two = replace(moving(), mapping={"imu": "/acc", "gyroscope": "/gyro"})
     assert option(two, "deg", "imu") == "--topic gyroscope=/gyro:deg"
