@@ -206,7 +206,8 @@ def explained(rows: Sequence[Row]) -> str:
         "|---|---|---|---|---|",
     ]
     for r in rows:
-        sets = "; ".join(f"{' + '.join(names)} {100 * weight:.0f} %" for names, weight in r["sets"][:SHOWN]) or "-"
+        shown = [(" + ".join(names) or "nothing", weight) for names, weight in r["sets"][:SHOWN]]
+        sets = "; ".join(f"{words} {100 * weight:.0f} %" for words, weight in shown) or "-"
         weakest = min(r["rotors"].items(), key=lambda rotor: rotor[1], default=None)
         least = f"{weakest[0]}, {100 * weakest[1]:+.0f} %" if weakest else "-"
         out.append(f"| {_truth(r)} | {r['verdict']} | {', '.join(r['firm']) or '-'} | {sets} | {least} |")

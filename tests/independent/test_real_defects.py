@@ -74,6 +74,19 @@ def test_the_page_counts_what_the_rows_say():
     assert "| healthy against healthy: nothing changed | 1 of 1 ordered pairs" in text
 
 
+def test_what_explain_says_alone_is_judged_by_what_was_done():
+    def alone(case, firm, sets):
+        common = {"flights": ("a", "b"), "verdict": "effect", "rotors": {"M1": 0.01, "M3": -0.2}}
+        return {"case": case, "kind": kind_of(case), "blades": blades_of(case), "firm": firm, "sets": sets, **common}
+
+    right = alone("cut_propeller_M3_3mm_3mm_41mm", ("rotor_thrust", "motor_lag"), [[["rotor_thrust"], 0.9], [[], 0.1]])
+    other = alone("cut_propeller_M3_2mm_2mm_43mm", ("tether",), [[["tether"], 1.0]])
+    text = page([], [right, other])
+    assert "rotor_thrust 90 %; nothing 10 % | M3, -20 % |" in text
+    assert "wrong: 1 of 2 cases (M3 cut 2 mm and 2 mm)" in text
+    assert "1 of 2 cases with 2 mm or more" in text
+
+
 def test_every_defect_is_compared_with_all_normal_flights(tmp_path):
     names = ["normal_flight__E8_log00.mcap", "normal_flight__E8_log01.mcap", "cut_propeller_M3_3mm__E8_log00.mcap"]
     for name in names:
