@@ -7,14 +7,18 @@
 The flight is `multi_axis` with excitation, by tilt_hexarotor: controller and IMU at 200 Hz, pose sensor at 100 Hz, the
 wrench of rotors and effects at 1 kHz, log included. With solve_ivp (RK45) the same law and allocation hold a command
 for 5 ms, in which it integrates the plant to a relative 1e-6; it has no sensors, and no effects that remember.
+MuJoCo, a compiled simulator, steps the vehicle of `benchmarks/hidden_effects` in its own loop under a constant thrust:
+no law, no sensors, no log.
 """
 
 from functools import partial
 
+import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks import pages
+from benchmarks.hidden_effects.airframe import GRAVITY, MASS, ROTORS, Airframe
 from benchmarks.pages import timed
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue
@@ -68,6 +72,14 @@ def by_solve_ivp(model, trajectory, seconds):
     return np.array(found)
 
 
+def by_mujoco(seconds):
+    """Processor time [s] of MuJoCo's own steps, twelve thrusters and six hinged arms that hold still."""
+    model = Airframe().compile(1.0 / RATE)
+    data = mujoco.MjData(model)
+    data.ctrl[:ROTORS] = MASS * GRAVITY / ROTORS
+    return timed(lambda: mujoco.mj_step(model, data, nstep=round(seconds * RATE)))[0]
+
+
 def rows(seconds):
     """What was measured, as it comes."""
     trajectory, silent = named("multi_axis", seconds, 1.0, 3), MODEL.sensors.silent
@@ -92,10 +104,12 @@ def rows(seconds):
             every = round(MODEL.controller.rate_hz / silent.pose_rate_hz)
             row |= {"solve_ivp_s": theirs, "apart_from_solve_ivp_m": float(np.abs(exact - positions[::every]).max())}
         yield row
+    yield {"plant": "MuJoCo's steps alone, hinged arms", "seconds": seconds, "mujoco_s": by_mujoco(seconds)}
 
 
 def table(found, load):
     """In Markdown."""
+    *found, other = found
     heads = ("plant", "compiled, x real time", "plain numpy", "solve_ivp", "ratio to plain", "ratio to solve_ivp")
     lines = []
     for row in found:
@@ -105,6 +119,7 @@ def table(found, load):
         cells += ["-" if theirs is None else f"{theirs / ours:.0f}", f"{row['apart_from_plain_m']:.0e}"]
         cells.append("-" if theirs is None else f"{row['apart_from_solve_ivp_m']:.0e}")
         lines.append(cells)
+    lines.append([other["plant"], f"{other['seconds'] / other['mujoco_s']:.0f}", *["-"] * 6])
     return pages.markdown((*heads, "apart from plain [m]", "from solve_ivp [m]"), lines, load)
 
 
