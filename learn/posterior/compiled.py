@@ -24,34 +24,42 @@ TINY = 1e-14
 
 @njit(cache=True)
 def factor(A: Array) -> Array:
-    """Lower triangle L (P, P) with L L' = A, a positive definite matrix; a pivot that is lost to rounding is tiny."""
+    """Upper triangle U (P, P) with U' U = A, a positive definite matrix; a pivot that is lost to rounding is tiny.
+
+    A row is taken off the rows below as soon as it is known: neighbours in memory, several at once in a register.
+    """
     n = A.shape[0]
-    L = np.zeros((n, n))
+    U = np.zeros((n, n))
     for j in range(n):
         for i in range(j, n):
-            total = A[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                L[j, j] = math.sqrt(max(total, TINY))
-            else:
-                L[i, j] = total / L[j, j]
-    return L
+            U[j, i] = A[i, j]
+    row = np.zeros(n)
+    for j in range(n):
+        U[j, j] = math.sqrt(max(U[j, j], TINY))
+        for i in range(j + 1, n):
+            U[j, i] /= U[j, j]
+            row[i] = U[j, i]
+        for i in range(j + 1, n):
+            below, part, share = U[i, i:], row[i:], row[i]
+            for k in range(len(part)):
+                below[k] -= share * part[k]
+    return U
 
 
 @njit(cache=True)
-def solve(L: Array, right: Array) -> Array:
-    """The x (P,) with L L' x = right."""
-    n = L.shape[0]
+def solve(U: Array, right: Array) -> Array:
+    """The x (P,) with U' U x = right."""
+    n = U.shape[0]
     x = right.copy()
-    for i in range(n):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
+    for k in range(n):
+        x[k] /= U[k, k]
+        row, value = U[k], x[k]
+        for i in range(k + 1, n):
+            x[i] -= row[i] * value
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
+            x[i] -= U[i, k] * x[k]
+        x[i] /= U[i, i]
     return x
 
 
@@ -70,26 +78,30 @@ def scaled(A: Array, scale: Array) -> Array:
 @njit(cache=True)
 def occam(A: Array, theta: Array, scale: Array) -> float:
     """See `learn.posterior.score.occam`."""
-    L = factor(scaled(A, scale))
+    U = factor(scaled(A, scale))
     total = 0.0
     for i in range(len(scale)):
-        total -= 0.5 * (theta[i] / scale[i]) ** 2 + math.log(L[i, i])
+        total -= 0.5 * (theta[i] / scale[i]) ** 2 + math.log(U[i, i])
     return total
 
 
 @njit(cache=True)
-def variances(L: Array) -> Array:
-    """The diagonal (P,) of the inverse of L L'."""
-    n = L.shape[0]
+def variances(U: Array, wanted: Flags) -> Array:
+    """The diagonal (P,) of the inverse of U' U where it is wanted, else zero."""
+    n = U.shape[0]
     out = np.zeros(n)
     column = np.zeros(n)
     for j in range(n):
-        for i in range(j, n):
-            total = 1.0 if i == j else 0.0
-            for k in range(j, i):
-                total -= L[i, k] * column[k]
-            column[i] = total / L[i, i]
-            out[j] += column[i] ** 2
+        if not wanted[j]:
+            continue
+        column[j:] = 0.0
+        column[j] = 1.0
+        for k in range(j, n):
+            column[k] /= U[k, k]
+            out[j] += column[k] ** 2
+            row, value = U[k], column[k]
+            for i in range(k + 1, n):
+                column[i] -= row[i] * value
     return out
 
 
@@ -100,9 +112,9 @@ def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: 
         return scale
     scale = scale.copy()
     for _ in range(8):
-        L = factor(scaled(A, scale))
-        theta = solve(L, b * scale) * scale
-        spread = variances(L) * scale**2
+        U = factor(scaled(A, scale))
+        theta = solve(U, b * scale) * scale
+        spread = variances(U, sparse) * scale**2
         most = 0.0
         for i in range(len(scale)):
             if sparse[i]:
@@ -233,11 +245,11 @@ def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, sc
     unit = scaled(A, size)
     for i in range(n):
         unit[i, i] -= 1.0
-    L = factor(unit)
-    done = solve(L, answer * size) * size
+    U = factor(unit)
+    done = solve(U, answer * size) * size
     across = np.empty((n, total))
     for j in range(total):
-        across[:, j] = solve(L, right[:, j] * size) * size
+        across[:, j] = solve(U, right[:, j] * size) * size
     left = np.empty(total)
     for j in range(total):
         left[j] = whole[rows[j], fixed[0]]
