@@ -110,9 +110,17 @@ def of_rankings(found: dict[str, dict[str, Any]]) -> str:
         values = "; ".join(f"{k} {', '.join(f'{v:.3g}' for v in theta)}" for k, theta in r["values"].items())
         named = ", ".join(r["names"]) or "nothing"
         lines.append(
-            [r["vehicle"], str(r["flights"]), named, ", ".join(r["set"]), f"{100 * r['weight']:.0f} %", values]
+            [
+                r["vehicle"],
+                str(r["flights"]),
+                named,
+                ", ".join(r["set"]),
+                f"{100 * r['weight']:.0f} %",
+                str(r["words"]),
+                values,
+            ]
         )
-    return table(["vehicle", "flights", "named", "heaviest set", "weight", "values"], lines)
+    return table(["vehicle", "flights", "named", "plainest set", "weight of its group", "sets in it", "values"], lines)
 
 
 def of_estimate(found: dict[str, dict[str, Any]]) -> str:

@@ -128,13 +128,15 @@ def course(output: Path) -> dict[str, Any]:
 
 
 def brief(one: FleetRanking) -> dict[str, Any]:
-    """The best set of a vehicle."""
+    """The heaviest group of a vehicle: its weight, how many sets it has, and the plainest of them."""
     r = one.ranking
     assert r is not None
     best = r.sets[0]
     values = {k: [float(v) for v in theta] for k, theta in best.theta.items()}
     about = {"vehicle": one.vehicle, "flights": len(r.flights), "names": list(best.names), "set": list(best.keys)}
-    return {**about, "weight": best.weight, "log_odds": best.log_odds, "gain": best.gain, "values": values}
+    group = r.groups[0]
+    about |= {"weight": sum(s.weight for s in group), "words": len(group)}
+    return {**about, "log_odds": best.log_odds, "gain": best.gain, "values": values}
 
 
 def differences(first_run: Path, second_run: Path) -> dict[str, Any]:
