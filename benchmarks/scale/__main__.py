@@ -15,6 +15,8 @@ from benchmarks.scale import fleet, runs
 from benchmarks.scale.page import RESULTS, renew
 
 COUNT = 300
+MANY = 6000
+"""Files that are no logs, for the memory of the scheduler."""
 SMALLER = (30, 99)
 """Fleets for the cost per log against the number of logs."""
 
@@ -40,6 +42,7 @@ def main() -> None:
             f"course {count}": lambda: runs.course(whole),
             f"serial {count}": lambda: runs.serial(logs, alone, count, 0.4 * a.minutes),
             f"difference {count}": lambda: runs.differences(whole, alone),
+            f"refused {MANY}": lambda: runs.refused(a.folder / "refused", a.folder / f"refused-{MANY}", MANY),
         }
         for key in smaller:
             n = int(key.split()[1])

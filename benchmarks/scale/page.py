@@ -84,6 +84,16 @@ def of_memory(found: dict[str, dict[str, Any]]) -> str:
     return table(["logs done", "scheduler and driver [MB]", "worker 1 [MB]", "worker 2 [MB]"], lines)
 
 
+def of_refused(found: dict[str, dict[str, Any]]) -> str:
+    """Memory of the scheduler's process over many files that are no logs."""
+    key = _largest(found, "refused")
+    if key is None:
+        return ""
+    noted = found[key]["memory"][1::3]
+    head = ["files done", *(f"{int(done):,}" for done, _ in noted)]
+    return table(head, [["scheduler and driver [MB]", *(f"{mb:.0f}" for _, mb in noted)]])
+
+
 def of_difference(found: dict[str, dict[str, Any]]) -> str:
     """The cluster's run against the serial one."""
     key = _largest(found, "difference")
@@ -169,6 +179,7 @@ def renew(page: Path = PAGE) -> None:
     tables = {
         "runs": of_runs,
         "memory": of_memory,
+        "refused": of_refused,
         "difference": of_difference,
         "rankings": of_rankings,
         "course": of_course,

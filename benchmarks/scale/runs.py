@@ -67,6 +67,26 @@ def on_cluster(folder: Path, output: Path, count: int, *, kill: bool) -> dict[st
     return {**about, "seconds": seconds, **of_rows(store)}
 
 
+def refused(folder: Path, output: Path, count: int) -> dict[str, Any]:
+    """Memory of the scheduler and the driver over very many logs: files of one line, which are rows with a reason."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for k in range(count):
+        (folder / f"{k:06d}.mcap").write_text(f"{k}\n", encoding="utf-8")
+    sources, store = found([str(folder)]), Store(str(output))
+    memory: list[list[float]] = []
+    p = Plan("explain", {"": model_text(VEHICLES[0].model)}, {"cutoff_hz": 8.0})
+    store.claim(p.identity)
+    with driver.client(workers=WORKERS) as client:
+
+        def tell(done: int, total: int, failed: int, name: str) -> None:
+            if done % max(1, count // SAMPLES) == 0:
+                memory.append([done, _mb(os.getpid())])
+                print(f"{done}/{total}, {failed} failed, {memory[-1][1]:.1f} MB", flush=True)
+
+        outcome = driver.run(client, sources, p, store, tell)
+    return {"logs": len(outcome.keys), "memory": memory}
+
+
 def serial(folder: Path, output: Path, count: int, minutes: float) -> dict[str, Any]:
     """The same logs one after the other in this process, without Dask; the vehicles in turn, until the time is over."""
     store, begin, p = Store(str(output)), monotonic(), plan()
