@@ -17,17 +17,14 @@ from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.table import Candidate
-from wrenchgap.plant.history import Value
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present import comparison, left, settle, timing
+from wrenchgap.replay.present import comparison, left, named, settle, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
-    called,
     entries,
     parameters_in_words,
-    quantity,
     share,
     unit_of,
     unmeasured,
@@ -47,8 +44,6 @@ from wrenchgap.replay.present.tables import (
 if TYPE_CHECKING:
     import pandas as pd
 
-PROMINENT = 0.3
-"""Parameters of this share of the largest, in typical sizes, are named in the verdict."""
 MOST = 10
 """Candidates shown."""
 SHORT = 8.0
@@ -116,18 +111,21 @@ def validation_warnings(tested: Validation) -> list[str]:
 
 def summary(found: Explanation) -> str:
     """The verdict in plain words."""
-    members = [f"{_with_values(found, m.name)}, confidence {100 * found.confidence(m):.0f} %" for m in found.members]
-    named = " and ".join(members)
+    fitted = (named.with_values(found.fit, found.model, m.name) for m in found.members)
+    members = [
+        f"{said}, confidence {100 * found.confidence(m):.0f} %" for said, m in zip(fitted, found.members, strict=True)
+    ]
+    names = " and ".join(members)
     residual = _largest_residual(found)
     if found.verdict is Verdict.NOTHING:
-        return " ".join(filter(None, (_nothing(found), _turbulent(found), residual)))
+        return " ".join(filter(None, (_nothing(found), named.nearest(found), _turbulent(found), residual)))
     if found.verdict is Verdict.UNKNOWN:
-        partly = f"Partly explained by {named}; more is missing than the catalogue can explain." if named else ""
+        partly = f"Partly explained by {names}; more is missing than the catalogue can explain." if names else ""
         none = "Something is missing, but no effect of the catalogue explains it."
         return " ".join(filter(None, (partly or none, left.clue(found), residual)))
     groups = "; ".join(" or ".join(group) for group in found.groups)
     alike = f" Indistinguishable on these logs: {groups}." if groups else ""
-    return " ".join(filter(None, (f"Explained by {named}.{alike}", _turbulent(found), residual)))
+    return " ".join(filter(None, (f"Explained by {names}.{alike}", _turbulent(found), residual)))
 
 
 def _nothing(found: Explanation) -> str:
@@ -151,19 +149,6 @@ def _turbulent(found: Explanation) -> str:
         return ""
     words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
     return f"Open: on {', '.join(axes)} {words}"
-
-
-def _with_values(found: Explanation, name: str) -> str:
-    """The effect with its parameters, or of many the three largest, as far as they are comparable with the largest."""
-    shown: Sequence[Value] = found.fit.values(name)
-    if len(shown) > 3:
-        typical = {p.name: p.scale for owner, p in found.fit.parameters if owner == name}
-        by_size = sorted(shown, key=lambda v: -abs(v.value) / typical[v.name])
-        largest = abs(by_size[0].value) / typical[by_size[0].name]
-        shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > PROMINENT * largest]
-    if not shown:
-        return name
-    return f"{name} ({', '.join(f'{called(v.name, found.model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
 
 
 def _largest_residual(found: Explanation) -> str:

@@ -104,6 +104,20 @@ def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
     assert what_next(nothing, NAME, ["a.mcap"]) == []
 
 
+def test_where_nothing_is_established_what_takes_off_much_is_told_as_such(nothing, named):
+    """Half of the error in two of ten blocks, t 2, is no finding; but not nothing either. Turbulence fits much."""
+    (offset,) = (c for c in named.ranking if c.name == "com_offset")
+    (mass,) = (c for c in nothing.ranking if c.name == "mass")
+    near = replace(nothing, ranking=(replace(offset, score=0.5, significance=2.0), mass))
+    assert "Nearest, and not established: com_offset (" in summary(near)
+    assert "50 % of the error energy" in summary(near)
+    alike = replace(mass, score=0.48, significance=2.0)
+    assert ") or mass, which" in summary(replace(near, ranking=(*near.ranking[:1], alike)))
+    for less in (replace(offset, score=0.05), replace(offset, score=0.5, significance=1.0)):
+        assert "Nearest" not in summary(replace(near, ranking=(less, mass)))
+    assert "Nearest" not in summary(replace(near, open=np.ones(6, dtype=bool)))
+
+
 def test_where_most_of_the_weight_names_something_it_is_not_said_that_nothing_is_missing(nothing, named):
     """40 % for nothing, 60 % for a mass too small for a name: neither is established."""
     none = replace(named.posterior.best, names=(), weight=0.4)
