@@ -244,15 +244,18 @@ def stand_ins(scorer: Scorer, heaviest: Contender) -> list[Keys]:
 
 def alike_without_the_idle(scorer: Scorer, whole: Contender) -> tuple[tuple[Contender, float], ...]:
     """What remains of a set, where something idle was taken out shared with what does the same by itself: an idle
-    member's fit (a delay of turbulence) is no reason for one name rather than another.
+    member's fit (a delay of turbulence) is no reason for one name rather than another. Not where the straight lines of
+    `scorer` miss what remains, so that they say nothing of what does the same (a payload behind a lag, linearised
+    where it weighed nothing).
     """  # noqa: D205
     columns = scorer.spectrum.columns
     others = [k for k in columns if k not in of_time(columns)]
     out: list[tuple[Contender, float]] = []
     for leaf, part in whole.leaves:
         alike = [leaf]
-        if len(leaf.keys) < len(whole.keys):
-            least = scorer(leaf.keys).log_probability - ALIKE
+        straight = scorer(leaf.keys).log_probability
+        if len(leaf.keys) < len(whole.keys) and straight > leaf.scored.log_probability - BEHIND:
+            least = straight - ALIKE
             likely = [k for k in exchanged(leaf.keys, others, columns) if scorer(k).log_probability > least]
             found = [c for c in (contender(scorer, k) for k in likely) if all(p.named for p in c.parts)]
             alike += [c for c in found if same(leaf, c, scorer)]

@@ -166,6 +166,24 @@ def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
     assert share == 1.0
 
 
+def test_lines_that_miss_what_remains_put_nothing_in_its_place(made):
+    """As a payload behind a lag does not look where it weighs nothing: there what comes nearest is another effect."""
+    push = on_axis(2, made.smooth[:, 0])
+    trace = on_axis(3, made.smooth[:, 2])
+    shapes = {"mass": push, "thrust_scale": push + 0.08 * on_axis(2, made.smooth[:, 2]), "command_delay": trace}
+    left = 30.0 * made.data.noise[2] * push + 0.3 * made.data.noise[3] * trace + made.noise
+    there, elsewhere = (
+        Scorer(space, space.sensor)
+        for space in (
+            made.spectrum(shapes, left),
+            made.spectrum(shapes | {"mass": on_axis(2, made.smooth[:, 1])}, left),
+        )
+    )
+    whole = contender(there, ("command_delay", "mass"))
+    assert elsewhere(("thrust_scale",)).log_probability > elsewhere(("mass",)).log_probability + 10.0
+    assert [(leaf.keys, share) for leaf, share in alike_without_the_idle(elsewhere, whole)] == [(("mass",), 1.0)]
+
+
 def test_the_size_of_what_is_there_is_found_within_its_noise(made):
     """Least squares on white noise: the standard error is sigma / |shape|."""
     sigma = made.data.noise[2]
