@@ -91,11 +91,21 @@ def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft
     if unit == "pwm":
         low, high = (float(parameters.get(f"PWM_{end}", usual)) for end, usual in (("MIN", 1000.0), ("MAX", 2000.0)))
         keys["range"] = Said([low, high], "PWM_MIN, PWM_MAX", assumed="PWM_MIN" not in parameters)
-        shape = Said(factor or 1.0, "THR_MDL_FAC" if factor else "THR_MDL_FAC is 0: thrust with the square", not factor)
+        shape = Said(
+            factor or 1.0,
+            "THR_MDL_FAC"
+            if factor
+            else "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square",
+            not factor,
+        )
     elif factor > 0.0:
         shape = Said(0.0, f"THR_MDL_FAC = {factor:.3g}: PX4 commands shares of thrust")
     else:
-        shape = Said(1.0, "THR_MDL_FAC is 0: thrust with the square of the command", assumed=True)
+        shape = Said(
+            1.0,
+            "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square of the command",
+            assumed=True,
+        )
     hover = float(parameters.get("MPC_THR_HOVER", HOVER))
     said = "" if hover != HOVER and "MPC_THR_HOVER" in parameters else ", which is PX4's default"
     share = hover if shape.value == 0.0 else float(shape.value) * hover**2 + (1.0 - float(shape.value)) * hover

@@ -36,15 +36,33 @@ def parts(added: Addition) -> list[Part]:
         rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
         out.append(before_after(f"on held-out time of these logs, {behind}", rows, trial.fall))
         out.append(Line(verdict(trial), "yellow" if trial.outcome is Outcome.WORSE else ""))
-    return [*out, *note_lines(limits(added), "warning"), *note_lines(notes(added))]
+    return [*out, *note_lines(limits(added), "warning"), *note_lines([*mixed(added), *notes(added)])]
 
 
+LOUD = 5.0
+"""Times the sensors' noise that is left, from which on that is said."""
 OUTCOMES = {Outcome.BETTER: "better", Outcome.WORSE: "worse", Outcome.UNCLEAR: "no significant change"}
 
 
 def verdict(trial: Trial) -> str:
     """What a change of the model did on time that was not fitted."""
     return f"{OUTCOMES[trial.outcome]}: error energy {change(trial.change)}, t {trial.t:.1f}"
+
+
+def mixed(added: Addition) -> list[str]:
+    """Much more than noise is left of force or torque: values that stand for other effects too."""
+    if (trial := added.trial) is None:
+        return []
+    times = trial.after / trial.noise
+    axis = int(np.nanargmax(times))
+    if times[axis] < LOUD:
+        return []
+    size = f"{trial.after[axis]:.2g} {'N' if axis < 3 else 'Nm'}"
+    return [
+        f"{size} are left of {AXES[axis]}, {times[axis]:.0f} times the noise "
+        "of the sensors: where that is another effect, these values stand for it too, and their +- do not cover it; "
+        "`wrenchgap explain` says what goes with them."
+    ]
 
 
 def limits(added: Addition) -> list[str]:

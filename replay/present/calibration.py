@@ -52,7 +52,8 @@ def summary(found: Calibration) -> list[str]:
     """What was changed and what it brought, in a sentence or two."""
     count = f"{len(found.names)} flight{'s' if len(found.names) > 1 else ''}"
     if found.added is None:
-        return [f"Nothing helps on held-out time of {count}: {found.given.name} stays as it is."]
+        same = f"{found.given.name} stays as it is, and what is written is a copy"
+        return [f"Nothing helps on held-out time of {count}: {same}."]
     told = f"Calibrated on {count}: {', '.join(found.effects)}."
     return [told if found.added.trial is None else f"{told} On held-out time {verdict(found.added.trial)}."]
 

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.identify.validation import Validation
 from wrenchgap.learn.posterior.classes import Class
@@ -50,6 +51,8 @@ SHORT = 8.0
 """Seconds of flight below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
 HALF = 0.5
 """Weight of nothing missing below which that is not said."""
+MUCH = 0.05
+"""Share of the weight that is left, as rms, from which on turbulence alone is not believed."""
 MOST_CLASSES = 3
 """Classes that are put in words."""
 
@@ -89,7 +92,7 @@ def short(found: Explanation) -> list[str]:
     if not records or seconds >= SHORT:
         return []
     return [
-        f"Only {seconds:.1f} s of flight could be used: too short to tell what is missing from chance. "
+        f"Only {seconds:.1f} s of flight could be used: too short to tell small effects from chance. "
         f"Give longer flights, at least {SHORT:.0f} s (`inspect` lists what was left out)."
     ]
 
@@ -121,11 +124,17 @@ def summary(found: Explanation) -> str:
         return " ".join(filter(None, (_nothing(found), named.nearest(found), _turbulent(found), residual)))
     if found.verdict is Verdict.UNKNOWN:
         partly = f"Partly explained by {names}; more is missing than the catalogue can explain." if names else ""
+        if short(found) and not names:
+            return " ".join(
+                filter(None, ("Too short to tell what is missing.", named.nearest(found, at_all=True), residual))
+            )
         none = "Something is missing, but no effect of the catalogue explains it."
         return " ".join(filter(None, (partly or none, left.clue(found), residual)))
     groups = "; ".join(" or ".join(group) for group in found.groups)
-    alike = f" Indistinguishable on these logs: {groups}." if groups else ""
-    return " ".join(filter(None, (f"Explained by {names}.{alike}", _turbulent(found), residual)))
+    alike = f"Indistinguishable on these logs: {groups}." if groups else ""
+    said = f"Explained by {names}."
+    first = (alike, f"As one of them: {said[0].lower()}{said[1:]}") if found.verdict is Verdict.GROUP else (said, alike)
+    return " ".join(filter(None, (*first, _turbulent(found), residual)))
 
 
 def _nothing(found: Explanation) -> str:
@@ -135,9 +144,10 @@ def _nothing(found: Explanation) -> str:
     likeliest = next((s for s in sets if s.names), None)
     if none >= HALF or likeliest is None:
         return "Nothing is missing that these logs can show."
+    small = "something" if found.open.any() else "something small"
     names = " + ".join(likeliest.names)
     return (
-        f"Nothing is established: nothing is missing ({100 * none:.0f} % of the weight), or something small, most "
+        f"Nothing is established: nothing is missing ({100 * none:.0f} % of the weight), or {small}, most "
         f"likely {names} ({100 * likeliest.weight:.0f} %); fly longer, or with excitation, to tell."
     )
 
@@ -148,6 +158,12 @@ def _turbulent(found: Explanation) -> str:
     if not axes:
         return ""
     words = "more than noise is left, as turbulence leaves it: nothing that was logged predicts it."
+    force = found.rms_after[:3][np.isfinite(found.rms_after[:3])]
+    of_weight = float(force.max(initial=0.0)) / (found.model.vehicle.body.mass * GRAVITY)
+    if of_weight > MUCH:
+        words += (
+            f" It is {share(of_weight)} of the weight: look at clocks, units and frames (`wrenchgap inspect`) first."
+        )
     return f"Open: on {', '.join(axes)} {words}"
 
 
@@ -169,7 +185,9 @@ def what_next(
     out = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
     model, logs = shlex.quote(model), shlex.join(paths) + options
     add = f"wrenchgap add {' '.join(found.effects)} -m {model} --from {logs} -o fitted.toml"
-    if found.verdict is Verdict.UNKNOWN:
+    if found.verdict is Verdict.UNKNOWN and short(found) and not found.effects:
+        out.append("next: give a longer flight")
+    elif found.verdict is Verdict.UNKNOWN:
         out.append(f"next: wrenchgap where {logs} -m {model}: something is missing that the catalogue does not hold")
         out += [f"the named effects can be added all the same: {add}"] if found.effects else []
     elif found.effects:
@@ -191,7 +209,8 @@ def reason(one: Untried) -> str:
 
 
 MEMBERS_LEGEND = (
-    "confidence: weight of the sets of effects that name it or one of its group   share: of the error energy that "
+    "confidence: weight of the sets of effects that name it, in any of its forms, or one of its group, less "
+    "what its own evidence leaves to chance   share: of the error energy that "
     "returns without it   group: indistinguishable from it here   nearest other: and by how many standard errors it "
     "fits worse"
 )

@@ -18,10 +18,12 @@ ALIKE, MOST_ALIKE = 0.9, 3
 """Others of that share of its score are told with it, so many in all."""
 
 
-def nearest(found: Explanation) -> str:
-    """What would take off a good part of the error, and is not established; nothing in turbulence, which fits much."""
-    fair = [c for c in found.ranking if c.significance > UNLIKELY and not c.implausible]
-    near = [] if found.open.any() else sorted(fair, key=lambda c: -c.score)
+def nearest(found: Explanation, *, at_all: bool = False) -> str:
+    """What would take off a good part of the error, and is not established; nothing in turbulence, which fits much, and
+    nothing unlikely, except `at_all`.
+    """  # noqa: D205
+    fair = [c for c in found.ranking if at_all or (c.significance > UNLIKELY and not c.implausible)]
+    near = [] if found.open.any() and not at_all else sorted(fair, key=lambda c: -c.score)
     if not near or near[0].score < WORTH_A_WORD:
         return ""
     best = near[0]

@@ -48,6 +48,11 @@ __getattr__, __all__ = names_of(
     },
 )
 
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 if TYPE_CHECKING:
     from wrenchgap.flight.errors import FitError as FitError
     from wrenchgap.flight.errors import LogError as LogError

@@ -118,6 +118,24 @@ def test_where_nothing_is_established_what_takes_off_much_is_told_as_such(nothin
     assert "Nearest" not in summary(replace(near, open=np.ones(6, dtype=bool)))
 
 
+def test_a_flight_too_short_is_no_gap_in_the_catalogue(logs):
+    (flight,) = wg.open_flights(logs.train, MODEL, between=(5.0, 7.0))
+    found = wg.explain(flight, MODEL, names=("com_offset", "mass"), jobs=1)
+    loud = replace(found, verdict=Verdict.UNKNOWN, members=())
+    assert summary(loud).startswith("Too short to tell what is missing. Nearest, and not established: com_offset (")
+    assert "catalogue" not in summary(loud)
+    assert what_next(loud, NAME, ["a.mcap"])[-1].text == "next: give a longer flight"
+    assert "catalogue" in summary(replace(loud, flights=()))
+
+
+def test_what_turbulence_does_not_leave_is_told_by_the_weight(nothing):
+    """3.8 N of a vehicle of 39 N is 9.7 %; 0.4 N is what a calm day leaves."""
+    weight = nothing.model.vehicle.body.mass * 9.80665
+    for part, said in ((0.097, True), (0.01, False)):
+        left = replace(nothing, open=np.ones(6, dtype=bool), rms_after=np.array([0.0, 0.0, part * weight, 0, 0, 0]))
+        assert ("10 % of the weight" in summary(left)) is said
+
+
 def test_where_most_of_the_weight_names_something_it_is_not_said_that_nothing_is_missing(nothing, named):
     """40 % for nothing, 60 % for a mass too small for a name: neither is established."""
     none = replace(named.posterior.best, names=(), weight=0.4)
