@@ -186,7 +186,7 @@ def replay(
         restarts=len(starts(series)) - 1,
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=(*opened.notes, *notes),
+        notes=(*opened.notes, *notes, *([compensator.not_compiled] if compensator.not_compiled else [])),
     )
 
 
