@@ -176,8 +176,10 @@ class Stepper:
                 if self.trouble:
                     trouble[done] = self.trouble
                 done += 1
-        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])).tolist():
-            trouble.setdefault(k, WITHHELD)
+        sigma = out[:, step.SIGMA]
+        if not math.isfinite(sigma.sum()):
+            for k in np.flatnonzero(~np.isfinite(sigma)).tolist():
+                trouble.setdefault(k, WITHHELD)
         return trouble
 
     def expected(self, wrench: Array) -> Array:

@@ -19,7 +19,7 @@ from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
 from wrenchgap.learn.data.phases.signals import FEWEST
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import about_com, about_origin
@@ -66,7 +66,7 @@ def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
     _, rotors = vehicle.geometry()
     assert commands.rotor_speed is not None
     if source == "allocated":
-        allocation, asked = Allocation(vehicle), np.empty((len(commands.rotor_speed), 6))
+        allocation, asked = allocation_of(vehicle), np.empty((len(commands.rotor_speed), 6))
         for piece in pieces(len(asked)):
             sent = commands.take(piece)
             asked[piece] = allocation.achievable(about_origin(vehicle.body, sent.wrench_B))
