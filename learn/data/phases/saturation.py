@@ -14,6 +14,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.memory import give_back, on_disk
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
@@ -49,7 +50,7 @@ def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehi
     give_back(len(missing))
     weight = vehicle.body.mass * GRAVITY
     arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
-    force, torque = np.linalg.norm(missing[:, :3], axis=1), np.linalg.norm(missing[:, 3:], axis=1)
+    force, torque = lengths(missing[:, :3]), lengths(missing[:, 3:])
     matters = closed((force > FORCE * weight) | (torque > TORQUE * weight * arm), join)
     out = []
     for a, b in runs(matters):
