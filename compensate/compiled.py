@@ -845,33 +845,40 @@ def newton(
     return cost, used, ill
 
 
-@compiled
+@within
 def solve(
     gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, start: Array, process: bool
 ) -> tuple[float, int, bool]:
-    """As `Optimiser.solve`: from `start`, else from zero, else zero itself; the correction in `room.best` (L,)."""
+    """As `Optimiser.solve`: from `start`, else from zero, else zero itself; the correction in `room.best` (L,).
+
+    `newton` is called in one place, since all that it is handed lies on the stack for each.
+    """
     count = len(gate.rows)
-    cost, used, ill = newton(gate, kernel, lines, room, wrench, start, process)
-    cold = False
+    cost, used, ill, elsewhere = np.inf, 0, False, False
     for i in range(count):
-        room.best[i] = room.x[i]
-        cold = cold or start[i] != 0.0
+        room.start[i] = start[i]
+        elsewhere = elsewhere or start[i] != 0.0
+    for attempt in range(2):
+        found, evaluations, hard = newton(gate, kernel, lines, room, wrench, room.start, process)
+        used += evaluations
+        if attempt == 0:
+            ill = hard
+        if attempt == 0 or found < cost or not math.isfinite(cost):
+            cost = found
+            for i in range(count):
+                room.best[i] = room.x[i]
+        if cost < gate.accept or not elsewhere:
+            break
+        for i in range(count):
+            room.start[i] = 0.0
     if not cost < gate.accept:
         for i in range(count):
             room.start[i] = 0.0
-        if cold:
-            again, more, _ = newton(gate, kernel, lines, room, wrench, room.start, process)
-            used += more
-            if again < cost or not math.isfinite(cost):
-                cost = again
-                for i in range(count):
-                    room.best[i] = room.x[i]
-        if not cost < gate.accept:
-            nothing = residual(gate, kernel, lines, room, wrench, room.start, process, False)
-            if not cost < nothing:
-                cost = nothing
-                for i in range(count):
-                    room.best[i] = 0.0
+        nothing = residual(gate, kernel, lines, room, wrench, room.start, process, False)
+        if not cost < nothing:
+            cost = nothing
+            for i in range(count):
+                room.best[i] = 0.0
     return cost, used, ill
 
 
