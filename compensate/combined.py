@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.compensator import REACH, Compensator, Result
+from wrenchgap.compensate.compensator import REACH, Compensator, NotCompiled, Result
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order
@@ -70,6 +70,11 @@ class Combined:
     def bandwidth_hz(self) -> float:
         """Of the observer."""
         return self.gain / (2.0 * math.pi)
+
+    @property
+    def not_compiled(self) -> NotCompiled | None:
+        """Of the feed-forward."""
+        return None if self.feedforward is None else self.feedforward.not_compiled
 
     @property
     def estimate(self) -> Array:

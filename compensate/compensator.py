@@ -130,6 +130,13 @@ class Result:
     solve_time: float = field(default=0.0, compare=False)
 
 
+@dataclass(frozen=True)
+class NotCompiled:
+    """A compensator steps plain models with L-BFGS, tens of times as slow, because of `reason`."""
+
+    reason: str
+
+
 class Compensator:
     """Corrects desired wrenches for a known mismatch, one after the other.
 
@@ -161,11 +168,15 @@ class Compensator:
             kappa=asked.kappa,
             normalise=asked.normalise,
         )
+        self.not_compiled: NotCompiled | None = None
         self._fast = self._compiled(bound, accept)
         self.reset()
 
     def _compiled(self, bound: Array, accept: float) -> Stepper | None:
-        """Compiled steps; None where plain models are asked for, or where a model cannot be compiled."""
+        """Compiled steps; None where plain models are asked for, or where a model cannot be compiled.
+
+        The latter is kept in `not_compiled`.
+        """
         asked = self.settings
         if asked.solver == "lbfgs" or (asked.solver == "newton" and asked.regulariser > 0.0):
             return None
@@ -178,6 +189,7 @@ class Compensator:
         except Untraceable as error:
             if asked.solver == "onboard":
                 raise UsageError(f"compensate: solver onboard: {error}") from None
+            self.not_compiled = NotCompiled(str(error))
             return None
         return Stepper(made, self._optimiser, self._unbounded)
 

@@ -50,6 +50,8 @@ in_any_order = kernel_of(fastmath={"reassoc", "contract", "nsz"})
 finite stays so."""
 in_this_order = kernel_of(fastmath={"contract"})
 """For what would be wrong in another order; said, because numba otherwise hands the caller's choice on."""
+inside = kernel_of(forceinline=True, fastmath={"contract"})
+"""The same, for what stands in the loop of another function."""
 
 INPUT, CONSTANT, ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2 = range(12)
 ABS, SIGN, MAX, MIN, LESS, LESS_EQUAL, SELECT, FLOOR, LOG = range(12, 21)
@@ -84,26 +86,29 @@ class Lines(NamedTuple):
 
 
 class Kernel(NamedTuple):
-    """`plant.expansion.Expansion` as compiled code takes it: points (L, D, N)."""
+    """`plant.expansion.Expansion` as compiled code takes it, its scales multiplied out: L outputs, D inputs, N points.
 
-    input_mean: Array
-    input_scale: Array
-    output_scale: Array
-    mean_coefficients: Array
-    lengthscales: Array
-    points: Array
-    alpha: Array
-    whitener: Array
+    mean = base + gradient . (xi - input_mean) + height sum_n alpha_n exp(-1/2 |narrow (xi - input_mean) - p_n|^2)
+    """
+
+    input_mean: Array  # (D,)
+    base: Array  # (L,) output_scale b_0
+    gradient: Array  # (L, D) output_scale b / input_scale
+    height: Array  # (L,) output_scale signal_variance
+    narrow: Array  # (L, D) 1 / (input_scale lengthscale)
+    points: Array  # (L, D, N)
+    alpha: Array  # (L, N)
+    whitener: Array  # (L, N, N)
     triangular: bool
-    signal_variance: Array
-    noise_variance: Array
-    sigma_scale: Array
+    signal_variance: Array  # (L,)
+    noise_variance: Array  # (L,)
+    std_scale: Array  # (L,) output_scale sigma_scale
     extent: Array  # (L, D) largest sizes of the points
     rows: Array  # (L, N) kernel values over the signal variance, at the inputs `at`
     sums: Array  # (L,) of `rows` with `alpha`
     at: Array  # (D,), nan before any
     moved: Array  # (1,) not 0 where `rows` came by `move`
-    scaled: Array  # (D,) scratch
+    scaled: Array  # (L, 1 + D) scratch
     powers: Array  # (N,) scratch
     batch: Array  # (BATCH, L, N) rows of consecutive steps
     explained: Array  # (BATCH, L) scratch
@@ -127,20 +132,30 @@ def as_lines(program: Program | None, outputs: int) -> Lines:
 def as_kernel(e: Expansion) -> Kernel:
     """Arrays of an expansion."""
     outputs, count, dims = len(e.output_scale), e.points.shape[1], e.points.shape[2]
-    arrays = {name: np.array(getattr(e, name), dtype=float, order="C") for name in Kernel._fields[:5]}
-    more = {name: np.array(getattr(e, name), dtype=float, order="C") for name in ("alpha", *Kernel._fields[9:12])}
-    return Kernel(  # copies: compiled code is compiled anew for arrays that are read-only
-        **arrays,
-        **more,
-        points=np.array(e.points.transpose(0, 2, 1), dtype=float, order="C"),
-        whitener=np.array(e.whitener, dtype=float, order="C"),
+
+    def copied(values: Array) -> Array:
+        """Compiled code is compiled anew for arrays that are read-only."""
+        return np.array(values, dtype=float, order="C")
+
+    return Kernel(
+        input_mean=copied(e.input_mean),
+        base=e.output_scale * e.mean_coefficients[:, 0],
+        gradient=copied(e.output_scale[:, None] * e.mean_coefficients[:, 1:] / e.input_scale),
+        height=e.output_scale * e.signal_variance,
+        narrow=copied(1.0 / (e.input_scale * e.lengthscales)),
+        points=copied(e.points.transpose(0, 2, 1)),
+        alpha=copied(e.alpha),
+        whitener=copied(e.whitener),
         triangular=bool(e.triangular),
+        signal_variance=copied(e.signal_variance),
+        noise_variance=copied(e.noise_variance),
+        std_scale=e.output_scale * e.sigma_scale,
         extent=np.abs(e.points).max(axis=1, initial=0.0),
         rows=np.zeros((outputs, count)),
         sums=np.zeros(outputs),
         at=np.full(dims, np.nan),
         moved=np.zeros(1),
-        scaled=np.zeros(dims),
+        scaled=np.zeros((outputs, 1 + dims)),
         powers=np.zeros(count),
         batch=np.zeros((BATCH, outputs, count)),
         explained=np.zeros((BATCH, outputs)),
@@ -293,6 +308,27 @@ bits_of: Any = intrinsic(_bits_of)
 number_of: Any = intrinsic(_number_of)
 
 
+@inside
+def _to_fifth(p: float, x: float) -> float:
+    """What precedes the 5th power in Horner's form of the series of exp(x), from `p` before the 11th power."""
+    p = p * x + 1.0 / 3628800.0
+    p = p * x + 1.0 / 362880.0
+    p = p * x + 1.0 / 40320.0
+    p = p * x + 1.0 / 5040.0
+    p = p * x + 1.0 / 720.0
+    return p * x + 1.0 / 120.0
+
+
+@inside
+def _from_fifth(p: float, x: float) -> float:
+    """The series of exp(x) in Horner's form, from `p` before the 5th power."""
+    p = p * x + 1.0 / 24.0
+    p = p * x + 1.0 / 6.0
+    p = p * x + 0.5
+    p = p * x + 1.0
+    return p * x + 1.0
+
+
 @in_this_order
 def hills(row: Array) -> None:
     """exp(-row / 2) in place of `row` (N,), all of it at once, to the last bit but one.
@@ -306,20 +342,8 @@ def hills(row: Array) -> None:
         shifted = x * PER_LN2 + MAGIC
         k = shifted - MAGIC
         r = (x - k * LN2_HIGH) - k * LN2_LOW
-        p = 1.0 / 6227020800.0
-        p = p * r + 1.0 / 479001600.0
-        p = p * r + 1.0 / 39916800.0
-        p = p * r + 1.0 / 3628800.0
-        p = p * r + 1.0 / 362880.0
-        p = p * r + 1.0 / 40320.0
-        p = p * r + 1.0 / 5040.0
-        p = p * r + 1.0 / 720.0
-        p = p * r + 1.0 / 120.0
-        p = p * r + 1.0 / 24.0
-        p = p * r + 1.0 / 6.0
-        p = p * r + 0.5
-        p = p * r + 1.0
-        row[n] = (p * r + 1.0) * number_of((bits_of(shifted) + 1023) << 52)
+        p = (1.0 / 6227020800.0 * r + 1.0 / 479001600.0) * r + 1.0 / 39916800.0
+        row[n] = _from_fifth(_to_fifth(p, r), r) * number_of((bits_of(shifted) + 1023) << 52)
 
 
 @in_any_order
@@ -327,7 +351,7 @@ def _square_distances(points: Array, k: int, q: Array, row: Array) -> None:
     """Squared distances of q (D,) from the points of output k, in `row` (N,): the command's six inputs, then three at
     once.
     """  # noqa: D205
-    dims, count = points.shape[1], points.shape[2]
+    dims, count = points.shape[1], len(row)
     a, b, c, e, f, g = q[0], q[1], q[2], q[3], q[4], q[5]
     for n in range(count):
         x, y, z = points[k, 0, n] - a, points[k, 1, n] - b, points[k, 2, n] - c
@@ -356,11 +380,11 @@ def near(kernel: Kernel, xi: Array) -> None:
         same = same and kernel.at[d] == xi[d]
     if same:
         return
-    for k in range(len(kernel.output_scale)):
-        row = kernel.rows[k]
+    for k in range(len(kernel.sums)):
+        row, query = kernel.rows[k], kernel.scaled[k]
         for d in range(len(xi)):
-            kernel.scaled[d] = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-        _square_distances(kernel.points, k, kernel.scaled, row)
+            query[d] = (xi[d] - kernel.input_mean[d]) * kernel.narrow[k, d]
+        _square_distances(kernel.points, k, query, row)
         hills(row)
         kernel.sums[k] = _weighted(row, kernel.alpha[k])
     for d in range(len(xi)):
@@ -376,6 +400,12 @@ def anew(kernel: Kernel, xi: Array) -> None:
     near(kernel, xi)
 
 
+@inside
+def larger(a: float, b: float) -> float:
+    """The larger of two numbers; nan where either is, as of `numpy.max`."""
+    return a if a > b or a != a else b
+
+
 CLOSE, FAR = 7e-3, 0.25
 """|u| up to which exp(u) is its series to the 5th and to the 11th power: what is left out is below 1.7e-16."""
 
@@ -387,25 +417,23 @@ def move(kernel: Kernel, xi: Array, rows: NDArray[np.int64]) -> None:
     k(x + d) = k(x) exp(u) with u = d . (p - x) - d^2 / 2 for a point p, in lengthscales. Where |u| is small for all
     points, which is so between the proposals of a search, a short series is exp(u) to rounding.
     """
-    far, step = 0.0, kernel.scaled
-    for k in range(len(kernel.output_scale)):
-        reach = 0.0
-        for d in rows:
-            moved = (xi[d] - kernel.at[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            place = (kernel.at[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            reach += abs(moved) * (kernel.extent[k, d] + abs(place) + 0.5 * abs(moved))
-        far = reach if not reach <= far else far
+    far, last = 0.0, len(xi)
+    for k in range(len(kernel.sums)):
+        reach, start = 0.0, 0.0
+        for i in range(len(rows)):
+            d = rows[i]
+            step = (xi[d] - kernel.at[d]) * kernel.narrow[k, d]
+            place = (kernel.at[d] - kernel.input_mean[d]) * kernel.narrow[k, d]
+            reach += abs(step) * (kernel.extent[k, d] + abs(place) + 0.5 * abs(step))
+            start -= step * (place + 0.5 * step)
+            kernel.scaled[k, i] = step
+        kernel.scaled[k, last] = start
+        far = larger(reach, far)
     if not far <= FAR:
         near(kernel, xi)
         return
-    for k in range(len(kernel.output_scale)):
-        start = 0.0
-        for i in range(len(rows)):
-            d = rows[i]
-            step[i] = (xi[d] - kernel.at[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            place = (kernel.at[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            start -= step[i] * (place + 0.5 * step[i])
-        _products(kernel.points, k, step, rows, start, kernel.powers)
+    for k in range(len(kernel.sums)):
+        _products(kernel.points, k, kernel.scaled[k], rows, kernel.scaled[k, last], kernel.powers)
         kernel.sums[k] = _risen(kernel.rows[k], kernel.powers, kernel.alpha[k], far <= CLOSE)
     for d in rows:
         kernel.at[d] = xi[d]
@@ -441,28 +469,12 @@ def _risen(row: Array, u: Array, alpha: Array, close: bool) -> float:
     found = 0.0
     if close:
         for n in range(len(row)):
-            x = u[n]
-            p = x * (1.0 / 120.0) + 1.0 / 24.0
-            p = p * x + 1.0 / 6.0
-            p = p * x + 0.5
-            p = p * x + 1.0
-            value = row[n] * (p * x + 1.0)
+            value = row[n] * _from_fifth(1.0 / 120.0, u[n])
             row[n] = value
             found += value * alpha[n]
         return found
     for n in range(len(row)):
-        x = u[n]
-        p = x * (1.0 / 39916800.0) + 1.0 / 3628800.0
-        p = p * x + 1.0 / 362880.0
-        p = p * x + 1.0 / 40320.0
-        p = p * x + 1.0 / 5040.0
-        p = p * x + 1.0 / 720.0
-        p = p * x + 1.0 / 120.0
-        p = p * x + 1.0 / 24.0
-        p = p * x + 1.0 / 6.0
-        p = p * x + 0.5
-        p = p * x + 1.0
-        value = row[n] * (p * x + 1.0)
+        value = row[n] * _from_fifth(_to_fifth(1.0 / 39916800.0, u[n]), u[n])
         row[n] = value
         found += value * alpha[n]
     return found
@@ -480,11 +492,11 @@ def _weighted(row: Array, alpha: Array) -> float:
 @within
 def mean_of(kernel: Kernel, xi: Array, mean: Array) -> None:
     """Mean (L,) at inputs xi (D,), at which `kernel.rows` are."""
-    for k in range(len(kernel.output_scale)):
-        total = kernel.mean_coefficients[k, 0]
+    for k in range(len(mean)):
+        total = kernel.base[k]
         for d in range(len(xi)):
-            total += kernel.mean_coefficients[k, 1 + d] * ((xi[d] - kernel.input_mean[d]) / kernel.input_scale[d])
-        mean[k] = kernel.output_scale[k] * (total + kernel.signal_variance[k] * kernel.sums[k])
+            total += kernel.gradient[k, d] * (xi[d] - kernel.input_mean[d])
+        mean[k] = total + kernel.height[k] * kernel.sums[k]
 
 
 @in_any_order
@@ -514,13 +526,13 @@ def _moments(
 @within
 def slope_of(kernel: Kernel, xi: Array, slope: Array, rows: NDArray[np.int64]) -> None:
     """Derivative of the mean at inputs xi (D,), at which `kernel.rows` are, to `rows`: slope (L, len(rows))."""
-    for k in range(len(kernel.output_scale)):
+    for k in range(len(kernel.sums)):
         _moments(kernel.points, k, kernel.rows[k], kernel.alpha[k], rows, slope)
         for i in range(len(rows)):
             d = rows[i]
-            q = (xi[d] - kernel.input_mean[d]) / kernel.input_scale[d] / kernel.lengthscales[k, d]
-            part = kernel.signal_variance[k] * (slope[k, i] - q * kernel.sums[k]) / kernel.lengthscales[k, d]
-            slope[k, i] = kernel.output_scale[k] / kernel.input_scale[d] * (kernel.mean_coefficients[k, 1 + d] + part)
+            q = (xi[d] - kernel.input_mean[d]) * kernel.narrow[k, d]
+            part = (slope[k, i] - q * kernel.sums[k]) * kernel.narrow[k, d]
+            slope[k, i] = kernel.gradient[k, d] + kernel.height[k] * part
 
 
 @compiled
@@ -546,7 +558,7 @@ def _deviation(kernel: Kernel, k: int, explained: float) -> float:
     signal = kernel.signal_variance[k]
     left = signal - signal * signal * explained
     variance = (left if not left <= 0.0 else 0.0) + kernel.noise_variance[k]
-    return kernel.output_scale[k] * kernel.sigma_scale[k] * math.sqrt(variance)
+    return kernel.std_scale[k] * math.sqrt(variance)
 
 
 @in_any_order
@@ -584,7 +596,9 @@ def whiten(kernel: Kernel, k: int, steps: int) -> None:
     for b in range(steps):
         found[b, k] = 0.0
     for n in range(0, whole, 4):
-        last = n + 4 if kernel.triangular else count
+        last = (
+            min((n + 4 + LINE - 1) // LINE * LINE, count) if kernel.triangular else count
+        )  # whole lines: zeros are cheap
         for b in range(0, steps, 4):
             a0, a1, a2, a3 = 0.0, 0.0, 0.0, 0.0
             b0, b1, b2, b3 = 0.0, 0.0, 0.0, 0.0
@@ -831,33 +845,40 @@ def newton(
     return cost, used, ill
 
 
-@compiled
+@within
 def solve(
     gate: Gate, kernel: Kernel, lines: Lines, room: Room, wrench: Array, start: Array, process: bool
 ) -> tuple[float, int, bool]:
-    """As `Optimiser.solve`: from `start`, else from zero, else zero itself; the correction in `room.best` (L,)."""
+    """As `Optimiser.solve`: from `start`, else from zero, else zero itself; the correction in `room.best` (L,).
+
+    `newton` is called in one place, since all that it is handed lies on the stack for each.
+    """
     count = len(gate.rows)
-    cost, used, ill = newton(gate, kernel, lines, room, wrench, start, process)
-    cold = False
+    cost, used, ill, elsewhere = np.inf, 0, False, False
     for i in range(count):
-        room.best[i] = room.x[i]
-        cold = cold or start[i] != 0.0
+        room.start[i] = start[i]
+        elsewhere = elsewhere or start[i] != 0.0
+    for attempt in range(2):
+        found, evaluations, hard = newton(gate, kernel, lines, room, wrench, room.start, process)
+        used += evaluations
+        if attempt == 0:
+            ill = hard
+        if attempt == 0 or found < cost or not math.isfinite(cost):
+            cost = found
+            for i in range(count):
+                room.best[i] = room.x[i]
+        if cost < gate.accept or not elsewhere:
+            break
+        for i in range(count):
+            room.start[i] = 0.0
     if not cost < gate.accept:
         for i in range(count):
             room.start[i] = 0.0
-        if cold:
-            again, more, _ = newton(gate, kernel, lines, room, wrench, room.start, process)
-            used += more
-            if again < cost or not math.isfinite(cost):
-                cost = again
-                for i in range(count):
-                    room.best[i] = room.x[i]
-        if not cost < gate.accept:
-            nothing = residual(gate, kernel, lines, room, wrench, room.start, process, False)
-            if not cost < nothing:
-                cost = nothing
-                for i in range(count):
-                    room.best[i] = 0.0
+        nothing = residual(gate, kernel, lines, room, wrench, room.start, process, False)
+        if not cost < nothing:
+            cost = nothing
+            for i in range(count):
+                room.best[i] = 0.0
     return cost, used, ill
 
 
@@ -977,7 +998,7 @@ def gated(gate: Gate, std: Array, memory: Array, wrench: Array, out: Array) -> N
         for i in range(count):
             if gate.watched[i]:
                 normal = (std[i] - gate.offset[i]) / gate.scale[i]
-                sigma = normal if not normal <= sigma else sigma
+                sigma = larger(normal, sigma)
     else:
         for i in range(count):
             if gate.watched[i]:
@@ -1096,28 +1117,28 @@ def _as_gate(numbers: Array, counts: NDArray[np.int64], at: int, n: int) -> tupl
 def _as_kernel(numbers: Array, counts: NDArray[np.int64], at: int) -> tuple[Kernel, int]:
     count, dims, points = counts[0], counts[1], counts[2]
     input_mean, at = _flat(numbers, at, dims)
-    input_scale, at = _flat(numbers, at, dims)
-    output_scale, at = _flat(numbers, at, count)
-    mean_coefficients, at = _square(numbers, at, count, 1 + dims)
-    lengthscales, at = _square(numbers, at, count, dims)
+    base, at = _flat(numbers, at, count)
+    gradient, at = _square(numbers, at, count, dims)
+    height, at = _flat(numbers, at, count)
+    narrow, at = _square(numbers, at, count, dims)
     places, at = _cube(numbers, at, count, dims, points)
     alpha, at = _square(numbers, at, count, points)
     whitener, at = _cube(numbers, at, count, points, points)
     signal, at = _flat(numbers, at, count)
     noise, at = _flat(numbers, at, count)
-    sigma_scale, at = _flat(numbers, at, count)
+    std_scale, at = _flat(numbers, at, count)
     extent, at = _square(numbers, at, count, dims)
     rows, at = _square(numbers, at, count, points)
     sums, at = _flat(numbers, at, count)
     inputs, at = _flat(numbers, at, dims)
     moved, at = _flat(numbers, at, 1)
-    scaled, at = _flat(numbers, at, dims)
+    scaled, at = _square(numbers, at, count, 1 + dims)
     powers, at = _flat(numbers, at, points)
     batch, at = _cube(numbers, at, BATCH, count, points)
     explained, at = _square(numbers, at, BATCH, count)
     kernel = Kernel(
-        input_mean, input_scale, output_scale, mean_coefficients, lengthscales, places, alpha, whitener, counts[3],
-        signal, noise, sigma_scale, extent, rows, sums, inputs, moved, scaled, powers, batch, explained,
+        input_mean, base, gradient, height, narrow, places, alpha, whitener, counts[3],
+        signal, noise, std_scale, extent, rows, sums, inputs, moved, scaled, powers, batch, explained,
     )  # fmt: skip
     return kernel, at
 

@@ -36,7 +36,7 @@ from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, state_r
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.expansion import Expands, Expansion
+from wrenchgap.plant.expansion import Expands, Expansion, straight_line
 from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
@@ -125,7 +125,7 @@ class Stepper:
         self._optimisers = (replace(unbounded), replace(optimiser))
         gate, expansion, physics = made.gate, made.expansion, made.physics
         count = len(gate.rows)
-        nothing = Expansion((), (), *(np.zeros(s) for s in _shapes(count)))
+        nothing = straight_line((), np.zeros(count), np.zeros((count, len(AXES))), np.zeros(count))
         kernel = as_kernel(nothing if expansion is None else expansion)
         lines, sent = (as_lines(None if physics is None else getattr(physics, n), count) for n in ("mismatch", "sent"))
         room = _room(count, len(kernel.input_mean), len(lines.inputs))
@@ -176,8 +176,10 @@ class Stepper:
                 if self.trouble:
                     trouble[done] = self.trouble
                 done += 1
-        for k in np.flatnonzero(~np.isfinite(out[:, step.SIGMA])).tolist():
-            trouble.setdefault(k, WITHHELD)
+        sigma = out[:, step.SIGMA]
+        if not math.isfinite(sigma.sum()):
+            for k in np.flatnonzero(~np.isfinite(sigma)).tolist():
+                trouble.setdefault(k, WITHHELD)
         return trouble
 
     def expected(self, wrench: Array) -> Array:
@@ -234,13 +236,6 @@ class _Linear:
 
     def jacobian(self, wrench_cmd: Array, /) -> Array:
         return self.mean_and_jacobian(wrench_cmd)[1]
-
-
-def _shapes(count: int) -> tuple[tuple[int, ...], ...]:
-    """Shapes of an expansion of `count` outputs without points."""
-    d = len(AXES)
-    whole = ((d,), (d,), (count,), (count, 1 + d), (count, d), (count, 0, d), (count, 0), (count, 0, 0))
-    return (*whole, (count,), (count,), (count,))
 
 
 def _room(count: int, dims: int, inputs: int) -> Room:

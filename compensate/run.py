@@ -13,7 +13,7 @@ from wrenchgap.compensate.physics_program import STATE, rows_of
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 
-BLOCK = 64
+BLOCK = 128
 """Steps whose time is taken together, so that the clock costs nothing."""
 
 

@@ -80,6 +80,8 @@ def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
 
     Of many messages, those of `MESSAGES` that are evenly spread.
     """
+    if np.array_equal(log_time_ns, header_ns):  # many recorders write one time twice
+        return Relation(1.0, 0.0, 0.0)
     rows = thinned(len(header_ns), MESSAGES)
     log_time_ns, header_ns = log_time_ns[rows], header_ns[rows]
     x, y = _seconds(log_time_ns), _seconds(header_ns)
@@ -98,7 +100,7 @@ def without_jumps(log_time_ns: Stamps, header_ns: Stamps) -> tuple[Stamps, tuple
     A jump is a step of stamps against log times by more than `JUMP` that lasts; one wrong stamp, or a pause of both, is
     none.
     """
-    if len(header_ns) < 20:
+    if len(header_ns) < 20 or np.array_equal(log_time_ns, header_ns):
         return header_ns, ()
     dx, dy = np.diff(log_time_ns) * 1e-9, np.diff(header_ns) * 1e-9
     rows = thinned(len(dx), MESSAGES)

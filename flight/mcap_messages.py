@@ -19,8 +19,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
-    Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -34,6 +32,11 @@ from mcap.records import (
 from wrenchgap.flight.mcap_kernels import HEAD, Bytes, Ints, by_topic, merged, placed
 
 MAGIC = bytes((137, 77, 67, 65, 80, 48, 13, 10))
+ZSTD = b"zstd"
+CHUNK = struct.Struct("<BQQQQII4sQ")
+"""Head of a chunk record: opcode, length; first and last time, size, checksum; compression; compressed size."""
+INDEX = struct.Struct("<BQHI")
+"""Head of a message index record: opcode, length, channel, bytes of the pairs that follow."""
 LEVEL = 1
 """Of zstd. Its default, 3, takes twice the time on numbers that hardly repeat, and its files are not smaller."""
 CHUNK_SIZE = 1024 * 1024
@@ -88,7 +91,7 @@ class _File:
 
     def __init__(self, stream: IO[bytes], schemas: list[Schema], channels: list[Channel]) -> None:
         self._stream, self._schemas, self._channels = stream, schemas, channels
-        self._indices: list[ChunkIndex] = []
+        self._indices: list[bytes] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
         self._compressor = zstandard.ZstdCompressor(level=LEVEL)
@@ -142,28 +145,23 @@ class _File:
             topics[topic].place(records, entries[mine], rows[mine])
             self._counts[topic + 1] = self._counts.get(topic + 1, 0) + mine.stop - mine.start
         data = self._compressor.compress(records.data)
-        start, builder = self._stream.tell(), RecordBuilder()
-        said = {"message_start_time": span[0], "message_end_time": span[1], "uncompressed_size": len(records)}
-        Chunk(compression="zstd", data=data, uncompressed_crc=zlib.crc32(records.data), **said).write(builder)
-        length = self._stream.write(_bytes(builder))
-        offsets, indices = {}, bytearray()
+        about = *span, len(records), zlib.crc32(records.data), len(ZSTD), ZSTD, len(data)
+        offset, length = self._stream.tell(), CHUNK.size + len(data)
+        self._stream.write(CHUNK.pack(Opcode.CHUNK, length - 9, *about))
+        self._stream.write(data)
+        places, indices, at = list[int](), list[bytes](), offset + length
         for topic, mine in ours:
-            offsets[topic + 1] = start + length + len(indices)
+            places += topic + 1, at
             packed = entries[mine].astype("<i8", copy=False).tobytes()
             size = len(packed)
-            indices += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + size, topic + 1, size) + packed
-        self._stream.write(indices)
-        self._indices.append(
-            ChunkIndex(
-                chunk_length=length,
-                chunk_start_offset=start,
-                compression="zstd",
-                compressed_size=len(data),
-                message_index_length=len(indices),
-                message_index_offsets=offsets,
-                **said,
-            )
+            indices += INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, topic + 1, size), packed
+            at += INDEX.size + size
+        self._stream.write(b"".join(indices))
+        said = struct.pack("<QQQQI", *span, offset, length, 10 * len(ours)) + struct.pack(
+            f"<{len(ours) * 'HQ'}", *places
         )
+        said += struct.pack("<QI4sQQ", at - offset - length, len(ZSTD), ZSTD, len(data), len(records))
+        self._indices.append(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(said)) + said)
 
     def _summary(self, every: Sequence[Messages]) -> None:
         """Everything that a reader needs to find its way, and where it lies."""
@@ -192,7 +190,10 @@ class _File:
         for opcode, records in groups.items():
             here = builder.count
             for record in records:
-                record.write(builder)
+                if isinstance(record, bytes):
+                    builder.write(record)
+                else:
+                    record.write(builder)
             offsets.append(
                 SummaryOffset(group_opcode=opcode, group_start=start + here, group_length=builder.count - here)
             )

@@ -274,6 +274,8 @@ class _Pair:
         gains: tuple[float, float],
         coherent: float,
     ) -> None:
+        # Side by side in memory once, and not for every integral: columns of a series lie among others.
+        first, second = (replace(s, values=np.ascontiguousarray(s.values, dtype=float)) for s in (first, second))
         self.first, self.second, self.gains, self.coherent = first, second, gains, coherent
         common = [(max(a, c, e), min(b, d, f)) for a, b in _runs(first) for c, d in _runs(second) for e, f in within]
         common = [(a, b) for a, b in common if b - a >= SHORTEST_BLOCK]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight import rotation_kernels
+from wrenchgap.flight import rotation_kernels, row_kernels
 from wrenchgap.flight.flight import Array
 
 
@@ -25,6 +25,8 @@ def _whole(rows: Array) -> Array:
 
 def normalise(quat_wxyz: Array) -> Array:
     """Unit quaternion(s), shape (..., 4); the sign is kept."""
+    if _many(quat_wxyz):
+        return np.asarray(quat_wxyz / row_kernels.lengths(quat_wxyz)[:, None])
     return np.asarray(quat_wxyz / np.linalg.norm(quat_wxyz, axis=-1, keepdims=True))
 
 

@@ -16,6 +16,7 @@ rate and range; rotor speeds are limited in range.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +100,9 @@ class Allocation:
             return Commands(wrench_B, tilt, limited), Saturation(rotor_speed=saturated)
         tilt = _hold(tilt, weak, previous_tilt)
         before = tilt[:0] if previous_tilt is None else previous_tilt[None]
-        tilt = np.unwrap(np.vstack((before, tilt)), axis=0)[len(before) :]
+        path = np.vstack((before, tilt)) if len(before) else tilt
+        if not np.all(np.abs(np.diff(path, axis=0)) < np.pi):  # else unwrapped as they are
+            tilt = np.unwrap(path, axis=0)[len(before) :]
         tilt, rate_limited = _limit_rate(tilt, arms.tilt_rate_max, previous_tilt, dt)
         in_range = np.clip(tilt, arms.tilt_min, arms.tilt_max)
         return Commands(wrench_B, in_range, limited), Saturation(
@@ -127,6 +130,12 @@ class Allocation:
                 column += 1
             thrust_over_cf[:, group] = (thrust / rotors.c_f[group].sum())[:, None]
         return thrust_over_cf
+
+
+@lru_cache(maxsize=8)
+def allocation_of(vehicle: Vehicle) -> Allocation:
+    """The allocation of a vehicle, made once: all stretches of a flight ask for the same."""
+    return Allocation(vehicle)
 
 
 def _hold(tilt: Array, weak: NDArray[np.bool_], previous: Array | None) -> Array:

@@ -16,7 +16,7 @@ from wrenchgap.flight.derivative import smooth
 from wrenchgap.flight.flight import AXES, Array, Flight
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.meaning import FRD, NED
-from wrenchgap.flight.row_kernels import empty
+from wrenchgap.flight.row_kernels import empty, lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
@@ -43,10 +43,10 @@ def accelerometer_unit(flight: Flight, seen: Seen | None) -> Iterator[Check]:
     absent = empty(imu.specific_force_B)
     values = imu.specific_force_B[:, ~absent] if absent.any() else imu.specific_force_B
     parts = spread(len(values), COMPARED, RUN)
-    size = np.concatenate([np.linalg.norm(smooth(imu.time[rows], values[rows]), axis=1) for rows in parts])
+    size = np.concatenate([lengths(smooth(imu.time[rows], values[rows])) for rows in parts])
     median = float(np.median(size))
     described = f"Median specific force is {median:.2f} m/s^2"
-    expected = GRAVITY if seen is None else float(np.median(np.linalg.norm(seen.force(), axis=1)))
+    expected = GRAVITY if seen is None else float(np.median(lengths(seen.force())))
     expected = expected if expected < LARGEST else GRAVITY
     if _without_gravity(seen, size):
         instead = _instead(flight)
@@ -101,7 +101,7 @@ def frames(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         return
     force_z = float(np.median(imu.specific_force_B[:, 2]))
     if seen is None or seen.gyro is None or seen.accel is None or np.isnan([*seen.gyro, *seen.accel]).any():
-        if force_z < -0.3 * GRAVITY and not _without_gravity(None, np.linalg.norm(imu.specific_force_B, axis=1)):
+        if force_z < -0.3 * GRAVITY and not _without_gravity(None, lengths(imu.specific_force_B)):
             yield _upside_down(flight, force_z)
         return
     away = _away_from_up(seen.attitude, seen.accel)
@@ -188,8 +188,8 @@ def _rates_of(seen: Seen, quat: Array) -> Array:
     q, rows = so3.continuous(quat), np.arange(len(quat))
     before, after = np.maximum(rows - seen.apart, 0), np.minimum(rows + seen.apart, len(quat) - 1)
     turned = so3.turned(q[before], q[after])
-    usual = np.median(np.linalg.norm(turned, axis=1))
-    turned[np.linalg.norm(turned, axis=1) > 20.0 * usual + 1e-12] = 0.0  # over a pause
+    usual = np.median(lengths(turned))
+    turned[lengths(turned) > 20.0 * usual + 1e-12] = 0.0  # over a pause
     return np.asarray(turned)
 
 
@@ -197,7 +197,7 @@ def _away_from_up(quat_EB: Array, force_B: Array) -> float | None:
     """Angle [deg] of the median specific force from up, None where there is none to speak of."""
     mean_E = np.median(so3.rotate(quat_EB, force_B), axis=0)
     size = float(np.linalg.norm(mean_E))
-    if size < 0.3 * float(np.median(np.linalg.norm(force_B, axis=1))) or size == 0.0:
+    if size < 0.3 * float(np.median(lengths(force_B))) or size == 0.0:
         return None
     return float(np.degrees(np.arccos(np.clip(mean_E[2] / size, -1.0, 1.0))))
 

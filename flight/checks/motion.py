@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight import row_kernels, so3
 from wrenchgap.flight.flight import Array, Flight, Series
 from wrenchgap.flight.gravity import GRAVITY
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated
 
 INTERVAL = 0.1
@@ -100,7 +101,7 @@ def seen(flight: Flight) -> Seen | None:
 def _halves(quat: Array, first: NDArray[np.intp], middle: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
     """Angles [rad] turned in both halves of the intervals, added (K,)."""
     halves = so3.turned(quat[first], quat[middle]), so3.turned(quat[middle], quat[last])
-    return np.asarray(sum(np.linalg.norm(half, axis=1) for half in halves))
+    return np.asarray(sum(lengths(half) for half in halves))
 
 
 def _mean(series: Series, values: Array, start: Array, stop: Array) -> Array:

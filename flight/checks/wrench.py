@@ -10,6 +10,7 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
 from wrenchgap.flight.checks.motion import Seen
 from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import interpolated, thinned
 
 OPPOSITE = -0.5
@@ -33,11 +34,11 @@ def wrench_frame(flight: Flight, seen: Seen | None) -> Iterator[Check]:
         felt = np.tile(np.median(seen.force(), axis=0), (len(time), 1))
     else:
         return
-    size = np.linalg.norm(force, axis=1)
+    size = lengths(force)
     flying = size > LIFTED * np.percentile(size, 90)
     if not flying.any():
         return
-    alike = np.sum(force * felt, axis=1) / np.maximum(size * np.linalg.norm(felt, axis=1), 1e-12)
+    alike = np.sum(force * felt, axis=1) / np.maximum(size * lengths(felt), 1e-12)
     median = float(np.median(alike[flying]))
     if median < OPPOSITE:
         down = float(np.median(force[flying, 2]))

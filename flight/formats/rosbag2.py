@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sqlite3
 import tempfile
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -18,6 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import zstandard
+from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import natural, only_recording, storage
@@ -82,15 +84,18 @@ class Rosbag2SqliteReader(Reader):
     ) -> Iterator[Batch]:
         """Rows by channel, side by side; those among which one is odd or compressed one by one."""
         identifiers, times, payloads = zip(*rows, strict=True)
-        kinds = set(map(type, identifiers)), set(map(type, times)), set(map(type, payloads))
-        if kinds != ({int}, {int}, {bytes}) or ZSTD_MAGIC in {payload[:4] for payload in payloads}:
+        places = np.empty((4, len(rows)), dtype=np.int64)
+        try:  # arrays of integers, and join, take nothing else
+            places[0], places[1], data = array("q", identifiers), array("q", times), b"".join(payloads)
+        except TypeError:
+            data = None
+        else:
+            places[3] = np.fromiter(map(len, payloads), np.int64, len(rows))
+            places[2] = np.cumsum(places[3]) - places[3]
+        if data is None or _may_be_compressed(data, places[2], places[3]):
             for row in rows:
                 yield from self._one(*row, channels, wanted, gathered)
             return
-        places = np.empty((4, len(rows)), dtype=np.int64)
-        places[0], places[1], places[3] = identifiers, times, list(map(len, payloads))
-        places[2] = np.cumsum(places[3]) - places[3]
-        data = b"".join(payloads)
         numbers, bounds, (log_time_ns, starts, lengths) = grouped(places, len(rows))
         for number, first, stop in zip(numbers.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
             channel, part = channels.get(number), slice(first, stop)
@@ -113,6 +118,12 @@ class Rosbag2SqliteReader(Reader):
             self._broken += 1
             return
         yield from to.add(channel, log_time_ns, payload)
+
+
+def _may_be_compressed(data: bytes, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> bool:
+    """Whether a message that begins at one of the `starts` (N,) has the first byte of zstd's."""
+    heads = np.frombuffer(data, dtype=np.uint8)[starts[lengths > 0]]
+    return bool((heads == ZSTD_MAGIC[0]).any())
 
 
 def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:

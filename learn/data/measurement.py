@@ -29,7 +29,7 @@ from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
@@ -346,7 +346,7 @@ def commands_of(samples: Samples, vehicle: Vehicle) -> tuple[Commands, str]:
     if not vehicle.has_rotors:
         return Commands(wrench), "none"
     asked = np.concatenate([about_origin(vehicle.body, wrench[piece]) for piece in pieces(len(wrench))])
-    allocated, _ = Allocation(vehicle).allocate(asked, dt=samples.dt)
+    allocated, _ = allocation_of(vehicle).allocate(asked, dt=samples.dt)
     return _on_disk(Commands(wrench, allocated.tilt, allocated.rotor_speed)), "allocated"
 
 

@@ -135,15 +135,15 @@ def left_by_resampling(time: Array, stamps: Array, frequency: Array, weight: Arr
     at = ((len(time) - most) * np.modf(np.arange(_INSTANTS) * (np.sqrt(5.0) - 1.0) / 2.0)[0]).astype(int)
     before = np.clip(np.searchsorted(stamps, time, side="right") - 1, 0, len(stamps) - 2)
     u = np.clip((time - stamps[before]) / (stamps[before + 1] - stamps[before]), 0.0, 1.0)
-    taken = np.stack((1.0 - u, u))
     later = at[:, None] + np.arange(most)
     apart = before[later] - before[at][:, None]
     rho = _autocorrelation(stamps, 1.0 / dt, int(apart.max()) + 2)
+    share = np.full(len(at), 1.0 / len(at)) if weight is None else weight[at] / weight[at].sum()
+    left, right = share * (1.0 - u[at]), share * u[at]  # of the two readings between which an instant lies
+    after = u[later]
     r = np.zeros(most)
-    for a in (0, 1):
-        for b in (0, 1):
-            product = taken[a, at][:, None] * taken[b, later] * rho[np.abs(apart + b - a)]
-            r += np.average(product, axis=0, weights=None if weight is None else weight[at])
+    for own, other, step in ((left, 1.0 - after, 0), (left, after, 1), (right, 1.0 - after, -1), (right, after, 0)):
+        r += own @ (other * rho[np.abs(apart + step)])
     waves = np.cos(2.0 * np.pi * dt * np.outer(frequency, np.arange(1, most)))
     return np.asarray(np.maximum(rate * dt * (r[0] + 2.0 * waves @ r[1:]), SMALLEST))
 

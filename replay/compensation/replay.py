@@ -31,7 +31,7 @@ from wrenchgap.learn.data.held import commanded_otherwise
 from wrenchgap.learn.data.inputs import check
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.predictors import ProcessNote, predictors
-from wrenchgap.plant.allocation import Allocation, Saturation
+from wrenchgap.plant.allocation import Saturation, allocation_of
 from wrenchgap.plant.mismatch import Conditioning, conditioning, output_indices
 from wrenchgap.plant.mismatch_inputs import extra_inputs
 from wrenchgap.plant.model import Model
@@ -186,7 +186,7 @@ def replay(
         restarts=len(starts(series)) - 1,
         computed_from=logged.topic if logged is not None and flight.commanded is None else None,
         caveats=caveats(gp, model),
-        notes=(*opened.notes, *notes),
+        notes=(*opened.notes, *notes, *([compensator.not_compiled] if compensator.not_compiled else [])),
     )
 
 
@@ -264,7 +264,7 @@ def _saturation(model: Model, wrench: Array, series: WrenchSeries, dt: float) ->
     vehicle = model.vehicle
     if not vehicle.has_rotors:
         return None
-    allocation = Allocation(vehicle)
+    allocation = allocation_of(vehicle)
     cut = np.split(about_origin(vehicle.body, wrench), starts(series)[1:])
     parts = [allocation.allocate(w, dt=dt)[1] for w in cut]
     names = ("rotor_speed", "tilt_rate", "tilt_range", "held")

@@ -80,7 +80,8 @@ def at_stamps(time: Array, pieces: Sequence[tuple[Array, Array]]) -> Array:
         if len(knots) == 0:
             continue
         inside = (time >= knots[0]) & (time <= knots[-1])
-        out[inside] = np.stack([np.interp(time[inside], knots, column) for column in values.T], axis=1)
+        asked = time[inside]
+        out[inside] = np.stack([np.interp(asked, knots, column) for column in values.T], axis=1)
     return out
 
 

@@ -20,6 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.compensate import Combined, Compensator
+from wrenchgap.compensate.compensator import NotCompiled
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.inputs import process_inputs
@@ -107,7 +109,7 @@ class CompensationHarms:
     after: float
 
 
-Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms
+Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms | NotCompiled
 """What a reader must know before relying on the numbers."""
 
 NULL_RUN, CHANGED = "null_run", "counterfactual"
@@ -164,6 +166,9 @@ class Counterfactual(Result):
         weak = [axis for axis, share in zip(AXES, self.inference.explained, strict=True) if share < EXPLAINED_GOAL]
         found += [WeakLaw(tuple(weak))] if weak else []
         found += [one for one in lost if one.run != NULL_RUN]
+        every = (self.change.compensator, *(one for _, one in self.change.beside))
+        slow = [one.not_compiled for one in every if isinstance(one, Compensator | Combined)]
+        found += [reason for reason in dict.fromkeys(slow) if reason is not None]
         harmed = self._harmed()
         return tuple(found) if harmed is None else (*found, harmed)
 

@@ -10,6 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from wrenchgap import flight
+from wrenchgap.compensate.compensator import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.plant.model_file import tool_version
@@ -31,7 +32,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     WeakLaw,
 )
 from wrenchgap.replay.present import learning
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import sentence, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
 from wrenchgap.replay.present.verdicts import margin_in_words, observer_in_words, observer_json
@@ -72,6 +73,8 @@ def _sentence(caveat: Caveat, flight: str, model: str) -> str:
                 f"with this compensation the attitude error grows from {before:.3f} to {after:.3f} deg (norm of the "
                 "axes' means): do not fly it; see what `wrenchgap learn --validate` says of the GP"
             )
+        case NotCompiled():
+            return sentence(caveat)
 
 
 _WHERE = {NULL_RUN: ": in the null run", CHANGED: ":"}

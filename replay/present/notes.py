@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from wrenchgap.compensate.compensator import NotCompiled
 from wrenchgap.flight.check import Finding, TimeLeftOut
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
@@ -36,5 +37,10 @@ def sentence(note: object) -> str:
             return f"{what} on {', '.join(note.flights)}: this part is not held out."
         case NoProcess():
             return "too little data to hold anything out for a Gaussian process; its part of the budget is zero."
+        case NotCompiled():
+            return (
+                f"the compensation is not compiled, its steps take tens of times as long: {note.reason}. Corrections "
+                "are those of L-BFGS on plain models."
+            )
         case _:
             return str(note)

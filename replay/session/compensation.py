@@ -16,6 +16,7 @@ from wrenchgap.replay.compensation.compensators import caveats, compensator
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
 from wrenchgap.replay.present.learning import of_process
+from wrenchgap.replay.present.notes import sentence
 from wrenchgap.replay.present.panels import compensated, reflown
 from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
@@ -124,11 +125,13 @@ def _settings(gating: Gating, dt: float) -> Settings:
 
 def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     """The defaults that the GP suggests, and ranges around them."""
-    usual = compensator(gp, model).uncertainty
+    made = compensator(gp, model)
+    usual = made.uncertainty
     gated = bool(np.isfinite(usual.threshold))
     threshold = float(usual.threshold) if gated else float(np.max(gp.sigma_prior))
     kinds = {axis.split("_")[0] for axis in gp.outputs}
     unit = "of its range" if len(kinds) > 1 else "N" if kinds == {"force"} else "Nm"
     gating = Gating(True, gated, threshold, float(usual.kappa), Settings().decay_time)
-    notes = of_process(caveats(gp, model))
+    slow = () if made.not_compiled is None else (sentence(made.not_compiled),)
+    notes = (*of_process(caveats(gp, model)), *slow)
     return Compensation(name, gating, 3.0 * threshold, 5.0 * float(usual.kappa), SLOWEST, unit, notes)

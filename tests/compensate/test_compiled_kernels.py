@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from wrenchgap.compensate import compiled
+from wrenchgap.compensate.fast import Limits, plan
+from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.learn.process.gp import GaussianProcess
 
 TORQUES = ("torque_x", "torque_y", "torque_z")
@@ -129,3 +131,17 @@ def test_hills_far_away_are_nothing_and_what_is_no_number_stays_none():
     assert found[:3].max() < 1e-300
     assert np.isnan(found[3])
     assert found[4] == pytest.approx(np.exp(-1.0), rel=1e-15)
+
+
+def test_sigma_that_is_no_number_is_not_hidden_by_an_output_that_has_one():
+    """As `UncertaintyFilter.sigma`, the maximum of which is nan where one is: the correction is withheld."""
+    plain = UncertaintyFilter(np.ones(3, dtype=bool), np.zeros(3), np.ones(3), threshold=1.0, kappa=2.0, decay=0.9)
+    bound = np.ones(6)
+    gate = plan(process(5), None, plain, Limits(bound, 1e-4, 30, 0.01, False)).gate
+    for std in (np.array([0.1, np.nan, 0.2]), np.array([0.1, 0.3, 0.2])):
+        out = np.zeros(29)
+        compiled.gated(gate, std, np.zeros(compiled.TILT), np.zeros(6), out)
+        assert np.array_equal(out[compiled.SIGMA], plain.sigma(std), equal_nan=True)
+    assert out[compiled.BETA] == pytest.approx(plain.beta(0.3))
+    compiled.gated(gate, np.array([0.1, np.nan, 0.2]), np.zeros(compiled.TILT), np.zeros(6), out)
+    assert out[compiled.BETA] == 1.0

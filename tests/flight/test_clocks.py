@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wrenchgap.flight.clocks import clock_map, relation
+from wrenchgap.flight.clocks import clock_map, relation, without_jumps
 
 RNG = np.random.default_rng(5)
 
@@ -99,3 +99,16 @@ def test_empty_headers_fall_back_to_log_time(logs, loaded):
     found = loaded(logs.Recording().plain("/imu", time, stamp_s=None))
     np.testing.assert_allclose(found.imu.time, time, atol=1e-9)
     assert any("Log time is used for /imu" in note for note in found.notes)
+
+
+def test_stamps_that_are_the_log_times_are_the_fit_of_almost_the_same():
+    """One nanosecond apart in one place, everything is fitted: rate, offset and residual go on without a step."""
+    log = 1_700_000_000_000_000_000 + np.cumsum(np.random.default_rng(3).integers(1_000_000, 9_000_000, 5000))
+    almost = log.copy()
+    almost[2500] += 1
+    same, fitted = relation(log, log.copy()), relation(log, almost)
+    assert (same.rate, same.offset, same.residual) == (1.0, 0.0, 0.0)
+    assert fitted.rate == pytest.approx(1.0, abs=1e-12)
+    assert fitted.residual < 1e-9
+    assert np.array_equal(without_jumps(log, log.copy())[0], log)
+    assert without_jumps(log, log.copy())[1] == without_jumps(log, almost)[1] == ()

@@ -25,6 +25,9 @@ def test_the_compiled_passes_are_equal_to_the_plain_ones(values):
     np.testing.assert_allclose(
         row_kernels.integral(time, values), row_kernels.plain_integral(time, values), rtol=1e-12, atol=1e-12
     )
+    for columns in (1, 2, 3, 4, 6):
+        rows = np.random.default_rng(2).normal(size=(2000, 7))[:, :columns]  # not side by side in memory
+        np.testing.assert_array_equal(row_kernels.lengths(rows), row_kernels.plain_lengths(rows))
     values[7, 0], values[9, 1] = np.nan, np.inf
     np.testing.assert_array_equal(row_kernels.largest(values), row_kernels.plain_largest(values))
     assert row_kernels.largest(values)[1] == np.inf

@@ -325,3 +325,24 @@ def test_a_compensation_is_judged_by_the_whole_attitude_error(before, after, har
     if found is not None:
         assert (found.before, found.after) == pytest.approx((np.linalg.norm(before), np.linalg.norm(after)))
         assert f"from {found.before:.3f} to {found.after:.3f} deg" in _sentence(found, "flight", "model")
+
+
+def test_a_compensator_that_is_not_compiled_is_told(hidden):
+    """Plain models step tens of times as slowly; compiled ones and none at all say nothing."""
+
+    class ByValue(LinearMismatch):
+        """A model that is not given as arrays."""
+
+        expansion = None
+
+    names = ("torque_x", "torque_y", "torque_z")
+    parts = names, np.full(3, 0.02), np.zeros((3, 6)), np.full(3, 1e-3)
+    settings, recording, said = Settings(dt=0.005), record(hidden, duration=0.5), []
+    for kind in (LinearMismatch, ByValue):
+        change = Change(compensator=Compensator(kind(*parts), settings), words=("compensated",))
+        result = counterfactual(recording, MODEL, change)
+        said.append([note for note in notes(result) if "not compiled" in note])
+        assert [note for note in to_json(result)["notes"] if "not compiled" in note] == said[-1]
+    assert said[0] == []
+    assert len(said[1]) == 1
+    assert "ByValue is neither a process nor physics" in said[1][0]

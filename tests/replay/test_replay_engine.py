@@ -23,7 +23,7 @@ from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.compensation.source import checked
 from wrenchgap.replay.compensation.summary import summarise
 from wrenchgap.replay.present.documents import write_csv
-from wrenchgap.replay.present.replay import notes, warnings, write_log
+from wrenchgap.replay.present.replay import notes, to_json, warnings, write_log
 
 MODEL = model_file.load("tilt_hexarotor")
 TORQUES = ("torque_x", "torque_y", "torque_z")
@@ -216,3 +216,20 @@ def test_only_the_part_between_two_times_is_replayed(flown, gp):
     assert part.time[0] == pytest.approx(1.0)
     assert part.time[-1] == pytest.approx(4.0)
     assert np.isfinite(part.measured).all(axis=1).mean() > 0.5
+
+
+def test_a_compensation_that_cannot_be_compiled_is_told(flown, gp, result):
+    """A lag that differs by direction decides by a value, which no program writes down once it is led."""
+    lag = make_effect(MODEL.vehicle, "asymmetric_motor_lag", {"tau_up": 0.03, "tau_down": 0.06})
+    model = MODEL.with_effects([lag])
+    source = replace(gp.provenance, model_hash=model_file.content_hash(model), physics="asymmetric_motor_lag")
+    above = replace(gp, settings=replace(gp.settings, mean="physics"), provenance=source)
+    few = Settings(max_evaluations=2)
+    told = {lead: replayed_on(flown, above, few, model=model, lead=lead) for lead in (None, 0.02)}
+    said = {lead: [n for n in notes(one) if "not compiled" in n] for lead, one in told.items()}
+    assert said[None] == []
+    assert len(said[0.02]) == 1
+    assert "asymmetric_motor_lag" in said[0.02][0]
+    assert "\n" not in said[0.02][0]
+    assert said[0.02][0] in to_json(told[0.02])["notes"]
+    assert not any("not compiled" in note for note in notes(result))

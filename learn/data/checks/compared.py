@@ -10,6 +10,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, Samples
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import spread
 from wrenchgap.learn.data.answering import lagged
 from wrenchgap.learn.data.between import part
@@ -72,8 +73,8 @@ def compared(stretches: Sequence[Samples], vehicle: Vehicle) -> Compared | None:
     pushed = wrench if wrench is not None else made
     if pushed is None or not np.isfinite(measured).all():
         return None
-    size = np.linalg.norm(low_pass(pushed[:, :3], stretches[0].dt, 1.0), axis=1)
-    felt = np.linalg.norm(measured[:, :3], axis=1)
+    size = lengths(low_pass(pushed[:, :3], stretches[0].dt, 1.0))
+    felt = lengths(measured[:, :3])
     usual, high = np.percentile(size, (50, 90))  # the median, unless most of the log is on the ground
     flying = (size > LIFTED * (usual if usual > 0.05 * high else high)) & (felt > LIFTED * vehicle.body.mass * GRAVITY)
     ends = np.cumsum([0, *(len(row[0][0]) for row in rows)])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.masking import RARE, without
 from wrenchgap.flight.flight import Array, Flight
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.plant.model import Model
 
 MARGIN = 1.2
@@ -43,7 +44,7 @@ def possible(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
             )
             found.append(Check("spikes", "warn", words))
     if flight.commanded is not None:
-        size = np.linalg.norm(flight.commanded.wrench_B[:, :3], axis=1)
+        size = lengths(flight.commanded.wrench_B[:, :3])
         most = FORCE_MARGIN * float(np.sum(rotors.c_f * rotors.speed_max**2))
         beyond = (size > most) & (size > 10.0 * np.percentile(size, 95))
         if _some(beyond, size):

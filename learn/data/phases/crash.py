@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
 from wrenchgap.learn.data.phases.signals import Flags, Signals, by_rows, contradiction
 
@@ -84,8 +85,8 @@ def spikes(part: Signals, scale: float) -> Array:
     """Size (N,) of what is felt and neither commanded nor lasting, in weights."""
 
     def least(felt: Array, slow: Array, pushed: Array) -> Array:
-        sudden = np.linalg.norm(felt - slow, axis=1)
-        return np.asarray(np.minimum(sudden, np.linalg.norm(felt - scale * pushed, axis=1)))
+        sudden = lengths(felt - slow)
+        return np.asarray(np.minimum(sudden, lengths(felt - scale * pushed)))
 
     return by_rows(least, part.felt, part.slow_felt, part.pushed)
 
@@ -132,7 +133,7 @@ def _lies(part: Signals, on: Flags, b: int) -> bool:
     if b >= len(on) or not part.vertical:
         return False
     felt = part.slow_felt[b:stop]
-    return bool(np.median(felt[:, 2] / np.maximum(np.linalg.norm(felt, axis=1), 1e-9)) < LYING)
+    return bool(np.median(felt[:, 2] / np.maximum(lengths(felt), 1e-9)) < LYING)
 
 
 def _end_of_rest(on: Flags, b: int) -> int:

@@ -14,12 +14,13 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.memory import give_back, on_disk
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
 from wrenchgap.learn.data.phases.signals import FEWEST
 from wrenchgap.plant.actuation import nominal_wrench
-from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import about_com, about_origin
@@ -49,7 +50,7 @@ def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehi
     give_back(len(missing))
     weight = vehicle.body.mass * GRAVITY
     arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
-    force, torque = np.linalg.norm(missing[:, :3], axis=1), np.linalg.norm(missing[:, 3:], axis=1)
+    force, torque = lengths(missing[:, :3]), lengths(missing[:, 3:])
     matters = closed((force > FORCE * weight) | (torque > TORQUE * weight * arm), join)
     out = []
     for a, b in runs(matters):
@@ -66,7 +67,7 @@ def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
     _, rotors = vehicle.geometry()
     assert commands.rotor_speed is not None
     if source == "allocated":
-        allocation, asked = Allocation(vehicle), np.empty((len(commands.rotor_speed), 6))
+        allocation, asked = allocation_of(vehicle), np.empty((len(commands.rotor_speed), 6))
         for piece in pieces(len(asked)):
             sent = commands.take(piece)
             asked[piece] = allocation.achievable(about_origin(vehicle.body, sent.wrench_B))

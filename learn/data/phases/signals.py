@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array, Samples
 from wrenchgap.flight.memory import give_back, on_disk
+from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measured_axes import felt_at_origin
 from wrenchgap.learn.data.measurement import derivative, low_pass
@@ -79,9 +80,9 @@ def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals |
         felt=felt,
         slow_pushed=on_disk(low_pass(pushed, dt, slow)),
         slow_felt=on_disk(low_pass(felt, dt, slow)),
-        turning=np.linalg.norm(low_pass(omega, dt, slow), axis=1),
+        turning=lengths(low_pass(omega, dt, slow)),
         height=None if samples.position_E is None else samples.position_E[:, 2],
-        speed=None if samples.velocity_E is None else np.linalg.norm(samples.velocity_E, axis=1),
+        speed=None if samples.velocity_E is None else lengths(samples.velocity_E),
         vertical=bool(known[2]),
     )
 
@@ -93,8 +94,7 @@ def command_scale(parts: Sequence[Signals]) -> float:
     rotors that turn on the ground; after a loss of control that one is off, and what is nearer to 1 counts.
     """
     pushed, felt = (
-        np.concatenate([np.linalg.norm(getattr(part, name), axis=1) for part in parts])
-        for name in ("slow_pushed", "slow_felt")
+        np.concatenate([lengths(getattr(part, name)) for part in parts]) for name in ("slow_pushed", "slow_felt")
     )
     busy = pushed > SCALES[0] * PUSHING
     if not busy.any():
@@ -106,14 +106,14 @@ def command_scale(parts: Sequence[Signals]) -> float:
 
 def contradiction(part: Signals, scale: float) -> Array:
     """Size (N,) of the slow difference between felt and commanded force, in shares of the weight."""
-    return by_rows(lambda felt, pushed: np.linalg.norm(felt - scale * pushed, axis=1), part.slow_felt, part.slow_pushed)
+    return by_rows(lambda felt, pushed: lengths(felt - scale * pushed), part.slow_felt, part.slow_pushed)
 
 
 def carried(part: Signals, scale: float) -> Array:
     """Share (N,) of the felt force that the rotors do not make: what the ground, or a hand, carries."""
 
     def beyond(felt: Array, pushed: Array) -> Array:
-        return np.asarray(np.linalg.norm(felt, axis=1) - scale * np.linalg.norm(pushed, axis=1))
+        return np.asarray(lengths(felt) - scale * lengths(pushed))
 
     return by_rows(beyond, part.slow_felt, part.slow_pushed)
 
