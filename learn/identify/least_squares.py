@@ -150,7 +150,9 @@ class Problem:
         """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds; of
         parameters before the `first` not a number.
         """  # noqa: D205
-        columns = np.full((*point.residual.shape, self.size), np.nan)
+        columns = np.empty((*point.residual.shape, len(self.low)))
+        columns[:, :, : self.size] = np.nan
+        columns[:, :, self.size :] = self.bias_jacobian
         if self.base is not None:
             columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
         for k, (name, _) in enumerate(self.parameters):
@@ -164,7 +166,7 @@ class Problem:
             columns[:, :, k] = (point.residual - self.at(moved).residual) / step
             if self.tick is not None:
                 self.tick()
-        return np.concatenate((columns, self.bias_jacobian), axis=2)
+        return columns
 
     def minimise(
         self, point: Point, jacobian: Array | None, weights: Array, iterations: int
