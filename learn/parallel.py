@@ -8,10 +8,13 @@ search is named as `shared`: every worker reads it once, and keeps what it remem
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
+import shutil
 import signal
 import tempfile
+import time
 import warnings
 import weakref
 from collections import OrderedDict
@@ -32,6 +35,11 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
 from wrenchgap.plant import own_effects
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -209,6 +217,11 @@ def _workers(count: int) -> Any:
 
 # --- what workers are given, as files that they read once ------------------------------------------------------------
 
+FOLDER, LOCK = "wrenchgap-work-", "in use"
+YOUNG = 60.0
+"""Age [s] below which a folder without a lock may still be about to get one."""
+_locks: dict[int, IO[bytes]] = {}
+"""Held by this process, by its number."""
 _files: dict[int, str] = {}
 """Shared objects that are written, by identity."""
 _here: dict[int, set[str]] = {}
@@ -274,10 +287,49 @@ def _forget(key: int) -> None:
 
 
 def _written(write: Callable[[IO[bytes]], None]) -> str:
-    number, name = tempfile.mkstemp(prefix="wrenchgap-", suffix=".pickle")
+    number, name = tempfile.mkstemp(suffix=".pickle", dir=_folder(os.getpid()))
     with os.fdopen(number, "wb") as file:
         write(file)
     return name
+
+
+@cache
+def _folder(process: int) -> str:
+    """Where this process keeps its files: gone when it ends, and if it was killed, when another one begins to write.
+
+    It holds a lock on a file there for as long as it lives, which the system gives up however a process ends.
+    """
+    _sweep(Path(tempfile.gettempdir()))
+    folder = tempfile.mkdtemp(prefix=FOLDER)
+    _locks[process] = (Path(folder) / LOCK).open("ab")
+    _lock(_locks[process])
+    atexit.register(_leave, folder, process)
+    return folder
+
+
+def _leave(folder: str, process: int) -> None:
+    if os.getpid() == process:  # and not a fork of it, which ends first
+        _locks.pop(process).close()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep(place: Path) -> None:
+    """Remove folders of processes that were killed: nobody holds their lock, and they are older than `YOUNG`."""
+    if fcntl is None:
+        return
+    for folder in place.glob(f"{FOLDER}*"):
+        with suppress(OSError):  # somebody else's, or another process was faster
+            if time.time() - folder.stat().st_mtime < YOUNG:
+                continue
+            with (folder / LOCK).open("ab") as file:
+                _lock(file)
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _lock(file: IO[bytes]) -> None:
+    """Raises BlockingIOError where another process has it."""
+    if fcntl is not None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _remove(file: str) -> None:

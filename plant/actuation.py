@@ -18,6 +18,7 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.stamps import pieces
+from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -68,6 +69,17 @@ def rotor_wrench(actuation: Actuation) -> Array:
 
 def _summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
     """Wrench (N, 6) of thrusts (N, R), `turn` (N, 2A) the cosines and sines of the tilts."""
+    if rotor_kernels.many(thrust, turn):
+        arms, rotors = vehicle.geometry()
+        arm, drag = np.ascontiguousarray(rotors.arm), np.ascontiguousarray(rotors.spin * rotors.kappa)
+        place = rotor_kernels.whole(arms.normal_B, arms.lateral_B, arms.position_B)
+        thrust, turn = rotor_kernels.whole(thrust, turn)
+        return np.asarray(rotor_kernels.rotor_wrench(arm, thrust, turn, drag, *place))
+    return plainly_summed(vehicle, thrust, turn)
+
+
+def plainly_summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
+    """As it is meant, in products of matrices: what `rotor_kernels.rotor_wrench` is compared with."""
     sums, wrench = _matrices(vehicle)
     per_arm = (thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques
     cos, sin = np.split(turn[:, None], 2, axis=2)

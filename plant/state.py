@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.vehicle import Vehicle
 
 Index = slice | NDArray[np.intp]
@@ -99,7 +100,7 @@ class Posture:
     @property
     def turn(self) -> Array:
         """Cosines, then sines of the angles (N, 2A)."""
-        return self.hold("turn", lambda: np.hstack((np.cos(self.tilt), np.sin(self.tilt))))
+        return self.hold("turn", lambda: _turned(self.tilt))
 
     @property
     def arm_normal_B(self) -> Array:
@@ -117,6 +118,13 @@ class Posture:
         """Positions of the rotors (N, R, 3) from O [m]."""
         arms, rotors = self.vehicle.geometry()
         return self.hold("hub_B", lambda: arms.position_B[rotors.arm] + rotors.offset[:, None] * self.normal_B)
+
+
+def _turned(tilt: Array) -> Array:
+    """Cosines, then sines (N, 2A) of angles (N, A)."""
+    if rotor_kernels.many(tilt):
+        return np.asarray(rotor_kernels.turned(*rotor_kernels.whole(tilt)))
+    return np.hstack((np.cos(tilt), np.sin(tilt)))
 
 
 @lru_cache(maxsize=64)

@@ -41,7 +41,7 @@ from wrenchgap.plant.effects.effect import (
     ThrustEffect,
     WrenchEffect,
 )
-from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, Rates, State
+from wrenchgap.plant.state import Actuation, Commands, Motion, Rates, State
 from wrenchgap.plant.vehicle import Body, Vehicle
 
 
@@ -142,6 +142,12 @@ class WrenchModel:
         self.body = body
 
     @cached_property
+    def acting(self) -> WrenchModel:
+        """The same without effects whose parameters are all zero: those are not there (`plant.effects.effect`)."""
+        there = tuple(item for item in self.effects if np.any(item.theta))
+        return self if len(there) == len(self.effects) else WrenchModel(self.vehicle, there)
+
+    @cached_property
     def dynamics(self) -> Array:
         """Mass, centre of mass, inertia and its inverse, with the body effects; the vehicle's own first three (35,)."""
         own = self.vehicle.body
@@ -174,16 +180,16 @@ class WrenchModel:
         return total
 
     def rotors(
-        self, commands: Commands, state: State, rates: Rates | None = None, posture: Posture | None = None
+        self, commands: Commands, state: State, rates: Rates | None = None, nominal: Actuation | None = None
     ) -> tuple[Actuation | None, Array]:
         """What the rotors do, None where they are not known, and their wrench (N, 6) about O.
 
-        `posture` is one with the tilt angles of `commands`, where it is at hand.
+        `nominal` is what they nominally do at `commands`, where it is at hand.
         """
         if not self.vehicle.has_rotors or commands.rotor_speed is None:
             return None, about_origin(self.vehicle.body, commands.wrench_B)
         context = self.context(state)
-        act = replace(actuation(self.vehicle, commands, posture), rates=rates)
+        act = replace(actuation(self.vehicle, commands) if nominal is None else nominal, rates=rates)
         for item in self.effects:
             if isinstance(item.effect, ThrustEffect):
                 act = act.with_thrust(item.effect.apply(act, item.theta, context))

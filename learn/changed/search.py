@@ -24,7 +24,17 @@ from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.hunt import Hunt
 from wrenchgap.learn.posterior.posterior import Posterior
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer, saturated
-from wrenchgap.learn.posterior.sets import IMPLAUSIBLE, Contender, Part, at_limit, by_axis, ordered, search, weights
+from wrenchgap.learn.posterior.sets import (
+    IMPLAUSIBLE,
+    Contender,
+    Part,
+    adds,
+    at_limit,
+    by_axis,
+    ordered,
+    search,
+    weights,
+)
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
@@ -141,7 +151,7 @@ def _far(theta: Array, column: Column, size: Array) -> bool:
 def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:
     """As `learn.posterior.sets.searched`, of changes."""
     reference, weights_left = saturated(spectrum)
-    spectrum.calm(spectrum.loud(spectrum.coefficients @ weights_left))
+    spectrum.calm(spectrum.loud(spectrum.combined(weights_left)))
     for _ in range(rounds):
         scorer = ChangeScorer(spectrum, reference)
         search(scorer)
@@ -184,9 +194,8 @@ def _described(scorer: Scorer, keys: Keys) -> Contender:
         stuck = at_limit(theta, c.low, c.high)
         size = float(np.max(np.abs(theta) / c.scale))
         parts.append(Part(c.names, theta, size, stuck, odds, IMPLAUSIBLE if stuck else 1.0))
-    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
-    predicted = -space.coefficients[:, :, used] @ scored.weights[used]
-    return Contender(scored, tuple(parts), scorer.by_block(scored), predicted, by_axis(scorer, scored.left))
+    left = by_axis(scorer, scored.left)
+    return Contender(scored, tuple(parts), scorer.by_block(scored), adds(space, scored), left)
 
 
 def grouped(sets: Sequence[NamedSet], scorer: Scorer, vehicle: Vehicle) -> tuple[Class, ...]:

@@ -159,7 +159,7 @@ def louder(found: Weighed, suspects: Sequence[int]) -> tuple[int, ...]:
     space = found.scorer.spectrum
     best = found.posterior.classes[0].sets[0].contender.scored
     weights = best.weights if best.keys in found.scorer.known else found.scorer(()).weights
-    left = space.coefficients @ weights
+    left = space.combined(weights)
     flight = found.pool.data.flight[_firsts(found)]
     within = np.ones(len(left), dtype=bool)
     within[space.starts] = False

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
-from wrenchgap.flight.memory import give_back, on_disk
+from wrenchgap.flight.memory import HOURS, give_back, on_disk
 from wrenchgap.flight.second_order import low_pass_section, response
 from wrenchgap.flight.stamps import PIECE, pieces
 from wrenchgap.learn.data.both_ways import both_ways
 from wrenchgap.learn.data.measured_axes import felt_at_origin, measured_axes
 from wrenchgap.learn.data.sensor_noise import white_noise
-from wrenchgap.plant.actuation import nominal_wrench
+from wrenchgap.plant.actuation import actuation, nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
@@ -214,10 +214,12 @@ class Evaluator:
         self._rotors: OrderedDict[Key, tuple[Actuation | None, Array, Array]] = OrderedDict()
         self._added: OrderedDict[Key, Array] = OrderedDict()
         self._postures: list[Posture] = []
+        self._nominal: list[tuple[Commands, Actuation]] = []
 
     def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
         """The measured wrench (K, 6) that the model predicts; see `predict`."""
         record = self.record
+        model = model.acting
         sent = (record.commands, record.state, record.dt)
         on_commands = _key(model, "commands")
         commands = _kept(self._commands, on_commands, 4, lambda: model.command(*sent)[0])
@@ -237,18 +239,26 @@ class Evaluator:
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
         rates, _ = model.rates(commands, self.record.dt)
-        act, rotors = model.rotors(commands, self.record.state, rates, self._posture(model, commands))
+        act, rotors = model.rotors(commands, self.record.state, rates, self._nominally(model, commands))
         act, rotors = act and act.with_thrust(on_disk(act.thrust)), on_disk(rotors)
         give_back(len(rotors))
         return act, rotors, self._filter(lambda: rotors)
 
-    def _posture(self, model: WrenchModel, commands: Commands) -> Posture | None:
-        """That of these tilt angles: one of the last two if they are the same, of which others are freed."""
-        tilt = commands.tilt
-        if tilt is None or not model.vehicle.has_rotors:
+    def _nominally(self, model: WrenchModel, commands: Commands) -> Actuation | None:
+        """What the rotors nominally do at these commands, of which the last two are kept; None where not known."""
+        if commands.tilt is None or not model.vehicle.has_rotors:
             return None
-        same = [p for p in self._postures if p.vehicle is model.vehicle and np.array_equal(p.tilt, tilt)]
-        found = same[0] if same else Posture(model.vehicle, tilt)
+        same = [a for sent, a in self._nominal if sent is commands and a.vehicle is model.vehicle]
+        posture = self._posture(same[0].posture if same else Posture(model.vehicle, commands.tilt))
+        found = same[0] if same else actuation(model.vehicle, commands, posture)
+        if len(found.thrust) < HOURS:
+            self._nominal = [(commands, found), *(pair for pair in self._nominal if pair[1] is not found)][:2]
+        return found
+
+    def _posture(self, asked: Posture) -> Posture:
+        """That of these tilt angles: one of the last two if they are the same, of which others are freed."""
+        same = [p for p in self._postures if p is asked or _same_angles(p, asked)]
+        found = same[0] if same else asked
         self._postures = [found, *(p for p in self._postures if p is not found)]
         for old in self._postures[2:]:
             old.forget()
@@ -258,6 +268,11 @@ class Evaluator:
     def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:
         record = self.record
         return thinned(make(*arguments), record.dt, record.cutoff_hz, record.keep)
+
+
+def _same_angles(one: Posture, other: Posture) -> bool:
+    same = one.tilt is other.tilt or np.array_equal(one.tilt, other.tilt)
+    return one.vehicle is other.vehicle and same
 
 
 def _key(model: WrenchModel, place: str) -> Key:

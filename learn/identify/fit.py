@@ -151,13 +151,15 @@ def held_out(
     out = np.empty_like(fitted.residual)
     fold = data.block % folds if groups is None else groups
     swept, rest = data.unanswered(fitted.jacobian), data.unanswered(fitted.residual)
-    for f in range(int(fold.max()) + 1):
-        test = fold == f
+    parts = [fold == f for f in range(int(fold.max()) + 1)]
+    sums = [problem.normal_equations(swept[test], rest[test], fitted.axis_weights) for test in parts]
+    for test in parts:
         if not test.any():
             continue
         if test.all():
             raise FitError("the log is too short to hold anything out; needs at least two blocks of 2 s")
-        step = problem.step_of(point, swept[~test], rest[~test], fitted.axis_weights)
+        others = [own for other, own in zip(parts, sums, strict=True) if other is not test]
+        step = problem.step_from(point, *(sum(of) for of in zip(*others, strict=True)))
         change = fitted.jacobian[test] @ step
         if not exact and np.linalg.norm(change) < SMALL * np.linalg.norm(point.residual[test]):
             out[test] = point.residual[test] - change

@@ -150,7 +150,9 @@ class Problem:
         """Derivative of the prediction (K, 6, P + A flights), forward differences that stay within the bounds; of
         parameters before the `first` not a number.
         """  # noqa: D205
-        columns = np.full((*point.residual.shape, self.size), np.nan)
+        columns = np.empty((*point.residual.shape, len(self.low)))
+        columns[:, :, : self.size] = np.nan
+        columns[:, :, self.size :] = self.bias_jacobian
         if self.base is not None:
             columns[:, :, : self.known] = self.base.jacobian[:, :, : self.known]
         for k, (name, _) in enumerate(self.parameters):
@@ -164,7 +166,7 @@ class Problem:
             columns[:, :, k] = (point.residual - self.at(moved).residual) / step
             if self.tick is not None:
                 self.tick()
-        return np.concatenate((columns, self.bias_jacobian), axis=2)
+        return columns
 
     def minimise(
         self, point: Point, jacobian: Array | None, weights: Array, iterations: int
@@ -207,15 +209,17 @@ class Problem:
 
     def step(self, point: Point, jacobian: Array, weights: Array) -> Array:
         """Gauss-Newton step within the bounds."""
-        return self.step_of(point, self.data.unanswered(jacobian), self.data.unanswered(point.residual), weights)
+        swept, rest = self.data.unanswered(jacobian), self.data.unanswered(point.residual)
+        return self.step_from(point, *self.normal_equations(swept, rest, weights))
 
-    def step_of(self, point: Point, jacobian: Array, residual: Array, weights: Array) -> Array:
-        """The step from these rows of `Dataset.unanswered` derivatives and residuals, of some of the samples."""
-        H, g = self.normal_equations(jacobian, residual, weights)
+    def step_from(self, point: Point, H: Array, g: Array) -> Array:
+        """The step from `normal_equations`, or a sum of those of parts of the samples."""
         return self.bounded_step(point, H * np.outer(self.scale, self.scale), g * self.scale)
 
     def normal_equations(self, jacobian: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
-        """Curvature H and gradient g of the data's half of the cost, without the prior, as in `step_of`."""
+        """Curvature H and gradient g of the data's half of the cost, without the prior, from rows of
+        `Dataset.unanswered` derivatives and residuals.
+        """  # noqa: D205
         factor = np.sqrt(self.data.independence) * weights
         A = (jacobian * factor[:, None]).reshape(-1, jacobian.shape[2])
         return A.T @ A, A.T @ (residual * factor).reshape(-1)

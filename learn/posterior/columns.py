@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import Fit
-from wrenchgap.learn.identify.least_squares import Problem, left_by
+from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 
@@ -50,10 +50,9 @@ class Column:
         return " + ".join(self.names)
 
 
-def column(data: Dataset, model: Model, fitted: Fit, names: tuple[str, ...]) -> Column:
-    """The column of `names` from their fit."""
+def column(data: Dataset, model: Model, left: Array, fitted: Fit, names: tuple[str, ...]) -> Column:
+    """The column of `names` from their fit; `left` (K, 6) is what the model leaves without them."""
     problem = Problem(data, model, names)
-    left = left_by(data, model)
     part = slice(0, problem.size)
     own = {e.name: e.theta for e in model.effects}
     sizes = {n: len(find(n).parameters(model.vehicle)) for n in names}

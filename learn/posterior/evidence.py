@@ -164,7 +164,7 @@ def evidence_of(
     trim = trim_of(model)
     base = left_by(data, model)
     space = Spectrum(data, base, columns, trim, known)
-    space.calm(space.loud(space.coefficients @ saturated(space)[1]))
+    space.calm(space.loud(space.combined(saturated(space)[1])))
     trims, axes = space.always[: len(trim.axes)], space.axes
     here = np.flatnonzero(data.measured_axes[trim.axes])
     where = np.searchsorted(axes, trim.axes[here])

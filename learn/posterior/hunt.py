@@ -47,6 +47,9 @@ class Hunt:
         inner = whole[np.ix_(always, always)] + np.diag(space.scale[always] ** -2.0)
         across = whole[always]
         self.whole = whole - across.T @ np.linalg.solve(inner, across)
+        names = tuple(space.columns)
+        self.alone = {n for n in names if compatible((n,), space.columns)}
+        self.others = {n: frozenset(beside(n, names, space.columns)) for n in names}
         self.scores: dict[Keys, float] = {(): 0.0}
         self.priors: dict[Keys, float] = {(): 0.0}
 
@@ -54,9 +57,13 @@ class Hunt:
         """Log probability of a set, that of the empty one being zero; minus infinity for what cannot be one."""
         keys = tuple(sorted(keys))
         if keys not in self.scores:
-            possible = compatible(keys, self.space.columns)
-            self.scores[keys] = self._score(keys) if possible else -np.inf
+            self.scores[keys] = self._score(keys) if self._possible(keys) else -np.inf
         return self.scores[keys]
+
+    def _possible(self, keys: Keys) -> bool:
+        """`compatible`, which asks of any two of them and of each by itself."""
+        pairs = itertools.combinations(keys, 2)
+        return self.alone.issuperset(keys) and all(second in self.others[first] for first, second in pairs)
 
     def _score(self, keys: Keys) -> float:
         space = self.space
@@ -129,7 +136,7 @@ class Hunt:
             self.score(rest)
             alike = [] if gone is None else confused(gone, self.space.columns)
             for n in dict.fromkeys([*self._promising(rest), *(a for a in alike if a not in keys)]):
-                self.score((*beside(n, rest, self.space.columns), n))
+                self.score((*(k for k in rest if k in self.others[n]), n))
 
     def _promising(self, keys: Keys) -> list[str]:
         """What would take most off what a set leaves, to second order and without bounds."""

@@ -82,6 +82,7 @@ class Scorer:
         self.count = spectrum.count * (1.0 - above + above * shown)
         self.variance = self.pooled(reference)
         self.known: dict[Keys, Scored] = {}
+        self._kinds: dict[str, int] = {}
 
     def pooled(self, left: Array) -> Array:
         """The variance that mean squares (bands, axes), what leaks from other axes, and its prior make likely."""
@@ -94,7 +95,10 @@ class Scorer:
 
     def prior_of(self, keys: Keys) -> float:
         """Log probability of the set before any flight."""
-        return -PRICE * sum(complexity(self.spectrum.columns[k].names) for k in keys)
+        for k in keys:
+            if k not in self._kinds:
+                self._kinds[k] = complexity(self.spectrum.columns[k].names)
+        return -PRICE * sum(self._kinds[k] for k in keys)
 
     def __call__(self, keys: Sequence[str], rounds: int = 8) -> Scored:
         """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
@@ -153,9 +157,8 @@ class Scorer:
     def by_block(self, scored: Scored) -> Array:
         """What each block of time (blocks,) contributes to the log likelihood."""
         space = self.spectrum
-        used = np.flatnonzero(scored.weights)
         off = scored.doubt**2 * scored.inexact + space.leak
-        left = (space.coefficients[:, :, used] @ scored.weights[used]) ** 2 + off[space.band]
+        left = space.combined(scored.weights) ** 2 + off[space.band]
         share = (self.count / np.maximum(space.count, 1.0))[space.band]
         variance = scored.variance[space.band]
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)

@@ -153,10 +153,17 @@ def _evidence(left: Array, without: Array) -> float:
 
 def _bare(scorer: Scorer, keys: Keys, bends: Mapping[str, Array]) -> Contender:
     space, scored = scorer.spectrum, scorer(keys)
-    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
-    predicted = -space.coefficients[:, :, used] @ scored.weights[used]
+    predicted = adds(space, scored)
     left = by_axis(scorer, scored.left)
     return Contender(scored, parts_of(scorer, scored, bends), scorer.by_block(scored), predicted, left)
+
+
+def adds(space: Spectrum, scored: Scored) -> Array:
+    """Coefficients (K, L) of what the candidates of a set add to the prediction."""
+    used = [k for key in scored.keys for k in (*space.parameters[key], space.offset[key])]
+    weights = np.zeros(len(scored.weights))
+    weights[used] = -scored.weights[used]
+    return space.combined(weights)
 
 
 def parts_of(scorer: Scorer, scored: Scored, bends: Mapping[str, Array]) -> tuple[Part, ...]:
@@ -205,7 +212,7 @@ def by_axis(scorer: Scorer, squares: Array) -> Array:
 def searched(spectrum: Spectrum, rounds: int = 2) -> Scorer:
     """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves."""
     reference, weights_left = saturated(spectrum)
-    spectrum.calm(spectrum.loud(spectrum.coefficients @ weights_left))
+    spectrum.calm(spectrum.loud(spectrum.combined(weights_left)))
     for _ in range(rounds):
         scorer = Scorer(spectrum, reference)
         search(scorer)

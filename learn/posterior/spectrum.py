@@ -134,8 +134,20 @@ class Spectrum:
         return spanned(means)
 
     def _products(self) -> Array:
-        by_band = [np.moveaxis(self.coefficients[self.band == k], 0, 1) for k in range(len(self.count))]
-        return np.array([np.swapaxes(x, 1, 2) @ x / x.shape[1] for x in by_band])
+        rows = self.coefficients.transpose(1, 2, 0)
+        size = rows.shape[1]
+        out = np.empty((len(self.count), len(rows), size, size))
+        for k in range(len(self.count)):
+            own = np.flatnonzero(self.band == k)
+            for axis, each in enumerate(rows):
+                x = each[:, own]
+                np.divide(x @ x.T, len(own), out=out[k, axis])
+        return out
+
+    def combined(self, weights: Array) -> Array:
+        """Sum (K, L) of the stacked quantities times these weights (Q,)."""
+        used = np.flatnonzero(weights)
+        return np.asarray(np.tensordot(weights[used], self.coefficients.transpose(2, 1, 0)[used], 1).T)
 
     def loud(self, left: Array) -> Array:
         """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in others: a
@@ -170,15 +182,18 @@ def transformed(
 def side_by_side(
     records: Sequence[Record], parts: Sequence[Array], axes: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.intp], Array]:
-    """`transformed` of these axes of arrays (K, 6, .) side by side, which would be large twice."""
+    """`transformed` of these axes of arrays (K, 6, .) side by side, which would be large twice. In memory every
+    quantity lies in one piece, axis by axis: what is summed and multiplied are quantities.
+    """  # noqa: D205
     ends = np.cumsum([0, *(part.shape[2] for part in parts)])
     cuts, block, hertz = blocks_of_time(records)
-    out = np.empty((len(block), len(axes), ends[-1]))
+    rows = np.empty((ends[-1], len(axes), len(block)))
+    for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
+        for k, axis in enumerate(axes):
+            rows[low:high, k] = part[:, axis].T
     for own in cuts:
-        for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
-            out[own, :, low:high] = part[own][:, axes]
-        out[own] = dct(out[own], axis=0, norm="ortho", type=2)
-    return out, block, hertz
+        rows[:, :, own] = dct(rows[:, :, own], axis=2, norm="ortho", type=2)
+    return rows.transpose(2, 1, 0), block, hertz
 
 
 def blocks_of_time(records: Sequence[Record]) -> tuple[list[slice], NDArray[np.intp], Array]:

@@ -175,7 +175,7 @@ def _candidate(on: Ground, added: tuple[str, ...], starts: Starts | None) -> tup
     found = fit(on.data, on.model, added, starts=starts)
     left = held_out(on.data, on.model, added, found, exact=False)
     weights = on.data.weights
-    line = column(on.data, on.model, found, added)
+    line = column(on.data, on.model, on.left, found, added)
     return (
         Candidate(
             added[0],

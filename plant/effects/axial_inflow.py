@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, ThrustEffect, Vehicle
 
 
@@ -39,5 +40,7 @@ class AxialInflow(ThrustEffect):
 
 def hub_velocity_B(actuation: Actuation, context: Context) -> Array:
     """Velocity of the hubs through the air (N, R, 3) [m/s], in B: v + omega x p, v that of O through the air."""
-    turning = np.cross(context.state.omega_B[:, None], actuation.hub_B)
-    return np.asanyarray(context.velocity_through_air_B[:, None] + turning)
+    velocity, omega, hub = context.velocity_through_air_B, context.state.omega_B, actuation.hub_B
+    if rotor_kernels.many(velocity, omega, hub):
+        return np.asarray(rotor_kernels.hub_velocity(*rotor_kernels.whole(velocity, omega, hub)))
+    return np.asanyarray(velocity[:, None] + np.cross(omega[:, None], hub))

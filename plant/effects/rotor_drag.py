@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
 from wrenchgap.plant.effects.com_offset import span
 from wrenchgap.plant.effects.effect import Actuation, Array, Context, Parameter, Vehicle, WrenchEffect
@@ -41,6 +42,14 @@ class RotorDrag(WrenchEffect):
     def apply(self, actuation: Actuation | None, wrench_B: Array, theta: Array, context: Context) -> Array:
         """Force and torque about O of all rotors."""
         assert actuation is not None
+        hubs = context.velocity_through_air_B, context.state.omega_B, actuation.hub_B, actuation.normal_B
+        if rotor_kernels.many(actuation.rotor_speed, *hubs):
+            moving = rotor_kernels.whole(actuation.rotor_speed, *hubs)
+            return np.asarray(rotor_kernels.rotor_drag(float(theta[0]), *moving))
+        return self.plainly(actuation, theta, context)
+
+    def plainly(self, actuation: Actuation, theta: Array, context: Context) -> Array:
+        """As it is meant: what `rotor_kernels.rotor_drag` is compared with."""
         velocity = hub_velocity_B(actuation, context)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
         across = velocity - along[..., None] * actuation.normal_B

@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -108,6 +110,37 @@ def test_what_is_shared_is_written_once_and_goes_with_its_owner():
     assert file.stat().st_size > large.values.nbytes
     del large
     assert not file.exists()
+
+
+WRITES = """
+import os, sys, time
+from wrenchgap.learn import parallel
+print(parallel._written(lambda file: file.write(b"large")), flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_files_go_with_their_process_and_those_of_one_that_was_killed_with_the_next(tmp_path, monkeypatch):
+    def writer():
+        env = os.environ | {"TMPDIR": str(tmp_path)}
+        return subprocess.Popen(
+            [sys.executable, "-c", WRITES], env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    killed, living = writer(), writer()
+    left, kept = (Path(process.stdout.readline().strip()) for process in (killed, living))
+    assert left.read_bytes() == kept.read_bytes() == b"large"
+    killed.kill()
+    killed.communicate()
+    assert left.exists()
+    parallel._sweep(tmp_path)  # it is young
+    assert left.exists()
+    monkeypatch.setattr(parallel, "YOUNG", -1.0)
+    parallel._sweep(tmp_path)
+    assert not left.parent.exists()
+    assert kept.exists()  # its process lives
+    living.communicate("\n")
+    assert not list(tmp_path.iterdir())
 
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects" / "your-own.md"

@@ -114,7 +114,9 @@ def test_behind_a_lag_a_candidate_is_what_the_lag_lets_through():
     (record,) = wg.open_flights([flown], model)[0].records
     data = dataset([record], model)
     on = ground(data, model)
-    lag, thrust = (linearised_column(data, model, fit(data, model, (n,)), (n,)) for n in ("motor_lag", "thrust_scale"))
+    lag, thrust = (
+        linearised_column(data, model, on.left, fit(data, model, (n,)), (n,)) for n in ("motor_lag", "thrust_scale")
+    )
     behind = alongside(on, [lag], [np.array([time_constant])], thrust)
     v, u = (c.jacobian[:, 2, 0] for c in (thrust, behind))
     slope = np.gradient(v, record.dt_kept)

@@ -1,0 +1,150 @@
+"""What a search works out of tilt angles, thrusts and hubs thousands of times, in compiled passes over the samples.
+
+The plain forms are those of `plant.state.Posture.turn`, `plant.actuation`, `plant.effects.axial_inflow`,
+`plant.effects.rotor_drag` and `plant.effects.lag`, which hand over to these from `MANY` samples on; tests/plant/
+test_rotor_kernels.py compares (docs/decisions/0026-compiled-kernels.md).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MANY = 64
+"""Samples from which on these are used; a closed loop asks for one at a time, and a trace holds no numbers."""
+SMALL_ANGLE = 1e4
+"""Angle [rad] up to which three parts of a quarter turn leave its remainder exact; beyond, the C library's."""
+
+
+def many(*arrays: Any) -> bool:
+    """Whether these are arrays of numbers with samples enough."""
+    return all(type(a) is np.ndarray and a.dtype == np.float64 and len(a) >= MANY for a in arrays)
+
+
+def whole(*arrays: Array) -> tuple[Array, ...]:
+    """The same, each in one run of memory: a kernel is compiled once for each way in which its arrays lie."""
+    return tuple(np.ascontiguousarray(a) for a in arrays)
+
+
+@njit(cache=True)
+def turned(angles: Array) -> Array:
+    """Cosines, then sines (N, 2A) of angles (N, A) [rad], to the last digit but one.
+
+    The remainder of a quarter turn by Cody and Waite, and the polynomials of fdlibm (k_sin.c, k_cos.c, Sun 1993).
+    """
+    n, arms = angles.shape
+    out = np.empty((n, 2 * arms))
+    for k in range(n):
+        for i in range(arms):
+            x = angles[k, i]
+            if not abs(x) <= SMALL_ANGLE:
+                out[k, i], out[k, arms + i] = math.cos(x), math.sin(x)
+                continue
+            quarters = np.rint(x * 0.6366197723675814)
+            r = (
+                (x - quarters * 1.5707963267341256) - quarters * 6.077100506303966e-11
+            ) - quarters * 2.02226624879595e-21
+            z = r * r
+            sin = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
+            sin = 8.33333333332248946124e-03 + z * (
+                -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * sin)
+            )
+            sin = r + r * z * (-1.66666666666666324348e-01 + z * sin)
+            cos = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)
+            cos = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * cos)
+            cos = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * cos))
+            part = int(quarters) & 3
+            if part & 1:
+                sin, cos = cos, sin
+            out[k, i] = -cos if part == 1 or part == 2 else cos
+            out[k, arms + i] = -sin if part >= 2 else sin
+    return out
+
+
+@njit(cache=True)
+def rotor_wrench(
+    arm: NDArray[np.intp], thrust: Array, turn: Array, drag: Array, normal: Array, lateral: Array, place: Array
+) -> Array:
+    """Wrench (N, 6) about O of thrusts (N, R) on arms `arm` (R,) at `place` (A, 3), of which `turn` (N, 2A) are cosines
+    and sines; `drag` (R,) is spin kappa; thrust directions are cos `normal` + sin `lateral` (A, 3).
+    """  # noqa: D205
+    n, rotors = thrust.shape
+    arms = len(place)
+    out = np.empty((n, 6))
+    pull, twist = np.empty(arms), np.empty(arms)
+    for k in range(n):
+        pull[:] = 0.0
+        twist[:] = 0.0
+        for r in range(rotors):
+            pull[arm[r]] += thrust[k, r]
+            twist[arm[r]] += drag[r] * thrust[k, r]
+        fx = fy = fz = mx = my = mz = 0.0
+        for i in range(arms):
+            cos, sin = turn[k, i], turn[k, arms + i]
+            x = cos * normal[i, 0] + sin * lateral[i, 0]
+            y = cos * normal[i, 1] + sin * lateral[i, 1]
+            z = cos * normal[i, 2] + sin * lateral[i, 2]
+            px, py, pz, T, Q = place[i, 0], place[i, 1], place[i, 2], pull[i], twist[i]
+            fx += T * x
+            fy += T * y
+            fz += T * z
+            mx += T * (py * z - pz * y) - Q * x
+            my += T * (pz * x - px * z) - Q * y
+            mz += T * (px * y - py * x) - Q * z
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = fx, fy, fz, mx, my, mz
+    return out
+
+
+@njit(cache=True)
+def hub_velocity(velocity: Array, omega: Array, hub: Array) -> Array:
+    """V + omega x p (N, R, 3) of velocities and body rates (N, 3) and hubs (N, R, 3)."""
+    out = np.empty(hub.shape)
+    for k in range(hub.shape[0]):
+        a, b, c = omega[k, 0], omega[k, 1], omega[k, 2]
+        for r in range(hub.shape[1]):
+            x, y, z = hub[k, r, 0], hub[k, r, 1], hub[k, r, 2]
+            out[k, r, 0] = velocity[k, 0] + (b * z - c * y)
+            out[k, r, 1] = velocity[k, 1] + (c * x - a * z)
+            out[k, r, 2] = velocity[k, 2] + (a * y - b * x)
+    return out
+
+
+@njit(cache=True)
+def rotor_drag(coefficient: float, speed: Array, velocity: Array, omega: Array, hub: Array, normal: Array) -> Array:
+    """Wrench (N, 6) about O of forces -coefficient |speed| times the velocity of the hubs (N, R, 3), `velocity` and
+    `omega` (N, 3) being those of O, across their `normal` (N, R, 3).
+    """  # noqa: D205
+    out = np.zeros((len(speed), 6))
+    for k in range(len(speed)):
+        a, b, c = omega[k, 0], omega[k, 1], omega[k, 2]
+        for r in range(speed.shape[1]):
+            x, y, z = hub[k, r, 0], hub[k, r, 1], hub[k, r, 2]
+            u, v, w = velocity[k, 0] + b * z - c * y, velocity[k, 1] + c * x - a * z, velocity[k, 2] + a * y - b * x
+            n, o, p = normal[k, r, 0], normal[k, r, 1], normal[k, r, 2]
+            along, gain = u * n + v * o + w * p, -coefficient * abs(speed[k, r])
+            fx, fy, fz = gain * (u - along * n), gain * (v - along * o), gain * (w - along * p)
+            out[k, 0] += fx
+            out[k, 1] += fy
+            out[k, 2] += fz
+            out[k, 3] += y * fz - z * fy
+            out[k, 4] += z * fx - x * fz
+            out[k, 5] += x * fy - y * fx
+    return out
+
+
+@njit(cache=True)
+def first_order(signal: Array, first: Array, a: float, b0: float, b1: float) -> Array:
+    """Samples (N, D) y[k] = a y[k-1] + b0 u[k-1] + b1 u[k] of `signal` u (N, D); `first` (D,) is a y[-1] + b0 u[-1]."""
+    out = np.empty(signal.shape)
+    for d in range(signal.shape[1]):
+        out[0, d] = first[d] + b1 * signal[0, d]
+    for k in range(1, len(signal)):
+        for d in range(signal.shape[1]):
+            out[k, d] = (b0 * signal[k - 1, d] + a * out[k - 1, d]) + b1 * signal[k, d]
+    return out

@@ -1,0 +1,86 @@
+"""The compiled passes over tilt angles, thrusts and hubs against their plain forms and closed forms."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from wrenchgap.plant import rotor_kernels
+from wrenchgap.plant.actuation import plainly_summed, rotor_wrench
+from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
+from wrenchgap.plant.effects.effect import Context
+from wrenchgap.plant.effects.lag import first_order
+from wrenchgap.plant.state import Actuation, Posture, State
+
+COUNT = rotor_kernels.MANY + 37
+
+
+@pytest.fixture
+def flying(hexarotor):
+    """Random rotors and a random motion of samples enough to be compiled."""
+    rng = np.random.default_rng(7)
+    arms, rotors = hexarotor.geometry()
+    tilt = rng.uniform(-4.0, 4.0, (COUNT, len(arms)))
+    act = Actuation(
+        hexarotor, tilt, rng.uniform(-900, 900, (COUNT, len(rotors))), rng.normal(size=(COUNT, len(rotors)))
+    )
+    quat = rng.normal(size=(COUNT, 4))
+    quat /= np.linalg.norm(quat, axis=1, keepdims=True)
+    moving = rng.normal(size=(3, COUNT, 3))
+    return act, Context(hexarotor, State(np.arange(float(COUNT)), moving[0], quat, moving[1], moving[2]))
+
+
+def test_a_turn_is_cosines_and_sines_to_the_last_digit_but_one():
+    quarter = np.pi / 2
+    special = np.concatenate([k * quarter + np.array([-1e-9, 0.0, 1e-9, 0.7]) for k in range(-9, 10)])
+    large = np.array([9999.0, -9999.9, 1e4 + 1.0, 1e9, np.inf, np.nan])
+    angles = np.concatenate((special, np.linspace(-50, 50, 5001), large))[:, None]
+    with np.errstate(invalid="ignore"):
+        expected = np.hstack((np.cos(angles), np.sin(angles)))
+    np.testing.assert_allclose(rotor_kernels.turned(angles), expected, rtol=0, atol=1.2e-16 * 2)
+    turn = rotor_kernels.turned(angles[:-2])
+    np.testing.assert_allclose(turn[:, 0] ** 2 + turn[:, 1] ** 2, 1.0, atol=5e-16)
+
+
+def test_the_wrench_of_rotors_is_the_plain_one_and_that_of_forces_at_hubs(flying):
+    act, _ = flying
+    _, rotors = act.vehicle.geometry()
+    found = rotor_wrench(act)
+    np.testing.assert_allclose(found, plainly_summed(act.vehicle, act.thrust, act.posture.turn), atol=1e-12)
+    force = act.thrust[..., None] * act.normal_B
+    torque = np.cross(act.hub_B, force) - (rotors.spin * rotors.kappa)[:, None] * force
+    np.testing.assert_allclose(found, np.hstack((force.sum(axis=1), torque.sum(axis=1))), atol=1e-12)
+
+
+def test_hubs_move_as_points_of_a_rigid_body(flying):
+    act, context = flying
+    expected = context.velocity_through_air_B[:, None] + np.cross(context.state.omega_B[:, None], act.hub_B)
+    np.testing.assert_allclose(hub_velocity_B(act, context), expected, atol=1e-14)
+
+
+def test_rotor_drag_is_the_plain_one_and_takes_power_from_the_motion(flying):
+    act, context = flying
+    drag, theta = find("rotor_drag"), np.array([2e-4])
+    found = drag.apply(act, np.zeros((COUNT, 6)), theta, context)
+    np.testing.assert_allclose(found, drag.plainly(act, theta, context), atol=1e-13)
+    velocity, omega = context.velocity_through_air_B, context.state.omega_B
+    assert np.all(np.sum(found[:, :3] * velocity + found[:, 3:] * omega, axis=1) < 0.0)
+
+
+def test_a_lag_is_scipys_filter_and_remembers(flying):
+    signal = np.asfortranarray(flying[0].rotor_speed)
+    tau, dt = 0.03, 0.005
+    a = np.exp(-dt / tau)
+    q = (1.0 - a) * tau / dt
+    start = (a * signal[0] + (q - a) * signal[0])[None]
+    found, memory = first_order(signal, tau, dt, None)
+    np.testing.assert_allclose(found, lfilter([1.0 - q, q - a], [1.0, -a], signal, axis=0, zi=start)[0], rtol=1e-14)
+    later, _ = first_order(signal, tau, dt, memory)
+    both, _ = first_order(np.vstack((signal, signal)), tau, dt, None)
+    np.testing.assert_allclose(np.vstack((found, later)), both, rtol=1e-12)
+
+
+def test_rows_of_a_transposed_or_sliced_array_are_the_same(flying):
+    act, _ = flying
+    sliced = np.repeat(act.tilt, 2, axis=1)[:, ::2]
+    np.testing.assert_array_equal(Posture(act.vehicle, sliced).turn, act.posture.turn)
