@@ -14,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.linear_filter import filtered
+
 Array = NDArray[np.float64]
 LagMemory = tuple[Array, Array]
 
@@ -29,10 +31,7 @@ def first_order(signal: Array, tau: float, dt: float, memory: LagMemory | None) 
     if len(signal) == 1:
         out = (a * state + b0 * before + b1 * signal[0])[None]
     else:
-        from scipy.signal import lfilter  # here: others need not wait for it
-
-        start = (a * state + b0 * before)[None]
-        out, _ = lfilter([b1, b0], [1.0, -a], signal, axis=0, zi=start)
+        out = filtered(np.array([b1, b0]), np.array([1.0, -a]), signal, (a * state + b0 * before)[None])
     return out, (signal[-1], out[-1])
 
 
