@@ -22,12 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 HOURS = 1 << 20
 """Samples of a series from which on it is asked for: three hours at 100 Hz."""
 SMALL = 1 << 20
 """Bytes below which an array is not worth a file."""
+RESIDENT = 32
+"""Pieces of `SMALL` bytes of a copy that are resident at most."""
 
 _mapped: weakref.WeakSet[mmap.mmap] = weakref.WeakSet()
 
@@ -58,11 +60,20 @@ def on_disk(values: NDArray[Any]) -> NDArray[Any]:
         return values
     out = np.frombuffer(mapped, dtype=values.dtype).reshape(values.shape)
     rows = max(1, SMALL // max(values[:1].nbytes, 1))
-    for start in range(0, len(values), rows):  # so that what is copied is not resident twice
+    for number, start in enumerate(range(0, len(values), rows)):
         out[start : start + rows] = values[start : start + rows]
+        if number % RESIDENT == RESIDENT - 1:  # so that what is copied is not resident twice
+            mapped.madvise(mmap.MADV_DONTNEED)
     mapped.madvise(mmap.MADV_DONTNEED)
-    _mapped.add(mapped)
     return out
+
+
+def empty_on_disk(shape: tuple[int, ...], dtype: DTypeLike = float) -> NDArray[Any]:
+    """An array to be filled, whose numbers are any: as `on_disk`, where that would put it in a file."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    small = shape[0] < HOURS or size < SMALL or np.dtype(dtype).hasobject or not sys.platform.startswith("linux")
+    mapped = None if small else _file(size)
+    return np.empty(shape, dtype) if mapped is None else np.frombuffer(mapped, dtype=dtype).reshape(shape)
 
 
 def _is_mapped(values: NDArray[Any]) -> bool:
@@ -82,7 +93,9 @@ def _file(size: int) -> mmap.mmap | None:
         try:
             with tempfile.TemporaryFile(dir=folder, prefix="wrenchgap-") as partial:
                 os.posix_fallocate(partial.fileno(), 0, size)  # a full disk says so here, and kills nobody later
-                return mmap.mmap(partial.fileno(), size)
+                mapped = mmap.mmap(partial.fileno(), size)
+                _mapped.add(mapped)
+                return mapped
         except OSError:
             continue
     return None

@@ -17,13 +17,11 @@ from functools import lru_cache
 import numpy as np
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.plant import rotor_kernels
 from wrenchgap.plant.state import Actuation, Commands, Posture
 from wrenchgap.plant.vehicle import Vehicle
-
-HOURS = 1 << 20
-"""Samples beyond which cosines and sines are worked out again each time rather than held."""
 
 
 def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = None) -> Actuation:
@@ -35,7 +33,7 @@ def actuation(vehicle: Vehicle, commands: Commands, posture: Posture | None = No
     if len(speed) <= HOURS:
         thrust = rotors.c_f * speed * np.abs(speed)
     else:
-        thrust = np.empty(speed.shape)
+        thrust = empty_on_disk(speed.shape)
         for k in pieces(len(speed)):  # products of all samples would be held beside it
             thrust[k] = rotors.c_f * speed[k] * np.abs(speed[k])
     if posture is None:
@@ -61,9 +59,10 @@ def rotor_wrench(actuation: Actuation) -> Array:
     posture, thrust = actuation.posture, actuation.thrust
     if len(thrust) <= HOURS:
         return _summed(actuation.vehicle, thrust, posture.turn)
-    out = np.empty((len(thrust), 6))
+    out = empty_on_disk((len(thrust), 6))
     for k in pieces(len(out)):
         out[k] = _summed(actuation.vehicle, thrust[k], Posture(actuation.vehicle, posture.tilt[k]).turn)
+        give_back(len(out))
     return out
 
 
@@ -92,7 +91,8 @@ def plainly_summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
 def nominal_wrench(vehicle: Vehicle, commands: Commands) -> Array:
     """h(u), (N, 6) about O: what the commands make if the model is right."""
     assert commands.rotor_speed is not None
-    out = np.empty((len(commands.rotor_speed), 6))
+    out = empty_on_disk((len(commands.rotor_speed), 6))
     for piece in pieces(len(out)):
         out[piece] = rotor_wrench(actuation(vehicle, commands.take(piece)))
+        give_back(len(out))
     return out

@@ -1,7 +1,7 @@
 """What a search works out of tilt angles, thrusts and hubs thousands of times, in compiled passes over the samples.
 
-The plain forms are those of `plant.state.Posture.turn`, `plant.actuation`, `plant.effects.axial_inflow`,
-`plant.effects.rotor_drag` and `plant.effects.lag`, which hand over to these from `MANY` samples on; tests/plant/
+The plain forms are those of `plant.state.Posture.turn`, `plant.actuation`, `plant.effects.axial_inflow`
+and `plant.effects.rotor_drag`, which hand over to these from `MANY` samples on; tests/plant/
 test_rotor_kernels.py compares (docs/decisions/0026-compiled-kernels.md).
 """
 
@@ -135,16 +135,4 @@ def rotor_drag(coefficient: float, speed: Array, velocity: Array, omega: Array, 
             out[k, 3] += y * fz - z * fy
             out[k, 4] += z * fx - x * fz
             out[k, 5] += x * fy - y * fx
-    return out
-
-
-@njit(cache=True)
-def first_order(signal: Array, first: Array, a: float, b0: float, b1: float) -> Array:
-    """Samples (N, D) y[k] = a y[k-1] + b0 u[k-1] + b1 u[k] of `signal` u (N, D); `first` (D,) is a y[-1] + b0 u[-1]."""
-    out = np.empty(signal.shape)
-    for d in range(signal.shape[1]):
-        out[0, d] = first[d] + b1 * signal[0, d]
-    for k in range(1, len(signal)):
-        for d in range(signal.shape[1]):
-            out[k, d] = (b0 * signal[k - 1, d] + a * out[k - 1, d]) + b1 * signal[k, d]
     return out

@@ -19,6 +19,7 @@ from wrenchgap.flight.formats.table import Table as Table
 from wrenchgap.flight.formats.table import give_away as give_away
 from wrenchgap.flight.formats.tabular import CsvReader, ParquetReader
 from wrenchgap.flight.formats.ulog import UlogReader
+from wrenchgap.flight.memory import give_back
 
 READERS: tuple[type[Reader], ...] = (
     McapReader,
@@ -86,6 +87,7 @@ def read_log(path: Path, selection: Selection) -> Log:
         made, said = derived(tables, getattr(reader, "parameters", {}))
         tables, notes = tables | made, notes + said
     tables = dict(sorted(tables.items()))
+    give_back(max(map(len, tables.values())))
     if (after := _sizes(files)) != before:
         notes.append(f"{path.name} grew from {before} to {after} bytes while it was read: its end is missing here.")
     size = before

@@ -19,6 +19,7 @@ from wrenchgap.flight.formats.kernels import copied
 from wrenchgap.flight.formats.reader import Places
 from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.formats.walk import Definitions, UndecodableError, Walk
+from wrenchgap.flight.memory import empty_on_disk
 
 MOST_TEMPLATES = 8
 """Layouts of one topic, at most: text or sequences that change with every message have no end of them."""
@@ -179,7 +180,7 @@ def _filled(column: NDArray[Any], start: int, values: NDArray[Any]) -> NDArray[A
     if column.strides[0] == 0 and len(column) > 1:
         if values.astype(column.dtype).tobytes() == np.repeat(column[:1], len(values), axis=0).tobytes():
             return column
-        whole = np.empty(column.shape, dtype=column.dtype)
+        whole = empty_on_disk(column.shape, column.dtype)
         whole[:start] = column[:start]
         column = whole
     elif not column.flags.writeable:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.flight.flight import AXES
+from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import dataset
@@ -24,7 +24,7 @@ from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.identify.absorption import Absorption, absorbed
 from wrenchgap.learn.identify.gains import attitude_gains, origin
 from wrenchgap.learn.identify.guarding import guarded_process
-from wrenchgap.learn.identify.samples import samples
+from wrenchgap.learn.identify.samples import sampled_inputs, samples
 from wrenchgap.learn.parallel import one_thread
 from wrenchgap.learn.process.alternatives import Alternatives, compare_alternatives
 from wrenchgap.learn.process.calibration import Coverage
@@ -45,7 +45,6 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.stability import Margin
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 TORQUE = AXES[3:]
@@ -235,10 +234,16 @@ def alternatives(
     """How other inputs and the other inference would predict held-out time of these flights."""
     records = [r for f in flights for r in f.records]
     base = physics_of(model, settings)
-    targets = samples(records, base).outputs[:, output_indices(outputs)]
-    return compare_alternatives(
-        lambda groups: samples(records, base, groups).inputs, targets, outputs, settings, progress
-    )
+    plain = samples(records, base)
+
+    @cache
+    def columns(group: str) -> Array:
+        return sampled_inputs(records, (group,))[:, len(AXES) :]
+
+    def inputs(groups: tuple[str, ...]) -> Array:
+        return np.hstack((plain.inputs, *map(columns, groups)))
+
+    return compare_alternatives(inputs, plain.outputs[:, output_indices(outputs)], outputs, settings, progress)
 
 
 def default_mean(model: Model) -> MeanKind:

@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.linear_filter import filtered
 from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.measurement import Record, low_pass
 from wrenchgap.learn.identify.lag import TAUS, Stretch, held_out, lagged
@@ -139,8 +140,6 @@ def residuals(records: Sequence[Record], base: Model, late: Array) -> list[tuple
 
 def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float, told: float = 0.0) -> Array:
     """Rms (3,) of what an observer of this bandwidth leaves of disturbances (K, 3), told the lag `told` [s]."""
-    from scipy.signal import lfilter  # here: others need not wait for it
-
     squares, count, k = np.zeros(3), 0, 2.0 * np.pi * hz
     top = np.array([k * told, k])
     bottom = np.polyadd(
@@ -148,7 +147,7 @@ def missed(parts: Sequence[tuple[Array, float]], hz: float, tau: float, told: fl
     )
     for d, dt in parts:
         b, a = _sampled(np.trim_zeros(top, "f"), np.trim_zeros(bottom, "f"), dt)
-        squares += np.sum((d - lfilter(b, a, d, axis=0)) ** 2, axis=0)
+        squares += np.sum((d - filtered(b, a, d)) ** 2, axis=0)
         count += len(d)
     return np.asarray(np.sqrt(squares / max(count, 1)))
 

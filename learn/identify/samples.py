@@ -39,7 +39,7 @@ def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = (),
     inputs, outputs = [], []
     spacing = 0.0
     for record, part in zip(records, stretches(records, model), strict=True):
-        step = max(1, math.ceil(1.0 / (2.0 * record.cutoff_hz * part.dt) - 1e-9))
+        step = _step(record)
         seen, expected = process_inputs(groups, record), part.expected
         if lags is not None and lags.any():
             late = lagged(seen[:, : len(AXES)], float(lags.max()), part.dt)
@@ -50,13 +50,23 @@ def samples(records: Sequence[Record], model: Model, groups: Sequence[str] = (),
     return Samples(np.concatenate(inputs), np.concatenate(outputs), spacing)
 
 
+def sampled_inputs(records: Sequence[Record], groups: Sequence[str]) -> Array:
+    """The inputs (M, D) of `samples` alone."""
+    return np.concatenate([process_inputs(groups, record)[:: _step(record)] for record in records])
+
+
+def _step(record: Record) -> int:
+    """From one sample of a record to the next independent one."""
+    return max(1, math.ceil(1.0 / (2.0 * record.cutoff_hz * record.dt_kept) - 1e-9))
+
+
 def stretches(records: Sequence[Record], model: Model) -> list[Stretch]:
     """Commands, what the model expects of them, and what was measured, at the samples that are compared."""
     check_effects(model.effects, model, records)
     physics = Predictor("physics", model.wrench_model)
     return [
         Stretch(
-            r.dt * (r.keep.step or 1),
+            r.dt_kept,
             r.commanded,
             physics.predict(r, model.vehicle.body),
             r.measured,

@@ -33,6 +33,9 @@ WORTH_IT = 0.1
 """Least gain worth an input that has to be known in flight, or another inference."""
 POINTS = 80
 """Points at most in a comparison, to be done within seconds."""
+SEEN = 2_000
+"""Samples at most among which these are chosen, and that are predicted: the choice takes the square of them, and what
+decides are differences over 16 blocks of time."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,8 @@ class _Trials:
         if self.progress is not None:
             words = f"comparing inputs: {', '.join(('command', *settings.inputs))}, {settings.inference}"
             self.progress(min(len(self.errors) / 10, 1.0), words)
-        quick = replace(settings, restarts=0, points=min(settings.points, POINTS))
+        points, seen = min(settings.points, POINTS), min(settings.pre_thin, SEEN)
+        quick = replace(settings, restarts=0, points=points, pre_thin=seen)
         try:
             error = left_out_errors(self.inputs(settings.inputs), self.outputs, self.names, quick)
         except FitError:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.plant import rotor_kernels
+from wrenchgap.flight.linear_filter import filtered
 
 Array = NDArray[np.float64]
 LagMemory = tuple[Array, Array]
@@ -31,8 +31,7 @@ def first_order(signal: Array, tau: float, dt: float, memory: LagMemory | None) 
     if len(signal) == 1:
         out = (a * state + b0 * before + b1 * signal[0])[None]
     else:
-        rows = np.ascontiguousarray(signal, dtype=float)
-        out = rotor_kernels.first_order(rows, np.asarray(a * state + b0 * before, dtype=float), a, b0, b1)
+        out = filtered(np.array([b1, b0]), np.array([1.0, -a]), signal, (a * state + b0 * before)[None])
     return out, (signal[-1], out[-1])
 
 

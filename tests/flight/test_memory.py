@@ -48,3 +48,17 @@ def test_without_room_on_a_disk_it_stays_in_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(memory.os, "posix_fallocate", full)
     values = np.zeros((memory.HOURS, 2))
     assert memory.on_disk(values) is values
+
+
+def test_an_empty_array_of_hours_is_in_a_file_and_a_short_one_is_not(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    for dtype in (float, np.int32, bool):
+        long = memory.empty_on_disk((memory.HOURS, 3), dtype)
+        assert long.shape == (memory.HOURS, 3)
+        assert long.dtype == dtype
+        assert memory.on_disk(long) is long  # it is in a file already
+        long[5] = 1
+        memory.give_back(memory.HOURS)
+        assert long[5].all()  # what was written stays
+    assert not memory._is_mapped(memory.empty_on_disk((100, 3)))
+    assert not memory._is_mapped(memory.empty_on_disk((memory.HOURS, 3), object))

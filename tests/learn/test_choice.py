@@ -1,8 +1,10 @@
 """What else a process should look at: what the mismatch depends on is found, what it does not is not recommended."""
 
 import numpy as np
+import pytest
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.learn.process import alternatives
 from wrenchgap.learn.process.alternatives import compare_alternatives
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.plant.mismatch_inputs import COLUMNS
@@ -44,6 +46,17 @@ def test_drag_and_a_lag_ask_for_velocity_and_past() -> None:
 def test_what_the_command_explains_asks_for_nothing() -> None:
     found = compare_alternatives(inputs, 0.3 * COMMAND[:, [3]] + NOISE, TORQUE, ASKED)
     assert found.best.inputs == ()
+
+
+def test_fewer_samples_choose_the_same(monkeypatch) -> None:
+    torque = 0.3 * EXTRA["velocity"][:, [0]] + 0.4 * EXTRA["past"][:, [5]] + NOISE
+    whole = compare_alternatives(inputs, torque, TORQUE, ASKED)
+    monkeypatch.setattr(alternatives, "SEEN", 240)
+    some = compare_alternatives(inputs, torque, TORQUE, ASKED)
+    assert len(COMMAND) > 240
+    assert some.best.inputs == whole.best.inputs
+    assert some.tried[1].gain == pytest.approx(whole.tried[1].gain, abs=0.1)
+    assert some.tried[1].rms.tolist() != whole.tried[1].rms.tolist()  # it did look at fewer
 
 
 def test_groups_that_the_log_lacks_are_left_out() -> None:

@@ -7,6 +7,7 @@ import wrenchgap as wg
 from wrenchgap.flight import memory, stamps
 from wrenchgap.learn.data import measurement
 from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.learn.data.phases import saturation
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.diagnose.timing import timing_of
 from wrenchgap.plant import actuation
@@ -26,8 +27,8 @@ def opened(name, flight, monkeypatch, piece):
         if piece:
             for module in (stamps, measurement):
                 patch.setattr(module, "PIECE", piece)
-            patch.setattr(actuation, "HOURS", piece)
-            patch.setattr(memory, "HOURS", piece)
+            for module in (actuation, memory, saturation):
+                patch.setattr(module, "HOURS", piece)
             patch.setattr(memory, "SMALL", 1)
         found = open_flight(flight, model)
         offsets = [o.seconds for o in timing_of(found, model).offsets]
@@ -47,6 +48,16 @@ def test_pieces_do_not_show(monkeypatch, name, piece):
     for number, other in zip(numbers, others, strict=True):
         np.testing.assert_allclose(other, number, rtol=1e-10, atol=1e-12 * np.nanmax(np.abs(number), initial=0.0))
     np.testing.assert_allclose(moved, offsets, atol=1e-9)
+
+
+def test_sizes_of_what_is_missing_are_the_same_column_by_column(monkeypatch):
+    missing = np.random.default_rng(2).standard_normal((2000, 6))
+    whole = saturation._sizes(missing, 0.01, 8.0)
+    monkeypatch.setattr(saturation, "HOURS", 1000)
+    for size, other in zip(whole, saturation._sizes(missing, 0.01, 8.0), strict=True):
+        np.testing.assert_allclose(other, size, rtol=1e-12)
+        assert size.shape == (2000,)
+        assert size.max() > 0.5
 
 
 def test_every_row_is_in_one_piece(monkeypatch):

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import Flags, Signals, carried
+from wrenchgap.learn.data.phases.signals import Flags, Signals, carried, sizes
 from wrenchgap.plant.vehicle import Vehicle
 
 CARRIED, RESTS = 0.4, 0.6
@@ -39,7 +38,7 @@ def contact(part: Signals, scale: float) -> Flags:
     """Where (N,) the vehicle stands on the ground, lies on it, or is held."""
     if not part.vertical:
         return _idle(part, scale)
-    share, felt, still = carried(part, scale), lengths(part.slow_felt), stands(part)
+    share, felt, still = carried(part, scale), sizes(part.slow_felt), stands(part)
     certain = (share > CARRIED) & (felt > RESTS)
     if part.speed is not None:
         certain &= part.speed < QUICK
@@ -56,13 +55,13 @@ def contact(part: Signals, scale: float) -> Flags:
 
 def stands(part: Signals) -> Flags:
     """Where (N,) the vehicle neither turns nor is accelerated: on the ground, or in a calm hover."""
-    felt = lengths(part.slow_felt)
+    felt = sizes(part.slow_felt)
     return np.asarray((part.turning < STILL_RATE) & (np.abs(felt - 1.0) < STILL_FORCE))
 
 
 def _idle(part: Signals, scale: float) -> Flags:
     """Where nothing tells the ground but the commands: those that could not carry the vehicle."""
-    return np.asarray(scale * lengths(part.slow_pushed) < 1.0 - RESTS)
+    return np.asarray(scale * sizes(part.slow_pushed) < 1.0 - RESTS)
 
 
 def ground(part: Signals, on: Flags, vehicle: Vehicle) -> list[Phase]:

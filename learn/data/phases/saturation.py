@@ -13,12 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.flight import Array, Samples
-from wrenchgap.flight.memory import give_back, on_disk
-from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.flight.memory import HOURS, empty_on_disk, give_back
 from wrenchgap.flight.stamps import pieces
 from wrenchgap.learn.data.measurement import low_pass
 from wrenchgap.learn.data.phases.phase import Phase, closed, runs
-from wrenchgap.learn.data.phases.signals import FEWEST
+from wrenchgap.learn.data.phases.signals import FEWEST, sizes
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.state import Commands
@@ -44,13 +43,12 @@ def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehi
     _, rotors = vehicle.geometry()
     at = np.any(commands.rotor_speed >= AT * rotors.speed_max, axis=1)
     join = max(1, round(JOINED / samples.dt))
-    missing = on_disk(_missing(commands, source, vehicle))
-    if missing.any():
-        missing = on_disk(low_pass(missing, samples.dt, min(cutoff_hz, 0.3 / samples.dt)))
+    give_back(len(samples))
+    missing = _missing(commands, source, vehicle)
+    force, torque = _sizes(missing, samples.dt, min(cutoff_hz, 0.3 / samples.dt))
     give_back(len(missing))
     weight = vehicle.body.mass * GRAVITY
     arm = float(np.sqrt(np.mean(np.sum(vehicle.geometry()[0].position_B ** 2, axis=1))))
-    force, torque = lengths(missing[:, :3]), lengths(missing[:, 3:])
     matters = closed((force > FORCE * weight) | (torque > TORQUE * weight * arm), join)
     out = []
     for a, b in runs(matters):
@@ -62,16 +60,28 @@ def saturations(samples: Samples, commands: Commands, source: str, vehicle: Vehi
     return out
 
 
+def _sizes(missing: Array, dt: float, cutoff_hz: float) -> tuple[Array, Array]:
+    """Sizes (N,) of force and torque of wrenches (N, 6) behind a filter; of hours, one column after the other."""
+    if not missing.any():
+        return np.zeros(len(missing)), np.zeros(len(missing))
+    if len(missing) < HOURS:
+        missing = low_pass(missing, dt, cutoff_hz)
+        return sizes(missing[:, :3]), sizes(missing[:, 3:])
+    force, torque = (sum(low_pass(missing[:, k], dt, cutoff_hz) ** 2 for k in part) for part in (range(3), range(3, 6)))
+    return np.sqrt(force), np.sqrt(torque)
+
+
 def _missing(commands: Commands, source: str, vehicle: Vehicle) -> Array:
     """Commanded wrench (N, 6) minus the one of the same commands within the rotors' limits."""
     _, rotors = vehicle.geometry()
     assert commands.rotor_speed is not None
     if source == "allocated":
-        allocation, asked = allocation_of(vehicle), np.empty((len(commands.rotor_speed), 6))
+        allocation, asked = allocation_of(vehicle), empty_on_disk((len(commands.rotor_speed), 6))
         for piece in pieces(len(asked)):
             sent = commands.take(piece)
             asked[piece] = allocation.achievable(about_origin(vehicle.body, sent.wrench_B))
             asked[piece] -= nominal_wrench(vehicle, sent)
+            give_back(len(asked))
         return asked
     within, missing = np.clip(commands.rotor_speed, 0.0, rotors.speed_max), np.zeros((len(commands.rotor_speed), 6))
     beyond = np.flatnonzero((within != commands.rotor_speed).any(axis=1))

@@ -80,9 +80,9 @@ def signals(samples: Samples, commands: Commands, vehicle: Vehicle) -> Signals |
         felt=felt,
         slow_pushed=on_disk(low_pass(pushed, dt, slow)),
         slow_felt=on_disk(low_pass(felt, dt, slow)),
-        turning=lengths(low_pass(omega, dt, slow)),
+        turning=sizes(low_pass(omega, dt, slow)),
         height=None if samples.position_E is None else samples.position_E[:, 2],
-        speed=None if samples.velocity_E is None else lengths(samples.velocity_E),
+        speed=None if samples.velocity_E is None else sizes(samples.velocity_E),
         vertical=bool(known[2]),
     )
 
@@ -94,7 +94,7 @@ def command_scale(parts: Sequence[Signals]) -> float:
     rotors that turn on the ground; after a loss of control that one is off, and what is nearer to 1 counts.
     """
     pushed, felt = (
-        np.concatenate([lengths(getattr(part, name)) for part in parts]) for name in ("slow_pushed", "slow_felt")
+        np.concatenate([sizes(getattr(part, name)) for part in parts]) for name in ("slow_pushed", "slow_felt")
     )
     busy = pushed > SCALES[0] * PUSHING
     if not busy.any():
@@ -116,6 +116,11 @@ def carried(part: Signals, scale: float) -> Array:
         return np.asarray(lengths(felt) - scale * lengths(pushed))
 
     return by_rows(beyond, part.slow_felt, part.slow_pushed)
+
+
+def sizes(vectors: Array) -> Array:
+    """Lengths (N,) of vectors (N, C)."""
+    return by_rows(lengths, vectors)
 
 
 def by_rows(make: Callable[..., Array], *signals: Array) -> Array:
