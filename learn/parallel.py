@@ -19,7 +19,7 @@ import warnings
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass, replace
@@ -42,6 +42,7 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 T = TypeVar("T")
+Q = TypeVar("Q")
 P = ParamSpec("P")
 
 IDLE_SECONDS = 300
@@ -91,6 +92,17 @@ def few_threads() -> Iterator[None]:
     """One thread of each library that is loaded: small matrices are not worth more."""
     with _pools().limit(limits=1):
         yield
+
+
+def by_threads(work: Callable[[Q], T], items: Sequence[Q], jobs: int = 1) -> list[T]:
+    """work(item) of every item, in order, by `jobs` threads, each with one thread of the libraries: for work in large
+    arrays and in kernels that hold nobody up. The same digits on any number of threads.
+    """  # noqa: D205
+    with few_threads():
+        if min(jobs, len(items)) < 2:
+            return [work(item) for item in items]
+        with ThreadPoolExecutor(jobs) as pool:
+            return list(pool.map(work, items))
 
 
 def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: Sequence[object] = ()) -> Iterator[T]:

@@ -92,7 +92,7 @@ def weigh(pool: Pool, suspects: Collection[int], jobs: int = 1) -> Weighed:
     """
     rows, vehicle, turned = pool.rows(suspects), pool.model.vehicle, False
     for number in range(ROUNDS):
-        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects))
+        scorer = searched(pool.spectrum(tuple(one.change(rows) for one in pool.laws), suspects), jobs=jobs)
         late, far = _late(scorer, vehicle), _moved(scorer)
         if number + 1 == ROUNDS or not (late or far):
             break
@@ -148,13 +148,13 @@ def _far(theta: Array, column: Column, size: Array) -> bool:
     return float(np.max(np.abs(theta - column.theta) / size)) > FAR
 
 
-def searched(spectrum: Spectrum, rounds: int = 2) -> ChangeScorer:
+def searched(spectrum: Spectrum, rounds: int = 2, jobs: int = 1) -> ChangeScorer:
     """As `learn.posterior.sets.searched`, of changes."""
     reference, weights_left = saturated(spectrum)
     spectrum.calm(spectrum.loud(spectrum.combined(weights_left)))
     for _ in range(rounds):
         scorer = ChangeScorer(spectrum, reference)
-        search(scorer)
+        search(scorer, jobs=jobs)
         reference = ordered(scorer)[0].left
     return scorer
 

@@ -91,7 +91,7 @@ def around(on: Ground, linear: Scorer, centre: Contender, jobs: int) -> Scorer:
     spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
     spectrum.calm(linear.spectrum.factors)
     scorer = Scorer(spectrum, linear.reference)
-    search(scorer)
+    search(scorer, jobs=jobs)
     scorer(centre.keys)
     return scorer
 

@@ -75,7 +75,7 @@ def scaled(A: Array, scale: Array) -> Array:
     return H
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def occam(A: Array, theta: Array, scale: Array) -> float:
     """See `learn.posterior.score.occam`."""
     U = factor(scaled(A, scale))
@@ -105,7 +105,7 @@ def variances(U: Array, wanted: Flags) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Flags, typical: Array) -> Array:
     """See `learn.posterior.score.relevant`."""
     if not np.any(sparse):
@@ -127,7 +127,7 @@ def relevant(A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: 
     return scale
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
     """See `learn.posterior.score.bounded`."""
     n = len(scale)

@@ -152,7 +152,7 @@ def posterior(
     """Weigh the sets of these columns."""
     tell = progress or (lambda fraction, words: None)
     tell(0.0, "weighing sets of effects")
-    linear = searched(spectrum_of(on, columns))
+    linear = searched(spectrum_of(on, columns), jobs=jobs)
     anew: dict[Keys, Contender | None] = {}
     todo = first_contenders(linear, ordered(linear))
     scorers: dict[Keys, Scorer] = {}

@@ -27,19 +27,22 @@ Stat. Soc. B 63, 2001.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.parallel import by_threads
 from wrenchgap.learn.posterior import compiled
 from wrenchgap.learn.posterior.columns import complexity
 from wrenchgap.learn.posterior.spectrum import Spectrum
 
 Keys = tuple[str, ...]
 
+ROUNDS = 8
+"""Of weights by band and parameters in turn, at most."""
 NU = 2.0
 """Values that the prior of a variance is worth."""
 PRICE = 3.0
@@ -100,12 +103,17 @@ class Scorer:
                 self._kinds[k] = complexity(self.spectrum.columns[k].names)
         return -PRICE * sum(self._kinds[k] for k in keys)
 
-    def __call__(self, keys: Sequence[str], rounds: int = 8) -> Scored:
+    def __call__(self, keys: Sequence[str], rounds: int = ROUNDS) -> Scored:
         """The set's score: weights by axis and band, and parameters, in turn until nothing changes."""
         keys = tuple(sorted(keys))
         if keys not in self.known:
             self.known[keys] = self._scored(keys, rounds)
         return self.known[keys]
+
+    def many(self, sets: Iterable[Keys], jobs: int = 1) -> None:
+        """Score all of these sets, by `jobs` threads."""
+        new = [k for k in dict.fromkeys(tuple(sorted(k)) for k in sets) if k not in self.known]
+        self.known.update(zip(new, by_threads(lambda k: self._scored(k, ROUNDS), new, jobs), strict=True))
 
     def _scored(self, keys: Keys, rounds: int) -> Scored:
         space = self.spectrum

@@ -209,25 +209,24 @@ def by_axis(scorer: Scorer, squares: Array) -> Array:
     return np.asarray(np.maximum(np.sum(count * squares, axis=0) / np.sum(count, axis=0), least))
 
 
-def searched(spectrum: Spectrum, rounds: int = 2) -> Scorer:
+def searched(spectrum: Spectrum, rounds: int = 2, jobs: int = 1) -> Scorer:
     """A scorer that has scored the sets which flights make likely, at the noise that the likeliest leaves."""
     reference, weights_left = saturated(spectrum)
     spectrum.calm(spectrum.loud(spectrum.combined(weights_left)))
     for _ in range(rounds):
         scorer = Scorer(spectrum, reference)
-        search(scorer)
+        search(scorer, jobs=jobs)
         reference = ordered(scorer)[0].left
     return scorer
 
 
-def search(scorer: Scorer, rounds: int = 4) -> None:
+def search(scorer: Scorer, rounds: int = 4, jobs: int = 1) -> None:
     """Score what hunts find, with the spectrum that the best leaves, until the best stays the best."""
     scorer(())
     variance, last = scorer.variance, None
     for _ in range(rounds):
         hunt = Hunt(scorer, variance)
-        for keys in (*hunt.run()[:TOP], *hunt.plain()[:PLAIN]):
-            scorer(keys)
+        scorer.many((*hunt.run()[:TOP], *hunt.plain()[:PLAIN]), jobs)
         best = ordered(scorer)[0]
         if best.keys == last:
             break
