@@ -1,6 +1,7 @@
 """Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
 
     compared    commands and motion side by side
+    gyroscope   rates in deg/s, and beyond what the rotors can do
     vehicle     numbers of the vehicle that contradict one another
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
@@ -18,6 +19,7 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.compared import compared
+from wrenchgap.learn.data.checks.gyroscope import gyroscope
 from wrenchgap.learn.data.checks.rotors import rotors
 from wrenchgap.learn.data.checks.turning import sizes, turned_imu
 from wrenchgap.learn.data.checks.vehicle import of_vehicle
@@ -37,6 +39,10 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     """What a model says of a flight whose `stretches` are on one clock."""
     found = [*of_vehicle(model)]
     seen = compared(stretches, model.vehicle)
+    if seen is not None and not any(check.level == "bad" and check.name == "inertia" for check in found):
+        found += gyroscope(flight, model, seen)
+    if any(check.name == "gyroscope" for check in found):
+        return tuple(found)
     turned = None if seen is None else turned_imu(flight, model, seen)
     if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
         found += rotors(flight, model, seen, turned)

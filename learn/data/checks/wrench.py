@@ -27,7 +27,7 @@ TORQUE = (0.3, 10.0)
 ALIKE, MUCH_ALIKE = 0.5, 0.7
 """Cosine from which on command and motion belong together, and from which on a command may be called too small."""
 WILD = 100.0
-"""Times the measured torque that a commanded one is in another unit, alike or not."""
+"""Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
 SEEN = 0.3
 """Share of a command's torque that an axis must have to be asked."""
 
@@ -104,6 +104,10 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     usual = _chatter(seen)
     quick = _quick_ratio(seen, inertia, used)
     small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
+    if max(ratio, quick) < 1.0 / WILD and not small:
+        words = f"{said}: another unit, of the torques or of the gyroscope, or vehicle.inertia is not this vehicle's"
+        yield Check("torque-unit", "bad", words)
+        return
     if (small and quick < 1.0) or ((large or ratio > WILD * usual) and quick > TORQUE[1]):
         unit = ratio if small else quick  # what answers disturbances is larger than what moves the vehicle
         words = "Nmm" if 0.2 < unit / 1000.0 < 5.0 else f"torque*{factor(1.0 / unit)}"
