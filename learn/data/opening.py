@@ -122,7 +122,7 @@ def opened(
             records.append(made)
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else never_flew(found.path.name, phases, model, found.notes))
-    asked.pass_((*of_records(found, records, model), *of_phases(phases)))
+    asked.pass_((*of_records(found, records, model, asked.checks), *of_phases(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]

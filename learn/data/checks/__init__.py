@@ -47,7 +47,7 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
         found += rotors(flight, model, seen, turned)
     if seen is not None and all(check.level != "bad" for check in found):
-        found += [*force_unit(flight, model, seen), *speed_unit(flight, seen)]
+        found += [*force_unit(flight, model, seen), *speed_unit(flight, model, seen)]
         if all(check.level == "ok" for check in found):  # a wrong inertia has said so
             found += torque_unit(flight, model, seen)
         if seen.wrench is not None and not any(check.level == "bad" for check in found):
