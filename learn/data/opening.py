@@ -119,7 +119,7 @@ def opened(
             short.append(str(error))
         else:
             flown.append(rows)
-            records.append(made)
+            records.append(replace(made, has_imu=played.imu is not None))
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else never_flew(found.path.name, phases, model, found.notes))
     asked.pass_((*of_records(found, records, model, asked.checks), *of_phases(phases)))

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.compared import compared
 from wrenchgap.learn.data.checks.gyroscope import gyroscope
@@ -51,7 +52,8 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
         if all(check.level == "ok" for check in found):  # a wrong inertia has said so
             found += torque_unit(flight, model, seen)
         if seen.wrench is not None and not any(check.level == "bad" for check in found):
-            found += axes(flight, model, seen) if turned is None else [turned.check]
+            turned_wrench = behind_body_frame(axes(flight, model, seen), flight.checks or ())
+            found += turned_wrench if turned is None else [turned.check]
             found += rotors(flight, model, seen)
         units = (check for check in flight.checks or () if check.level == "bad")
         if not any(check.level != "ok" and check.name in SAID for check in (*found, *units)):
