@@ -22,7 +22,7 @@ LIFTED = 0.3
 
 
 def behind_body_frame(found: Iterable[Check], known: Iterable[Check]) -> list[Check]:
-    """`found` without a mend of the wrench's axes where those of the IMU, by which they were judged, are bad in `known`.
+    """`found` without a mend of the wrench's axes where the IMU's, by which they were judged, are bad in `known`.
 
     With both mends followed they would differ again: the wrench is asked anew once the IMU is mended.
     """
