@@ -18,6 +18,10 @@ from wrenchgap.flight.roles import Source
 from wrenchgap.flight.topic_names import name_words
 
 NORMALISED = frozenset({"normalised", "normalized", "throttle"})
+ROTOR_WORDS = {"normalised": "normalised (shares of full throttle)", "pwm": "pulse widths in us"}
+"""Of rotors: 0 to 1, and from -1 where a rotor reverses."""
+WRENCH_WORDS = "normalised (shares of full authority)"
+"""Of a wrench: -1 to 1."""
 REMEDY = (
     "the model file must say how commands become newtons: take a model from the log with `wrenchgap model new --from "
     "LOG`, or write its [command]"
@@ -39,12 +43,12 @@ def with_units(flight: Flight, sources: Mapping[str, Source]) -> Flight:
         unit = unit_of(sources["rotor_speed"])
         if unit != "rad/s" and flight.actuators.rotor_speed.shape[1]:
             changed["actuators"] = replace(flight.actuators, unit=unit)
-            notes.append(f"{sources['rotor_speed']}: rotor commands are {_WORDS[unit]}, not rad/s.")
+            notes.append(f"{sources['rotor_speed']}: rotor commands are {ROTOR_WORDS[unit]}, not rad/s.")
     for role in ("commanded", "desired"):
         series: WrenchSeries | None = getattr(flight, role)
         if series is not None and role in sources and unit_of(sources[role]) == "normalised":
             changed[role] = replace(series, unit="normalised")
-            notes.append(f"{sources[role]}: the {role} wrench is normalised (shares of full authority), not N and Nm.")
+            notes.append(f"{sources[role]}: the {role} wrench is {WRENCH_WORDS}, not N and Nm.")
     return replace(flight, notes=(*flight.notes, *notes), **changed) if changed else flight
 
 
@@ -56,14 +60,15 @@ def in_si(flight: Flight) -> Flight:
     out = {role: series for role, series in flight.series().items() if not _is_si(series)}
     if not out:
         return flight
-    said = ", ".join(f"{series.topic} ({role}, {_WORDS[_unit(series)]})" for role, series in out.items())
+    said = ", ".join(f"{series.topic} ({role}, {_described(series)})" for role, series in out.items())
     left = replace(flight, **dict.fromkeys(out))  # type: ignore[arg-type]
     if left.commanded is None and left.actuators is None and left.desired is None:
         raise LogError(f"{flight.path.name}: its commands are not in SI: {said}; {REMEDY}")
     return replace(left, notes=(*left.notes, f"{flight.name}: not in SI and left out: {said}; {REMEDY}."))
 
 
-_WORDS = {"normalised": "normalised, -1 to 1", "pwm": "pulse widths in us"}
+def _described(series: object) -> str:
+    return WRENCH_WORDS if isinstance(series, WrenchSeries) else ROTOR_WORDS[_unit(series)]
 
 
 def _unit(series: object) -> str:
@@ -71,4 +76,4 @@ def _unit(series: object) -> str:
 
 
 def _is_si(series: object) -> bool:
-    return _unit(series) not in _WORDS
+    return _unit(series) not in ROTOR_WORDS

@@ -162,6 +162,11 @@ def _alone(change: Change) -> Change:
     return lambda flight: replace(change(flight), commanded=None, odometry=None)
 
 
+def _wrench_alone(change: Change) -> Change:
+    """The same on a log of commanded wrench and IMU alone."""
+    return lambda flight: replace(change(flight), actuators=None, odometry=None)
+
+
 def _swapped(speed: Array) -> Array:
     """The first two rotors in each other's place."""
     return speed[:, [1, 0, *range(2, speed.shape[1])]]
@@ -252,6 +257,8 @@ FAULTS: tuple[Fault, ...] = (
     Fault("accelerometer in g", ("accelerometer-unit",), partial(_imu, accel=1 / GRAVITY)),
     Fault("accelerometer without gravity", ("accelerometer-unit",), _without_gravity),
     Fault("gyroscope in deg/s", ("gyroscope",), partial(_imu, gyro=180 / np.pi)),
+    Fault("gyroscope in deg/s, IMU and wrench alone", ("gyroscope",), _wrench_alone(partial(_imu, gyro=180 / np.pi))),
+    Fault("gyroscope in deg/s, IMU and actuators alone", ("gyroscope",), _alone(partial(_imu, gyro=180 / np.pi))),
     Fault("gyroscope twice too large", ("gyroscope",), partial(_imu, gyro=2.0)),
     Fault("IMU forward-right-down", ("body-frame",), partial(_imu, gyro=FRD_B, accel=FRD_B)),
     Fault("IMU turned by 90 deg", ("body-frame",), _turned(90.0)),

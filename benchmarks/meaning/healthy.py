@@ -74,6 +74,7 @@ HEALTHY = (
     Healthy("no IMU", Manner(), lambda f: replace(f, imu=None)),
     Healthy("actuators alone", Manner(), lambda f: replace(f, commanded=None)),
     Healthy("wrench alone", Manner(), lambda f: replace(f, actuators=None)),
+    Healthy("wrench and IMU alone", Manner(), lambda f: replace(f, actuators=None, odometry=None)),
     Healthy("on the ground first", Manner(), _on_the_ground),
 )
 """Of every vehicle with fixed rotors."""

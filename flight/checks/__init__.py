@@ -50,6 +50,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     stuck = any(check.name == "constant-channel" and check.level == "bad" for check in found)
     moved = None if stuck else seen(flight)
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
+    found = wrench.behind_body_frame(found, found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,28 @@ ROWS = 20_000
 """Of a flight, evenly spread, on which the two are compared."""
 LIFTED = 0.3
 """Of the 90th percentile of the commanded force: less is the ground."""
+
+
+def behind_body_frame(found: Iterable[Check], known: Iterable[Check]) -> list[Check]:
+    """`found` without a mend of the wrench's axes where the IMU's, by which they were judged, are bad in `known`.
+
+    With both mends followed they would differ again: the wrench is asked anew once the IMU is mended.
+    """
+    imu = next((check for check in known if check.name == "body-frame" and check.level == "bad"), None)
+    if imu is None:
+        return list(found)
+
+    def behind(check: Check) -> Check:
+        same = _axes(check.mend) == _axes(imu.mend) == "frd"  # its own inverse: the IMU's mend is all that is needed
+        why = "it follows from the IMU's axes (body-frame)" if same else "mend the IMU's axes (body-frame) first"
+        return replace(check, words=f"{check.words}; {why}", mend=None)
+
+    return [behind(check) if check.name == "wrench-frame" and check.mend else check for check in found]
+
+
+def _axes(mend: str | None) -> str:
+    """The last word of an option."""
+    return (mend or "").rpartition(":")[2].strip("'").rpartition(",")[2]
 
 
 def wrench_frame(flight: Flight, seen: Seen | None) -> Iterator[Check]:

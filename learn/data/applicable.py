@@ -9,6 +9,7 @@ from enum import StrEnum
 from wrenchgap.flight.errors import FitError, ModelError
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.plant.effects import find
+from wrenchgap.plant.effects.effect import SensorEffect
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
 
@@ -22,6 +23,7 @@ class Lack(StrEnum):
     GEOMETRY = "geometry"  # whatever else an effect asks of the vehicle
     ROTORS = "rotors"  # commands of the rotors
     POSE = "pose"
+    IMU = "imu"  # the motion comes from the odometry
     VOLTAGE = "voltage"
     EXCITATION = "excitation"  # the flights cannot show it
     AIR = "air"  # nothing through which the air would act
@@ -52,6 +54,7 @@ REASONS = {
     Lack.COAXIAL: "needs two rotors on one arm, and no arm has them",
     Lack.ROTORS: "needs rotor commands: the log has none and the model file no arms to allocate to",
     Lack.POSE: "needs pose and velocity; map them with --topic odometry=/your/topic",
+    Lack.IMU: "needs an IMU: rates and forces of this log come from the odometry; map one with --topic imu=/your/topic",
     Lack.AIR: "has no force of its own: needs an effect through which the air acts, and none can be tried",
     Lack.VOLTAGE: "needs the battery voltage; map it with --topic battery=/your/topic",
 }
@@ -74,6 +77,8 @@ def inapplicable(name: str, model: Model, records: Sequence[Record]) -> Untried 
         return Untried(name, Lack.ROTORS)
     if effect.needs_pose and not all(r.has_pose for r in records):
         return Untried(name, Lack.POSE)
+    if isinstance(effect, SensorEffect) and not all(r.has_imu for r in records):
+        return Untried(name, Lack.IMU)
     if effect.needs_voltage and not all(r.has_voltage for r in records):
         return Untried(name, Lack.VOLTAGE)
     return None
@@ -89,7 +94,7 @@ def unexcited(name: str, model: Model, records: Sequence[Record]) -> Untried | N
 
 
 def check_effects(effects: Sequence[ModelEffect], model: Model, records: Sequence[Record]) -> None:
-    """Raise FitError, in one line, where one of the effects needs what a log lacks: rotors, pose or voltage."""
+    """Raise FitError, in one line, where one of the effects needs what a log lacks: rotors, pose, an IMU or voltage."""
     for item in effects:
         for record in records:
             reason = inapplicable(item.name, model, [record])

@@ -71,6 +71,7 @@ class Record:
     source: str
     has_pose: bool
     has_voltage: bool
+    has_imu: bool = True
 
     def __len__(self) -> int:
         return len(self.time)

@@ -119,10 +119,10 @@ def opened(
             short.append(str(error))
         else:
             flown.append(rows)
-            records.append(made)
+            records.append(replace(made, has_imu=played.imu is not None))
     if not records and not (incomplete and short):
         raise LogError(short[0] if short else never_flew(found.path.name, phases, model, found.notes))
-    asked.pass_((*of_records(found, records, model), *of_phases(phases)))
+    asked.pass_((*of_records(found, records, model, asked.checks), *of_phases(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]

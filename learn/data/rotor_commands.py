@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchgap.flight.command_units import ROTOR_WORDS
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import ActuatorSeries, Array, Flight
 from wrenchgap.plant.model import Model
-
-WORDS = {"normalised": "normalised (0 to 1)", "pwm": "pulse widths in us"}
 
 
 def as_speeds(found: Flight, model: Model) -> Flight:
@@ -25,8 +24,8 @@ def as_speeds(found: Flight, model: Model) -> Flight:
         return found
     if sent.unit != curve.unit:
         raise LogError(
-            f"{found.path.name}: the rotor commands of {sent.topic} are {WORDS[sent.unit]}, and [command] of "
-            f"{model.name} is for {WORDS[curve.unit]}; set its unit and curve, or map another topic with --topic "
+            f"{found.path.name}: the rotor commands of {sent.topic} are {ROTOR_WORDS[sent.unit]}, and [command] of "
+            f"{model.name} is for {ROTOR_WORDS[curve.unit]}; set its unit and curve, or map another topic with --topic "
             "rotor_speed=/your/topic"
         )
     _, rotors = model.vehicle.geometry()
@@ -60,7 +59,7 @@ def _notes(found: Flight, sent: ActuatorSeries, model: Model, voltage: Array | N
     assert curve is not None
     origin = f" ({curve.source})" if curve.source else ""
     notes = [
-        f"{found.name}: rotor commands of {sent.topic} are {WORDS[sent.unit]}; {curve.gives} by [command] of "
+        f"{found.name}: rotor commands of {sent.topic} are {ROTOR_WORDS[sent.unit]}; {curve.gives} by [command] of "
         f"{model.name}{origin}."
     ]
     if curve.uses_voltage and voltage is None:

@@ -296,3 +296,28 @@ def test_a_mend_of_an_imu_of_two_topics_names_the_sensor_that_it_is_about():
     assert option(two, "deg", "imu") == "--topic gyroscope=/gyro:deg"
     assert option(two, "g", "imu") == "--topic accelerometer=/acc:g"
     assert option(two, "frd", "imu") == "--topic gyroscope=/gyro:frd --topic accelerometer=/acc:frd"
+
+
+def hovering(imu_down, wrench_down):
+    """A hover: specific force and commanded force point up, in forward-right-down axes along -z."""
+    rng = np.random.default_rng(8)
+    time = np.arange(0.0, 10.0, 0.01)
+    up = np.array([0.0, 0.0, 9.8])
+    force = up * (-1.0 if imu_down else 1.0) + white(rng, len(time), 0.2)
+    wrench = np.hstack((4.0 * up * (-1.0 if wrench_down else 1.0) + white(rng, len(time), 0.2), white(rng, len(time))))
+    imu = ImuSeries("/imu", time, white(rng, len(time), 0.1), force)
+    log = Flight("hover", "hover.mcap", "0" * 64, 0, commanded=WrenchSeries("/w", time, wrench), imu=imu)
+    return {check.name: check for check in checked(log).checks if check.level == "bad"}
+
+
+def test_a_wrench_that_is_opposite_to_a_wrong_imu_alone_has_no_mend_of_its_own():
+    """Two mends at once would turn both, and they would be opposite again."""
+    both = hovering(imu_down=True, wrench_down=False)
+    assert both["body-frame"].mend.endswith(":frd")
+    assert both["wrench-frame"].mend is None
+    assert "follows from the IMU's axes (body-frame)" in both["wrench-frame"].words
+    alone = hovering(imu_down=False, wrench_down=True)
+    assert "body-frame" not in alone
+    assert alone["wrench-frame"].mend.endswith(":frd")
+    assert "wrench-frame" not in hovering(imu_down=True, wrench_down=True)
+    assert not {"body-frame", "wrench-frame"} & set(hovering(imu_down=False, wrench_down=False))

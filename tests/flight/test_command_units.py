@@ -76,6 +76,16 @@ def test_commands_in_si_are_used_and_the_others_left_out_with_a_note(logs, loade
     assert flight.in_si(usable) is usable
 
 
+def test_a_note_and_a_refusal_describe_the_same_commands_alike(logs, loaded):
+    """Motors from 0 to 1, and from -1 where they reverse, are shares of full throttle wherever they are told of."""
+    found = loaded(with_motors(logs, "/motors", normalized=[0.4, 0.5]))
+    words = "normalised (shares of full throttle)"
+    assert words in " ".join(found.notes)
+    with pytest.raises(LogError) as caught:
+        flight.in_si(found)
+    assert words in str(caught.value)
+
+
 def test_a_flight_in_si_is_not_touched(loaded, logs):
     found = loaded(logs.plain_flight())
     assert flight.in_si(found) is found

@@ -65,6 +65,53 @@ def test_a_gyroscope_in_degrees_is_found_without_an_attitude(flown):
     assert check.mend.endswith(":deg")
 
 
+def wrench_alone(flight, **changes):
+    """Commanded wrench and IMU."""
+    return replace(flight, actuators=None, odometry=None, checks=None, **changes)
+
+
+def test_a_gyroscope_in_degrees_is_found_from_the_commanded_wrench_alone(flown):
+    model, flight = flown
+    assert found(wrench_alone(flight), model) == {}
+    imu = replace(flight.imu, omega_B=DEGREES * flight.imu.omega_B)
+    (check,) = found(wrench_alone(flight, imu=imu), model).values()
+    assert check.name == "gyroscope"
+    assert check.mend.endswith(":deg")
+
+
+def rocking(flight, rate):
+    """The same with an IMU that turns about x by `rate` sin(2 pi t) [rad/s]."""
+    turn = rate * np.sin(2.0 * np.pi * flight.imu.time)[:, None] * [1.0, 0.0, 0.0]
+    return wrench_alone(flight, imu=replace(flight.imu, omega_B=turn))
+
+
+@pytest.mark.parametrize(("times", "bad"), [(1.0, False), (10.0, True)])
+def test_a_motion_that_needs_more_torque_than_the_rotors_have_is_none(flown, times, bad):
+    """Rates A sin(2 pi t) about x need J_xx 2 pi A / sqrt(2) rms; n rotors on arms L make n c_f w^2 hypot(L, kappa)."""
+    model, flight = flown
+    arms, rotors = model.vehicle.geometry()
+    lever = np.hypot(np.linalg.norm(arms.position_B[0]), rotors.kappa[0])
+    most = len(rotors) * rotors.c_f[0] * rotors.speed_max[0] ** 2 * lever
+    rate = times * most * np.sqrt(2.0) / (2.0 * np.pi * model.vehicle.body.inertia[0, 0])
+    checks = found(rocking(flight, rate), model)
+    assert ("gyroscope" in checks) == bad
+    if bad:
+        assert f"{most:.3g} Nm" in checks["gyroscope"].words
+        assert checks["gyroscope"].mend is None  # nothing that was logged says which unit
+
+
+@pytest.mark.parametrize(("size", "bad"), [(1.0, False), (1e-4, True)])
+def test_a_torque_ten_thousand_times_too_small_is_bad_however_unlike_the_motion_it_is(flown, size, bad):
+    """The torques of the flight backwards have its sizes, and nothing in common with the motion."""
+    model, flight = flown
+    sent = flight.commanded
+    torque = size * sent.wrench_B[::-1, 3:]
+    other = replace(sent, wrench_B=np.hstack((sent.wrench_B[:, :3], torque)))
+    checks = found(wrench_alone(flight, commanded=other), model)
+    assert ("torque-unit" in checks) == bad
+    assert not bad or checks["torque-unit"].mend is None
+
+
 def test_rotor_speeds_in_rpm_contradict_the_commanded_wrench(flown):
     model, flight = flown
     sent = replace(flight.actuators, rotor_speed=flight.actuators.rotor_speed * 30.0 / np.pi)

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wrenchgap import simulate
 from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.applicable import Lack, inapplicable
+from wrenchgap.learn.data.opening import open_flight
 from wrenchgap.learn.identify.fit import fit, held_out, with_fit
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
@@ -71,8 +73,19 @@ def test_effects_that_the_log_cannot_carry_say_why(plain, hexarotor):
     assert inapplicable("rotor_thrust", hexarotor, (bare,)).lack is Lack.ROTORS
     assert inapplicable("body_drag", hexarotor, (bare,)).lack is Lack.POSE
     assert inapplicable("com_offset", hexarotor, (bare,)) is None
+    assert inapplicable("imu_lever_arm", hexarotor, (record,)) is None
     with pytest.raises(FitError, match="rotor commands"):
         fit(replace(plain, records=(bare,)), hexarotor, ["rotor_thrust"])
+
+
+@pytest.mark.parametrize("name", ["accelerometer_bias", "imu_misalignment", "imu_lever_arm"])
+def test_errors_of_an_imu_are_not_tried_where_the_motion_is_the_odometrys(hexarotor, name):
+    flight = simulate(hexarotor, "multi_axis", duration=8.0, excitation=1.0, seed=5)
+    with_imu, without = (open_flight(log, hexarotor).records for log in (flight, replace(flight, imu=None)))
+    assert inapplicable(name, hexarotor, with_imu) is None
+    assert inapplicable(name, hexarotor, without).lack is Lack.IMU
+    assert "needs an IMU" in str(inapplicable(name, hexarotor, without))
+    assert inapplicable("inertia", hexarotor, without) is None
 
 
 def values(fitted, name):

@@ -1,6 +1,7 @@
 """Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
 
     compared    commands and motion side by side
+    gyroscope   rates in deg/s, and beyond what the rotors can do
     vehicle     numbers of the vehicle that contradict one another
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
@@ -16,8 +17,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.check import Check
+from wrenchgap.flight.checks.wrench import behind_body_frame
 from wrenchgap.flight.flight import Flight, Samples, Series
 from wrenchgap.learn.data.checks.compared import compared
+from wrenchgap.learn.data.checks.gyroscope import gyroscope
 from wrenchgap.learn.data.checks.rotors import rotors
 from wrenchgap.learn.data.checks.turning import sizes, turned_imu
 from wrenchgap.learn.data.checks.vehicle import of_vehicle
@@ -37,15 +40,20 @@ def against_model(flight: Flight, model: Model, stretches: Sequence[Samples]) ->
     """What a model says of a flight whose `stretches` are on one clock."""
     found = [*of_vehicle(model)]
     seen = compared(stretches, model.vehicle)
+    if seen is not None and not any(check.level == "bad" and check.name == "inertia" for check in found):
+        found += gyroscope(flight, model, seen)
+    if any(check.name == "gyroscope" for check in found):
+        return tuple(found)
     turned = None if seen is None else turned_imu(flight, model, seen)
     if seen is not None and seen.wrench is None:  # where tilt has the wrong sign, forces are wrong as well
         found += rotors(flight, model, seen, turned)
     if seen is not None and all(check.level != "bad" for check in found):
-        found += [*force_unit(flight, model, seen), *speed_unit(flight, seen)]
+        found += [*force_unit(flight, model, seen), *speed_unit(flight, model, seen)]
         if all(check.level == "ok" for check in found):  # a wrong inertia has said so
             found += torque_unit(flight, model, seen)
         if seen.wrench is not None and not any(check.level == "bad" for check in found):
-            found += axes(flight, model, seen) if turned is None else [turned.check]
+            turned_wrench = behind_body_frame(axes(flight, model, seen), flight.checks or ())
+            found += turned_wrench if turned is None else [turned.check]
             found += rotors(flight, model, seen)
         units = (check for check in flight.checks or () if check.level == "bad")
         if not any(check.level != "ok" and check.name in SAID for check in (*found, *units)):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.flight import Flight
+from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.stamps import thinned
 from wrenchgap.learn.data.errors import force_and_torque, length, rms
 from wrenchgap.learn.data.measurement import Record
@@ -19,12 +19,22 @@ from wrenchgap.plant.wrench_model import about_com
 ROWS = 20_000
 """Of a record, evenly spread, on which logged actuators are compared with the logged wrench."""
 
+OTHER = 0.25
+"""Of the weight: rms force by which h(u) and a commanded wrench differ beyond what a vehicle and its model do."""
+FACTOR = (0.5, 2.0)
+"""On h(u) that a wrong c_f may explain: the thrust's unit and the weight are asked elsewhere."""
+EXPLAINED = ("rotors", "rotor-speed-unit", "tilt-unit", "wrench-frame", "force-unit")
+"""Checks that, where bad, say why both differ, with a mend of their own."""
 
-def of_records(flight: Flight, records: Sequence[Record], model: Model) -> tuple[Check, ...]:
-    """All of them."""
+
+def of_records(
+    flight: Flight, records: Sequence[Record], model: Model, said: Sequence[Check] = ()
+) -> tuple[Check, ...]:
+    """All of them; `said` are the checks of the flight before."""
     if not records:
         return ()
-    return (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model))
+    known = any(check.level == "bad" and check.name in EXPLAINED for check in said)
+    return (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
 
 
 def _counts(flight: Flight, model: Model) -> list[Check]:
@@ -61,8 +71,8 @@ def _weight(records: Sequence[Record], model: Model) -> list[Check]:
     return found
 
 
-def _actuation(flight: Flight, records: Sequence[Record], model: Model) -> list[Check]:
-    """h(u) of the logged actuators against the logged W_cmd."""
+def _actuation(flight: Flight, records: Sequence[Record], model: Model, *, known: bool) -> list[Check]:
+    """h(u) of the logged actuators against the logged W_cmd; `known`: why they differ has been said."""
     if flight.commanded is None or any(r.source != "logged" for r in records):
         return []
     vehicle = model.vehicle
@@ -71,7 +81,18 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model) -> list[
     logged = np.concatenate([commands.wrench_B for commands in sent])
     (force, torque), (whole, turn) = (force_and_torque(rms(wrench)) for wrench in (made - logged, logged))
     words = f"h(u) of the logged actuators differs from the logged W_cmd by {force:.3g} N and {torque:.3g} Nm rms"
+    weight = vehicle.body.mass * GRAVITY
+    if not known and _beside_a_factor(made[:, :3], logged[:, :3]) > OTHER * weight:
+        share = f"{100.0 * force / weight:.0f} % of the weight"
+        ask = f"is {vehicle.name} the model of this vehicle? Else correct its arms, tilt signs and order of rotors"
+        return [Check("actuation", "bad", f"{words}, {share}, and neither c_f nor a unit explains it: {ask}")]
     if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
         remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."
         return [Check("actuation", "warn", f"{words}: {remedy}")]
     return [Check("actuation", "ok", f"{words}.")]
+
+
+def _beside_a_factor(made: Array, logged: Array) -> float:
+    """Rms [N] by which forces (K, 3) differ beside the factor on `made`, within `FACTOR`, that brings them closest."""
+    best = float(np.sum(made * logged)) / max(float(np.sum(made**2)), 1e-12)
+    return float(np.sqrt(np.mean(length(np.clip(best, *FACTOR) * made - logged) ** 2)))

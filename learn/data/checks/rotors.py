@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.checks.mending import option
-from wrenchgap.flight.checks.motion import cosine, rms
+from wrenchgap.flight.checks.motion import cosine
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, moving
 from wrenchgap.learn.data.checks.turning import MOVES, Turned
@@ -29,15 +29,13 @@ from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.plant.wrench_model import about_com, cross
+from wrenchgap.plant.wrench_model import about_com
 
 FITS, BETTER = 0.8, 0.25
 """Cosine with the witness that another reading must reach, and by how much more than as stated. With the motion, in
 which there is more than the rotors made, `MOVES`: real hovers have 0.66 to 0.89."""
 AGAINST = 0.5
 """Cosine with the motion about z from which on an opposite torque is worth a word."""
-DEGREES, OFF = 180.0 / np.pi, 4.0
-"""Of a radian, and the factor by which inertia, lags and noise may change the torque that a motion needs."""
 SAME, EXACT = 0.97, 0.99
 """Cosine with a commanded wrench above which the stated order is it, and above which another one is."""
 CLEAR, LEFT = 0.9, 1.0 / 3.0
@@ -58,11 +56,6 @@ def rotors(flight: Flight, model: Model, seen: Compared, turned: Turned | None =
     name, fits = ("the commanded wrench", FITS) if seen.wrench is not None else ("the motion", MOVES)
     scale = _scale(model.vehicle, seen)
     stated = _alike(seen, seen.made, scale)
-    alike = _in_degrees(model.vehicle, seen, scale)
-    if alike > max(MOVES, stated):
-        words = f"Read in deg/s, it turns as the logged actuators make it (cosine {alike:.2f}), in rad/s far too fast"
-        yield Check("gyroscope", "bad", words, option(flight, "deg", "imu"))
-        return
     if turned is not None and stated > fits:
         yield turned.check
         return
@@ -143,24 +136,6 @@ def _reordered(vehicle: Vehicle, seen: Compared, scale: Array, stated: float) ->
 def _explained(stated: float, found: float) -> bool:
     """Whether a cosine `found` leaves less than a third of the energy that the `stated` one leaves unexplained."""
     return 1.0 - found**2 < LEFT * (1.0 - stated**2)
-
-
-def _in_degrees(vehicle: Vehicle, seen: Compared, scale: Array) -> float:
-    """Cosine between torques made and those of the motion with rates read in deg/s; 0 where sizes speak against it.
-
-    J domega shrinks by the factor, omega x J omega by its square.
-    """
-    if seen.wrench is not None or seen.made is None:
-        return 0.0
-    whirl = cross(seen.omega, seen.omega @ vehicle.body.inertia.T)
-    slower = (seen.measured[:, 3:] - whirl) / DEGREES + whirl / DEGREES**2
-    read = replace(seen, measured=np.hstack((seen.measured[:, :3], slower)))
-    felt, less, made = (
-        rms(moving(seen, torque, fast=True) / scale) for torque in (seen.measured[:, 3:], slower, seen.made[:, 3:])
-    )
-    if not (felt > DEGREES / OFF * made and 1.0 / OFF < less / max(made, 1e-12) < OFF):
-        return 0.0
-    return _alike(read, seen.made, scale)
 
 
 def _scale(vehicle: Vehicle, seen: Compared) -> Array:

@@ -19,6 +19,7 @@ from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
 from wrenchgap.plant.model import Model
+from wrenchgap.plant.vehicle import Vehicle
 
 FORCE = (0.5, 2.0)
 """Commanded over measured force that an effect may make."""
@@ -27,7 +28,9 @@ TORQUE = (0.3, 10.0)
 ALIKE, MUCH_ALIKE = 0.5, 0.7
 """Cosine from which on command and motion belong together, and from which on a command may be called too small."""
 WILD = 100.0
-"""Times the measured torque that a commanded one is in another unit, alike or not."""
+"""Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
+FULL = 1.05
+"""Largest of a normalised command."""
 SEEN = 0.3
 """Share of a command's torque that an axis must have to be asked."""
 
@@ -48,16 +51,17 @@ def force_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
         words, why = _force_words(ratio, model.vehicle.body.mass, float(np.max(np.abs(sent))))
         yield Check("force-unit", "bad", f"{said}: {why}", option(flight, words, "commanded"))
     else:
-        yield _speeds(flight, ratio, said)
+        yield _speeds(flight, model.vehicle, seen, ratio, said)
 
 
-def speed_unit(flight: Flight, seen: Compared) -> Iterator[Check]:
+def speed_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
     """Rotor speeds against the commanded wrench where both are logged: thrusts go with the square of a unit."""
     if seen.wrench is None or seen.made is None:
         return
     sent, made = flown(seen, seen.wrench)[:, :3], flown(seen, seen.made)[:, :3]
     ratio = abs(float(np.median(np.sum(sent * made, axis=1) / np.maximum(np.sum(sent**2, axis=1), 1e-12))))
-    found = _speeds(flight, ratio, f"The logged rotors' force is {ratio:.3g} times the commanded one")
+    said = f"The logged rotors' force is {ratio:.3g} times the commanded one"
+    found = _speeds(flight, model.vehicle, seen, ratio, said)
     if found.name == "rotor-speed-unit":
         yield found
 
@@ -73,18 +77,22 @@ def _force_words(ratio: float, mass: float, largest: float) -> tuple[str, str]:
             unit, f"in {unit}"
         )
         return words, f"it is {what}"
-    kind = "normalised" if largest <= 1.05 else "in another unit, or the mass is not this vehicle's"
+    kind = "normalised" if largest <= FULL else "in another unit, or the mass is not this vehicle's"
     return f"force*{factor(1.0 / ratio)}", f"it is {kind}"
 
 
-def _speeds(flight: Flight, ratio: float, said: str) -> Check:
-    """Rotor speeds in another unit make thrusts by its square."""
+def _speeds(flight: Flight, vehicle: Vehicle, seen: Compared, ratio: float, said: str) -> Check:
+    """Rotor speeds in another unit make thrusts by its square; a factor that is no unit is another vehicle's."""
     for word, k, unit in (("rpm", np.pi / 30.0, "rpm"), ("*6.283185", 2.0 * np.pi, "revolutions per second")):
         if FORCE[0] < ratio * k**2 < FORCE[1]:
             words = f"{said}: rotor speeds are in {unit}"
             return Check("rotor-speed-unit", "bad", words, option(flight, word, "rotor_speed"))
-    words = f"{said}: another mass, c_f or unit of the rotor speeds; correct the model, or the speeds"
-    return Check("weight", "bad", words, option(flight, f"*{factor(1.0 / np.sqrt(ratio))}", "rotor_speed"))
+    if seen.speed is not None and np.max(np.abs(seen.speed)) <= FULL:
+        words = f"{said}: rotor speeds are normalised"
+        mend = option(flight, f"*{factor(1.0 / np.sqrt(ratio))}", "rotor_speed")
+        return Check("rotor-speed-unit", "bad", words, mend)
+    words = f"{said}, and no usual unit of rotor speeds explains it: is {vehicle.name} the model of this vehicle?"
+    return Check("weight", "bad", f"{words} Else correct its mass or c_f")
 
 
 def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]:
@@ -104,6 +112,10 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     usual = _chatter(seen)
     quick = _quick_ratio(seen, inertia, used)
     small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
+    if max(ratio, quick) < 1.0 / WILD and not small:
+        words = f"{said}: another unit, of the torques or of the gyroscope, or vehicle.inertia is not this vehicle's"
+        yield Check("torque-unit", "bad", words)
+        return
     if (small and quick < 1.0) or ((large or ratio > WILD * usual) and quick > TORQUE[1]):
         unit = ratio if small else quick  # what answers disturbances is larger than what moves the vehicle
         words = "Nmm" if 0.2 < unit / 1000.0 < 5.0 else f"torque*{factor(1.0 / unit)}"

@@ -1,0 +1,76 @@
+"""A model that is not this vehicle's is asked about; no factor makes it fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wrenchgap as wg
+from benchmarks.meaning.flying import QUAD, fly
+from wrenchgap.learn.data.opening import open_flight
+from wrenchgap.plant import model_file
+
+
+def of_name(flight, model, name):
+    return [c for c in open_flight(flight, model, gate=False).checks if c.name == name]
+
+
+def with_rotors(model, **changes):
+    return replace(model, vehicle=replace(model.vehicle, rotors=replace(model.vehicle.rotors, **changes)))
+
+
+@pytest.fixture(scope="module")
+def tilting():
+    model = wg.load_model("tilt_hexarotor")
+    return model, wg.simulate(model, "multi_axis", duration=12.0, excitation=1.0, seed=5)
+
+
+def test_actuators_of_another_vehicle_do_not_make_the_commanded_wrench(tilting):
+    _, flight = tilting
+    (check,) = of_name(flight, wg.load_model("voliro_x"), "actuation")
+    assert check.level == "bad"
+    assert "is voliro_x the model of this vehicle?" in check.words
+
+
+@pytest.mark.parametrize(("factor", "level"), [(1.0, "ok"), (0.7, "warn"), (1.4, "warn")])
+def test_one_factor_on_every_thrust_is_a_c_f_and_no_other_vehicle(tilting, factor, level):
+    """T = c_f Omega^2: h(u) has the right direction throughout, and is 30 or 40 % off."""
+    model, flight = tilting
+    (check,) = of_name(flight, with_rotors(model, c_f=factor * model.vehicle.rotors.c_f), "actuation")
+    assert check.level == level
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """Model, and a log of it without an attitude."""
+    path = tmp_path_factory.mktemp("models") / "craft.toml"
+    path.write_text(QUAD.model())
+    return model_file.load(path), replace(fly(QUAD, 16.0, 31), odometry=None, checks=None)
+
+
+def test_thrusts_that_no_unit_explains_ask_for_the_model_and_propose_no_factor(bare):
+    model, flight = bare
+    unsaid = replace(flight, commanded=None)
+    found = of_name(unsaid, with_rotors(model, c_f=12.0 * model.vehicle.rotors.c_f), "weight")
+    (check,) = [c for c in found if "no usual unit" in c.words]
+    assert check.level == "bad"
+    assert check.mend is None
+    assert f"is {model.vehicle.name} the model of this vehicle?" in check.words
+
+
+@pytest.mark.parametrize(("unit", "word"), [(30.0 / np.pi, "rpm"), (0.5 / np.pi, "6.283185")])
+def test_a_known_unit_is_still_proposed(bare, unit, word):
+    model, flight = bare
+    sent = replace(flight.actuators, rotor_speed=unit * flight.actuators.rotor_speed)
+    found = of_name(replace(flight, actuators=sent), model, "rotor-speed-unit")
+    assert any(c.level == "bad" and word in c.mend for c in found)
+
+
+def test_speeds_as_shares_of_the_largest_are_normalised(bare):
+    model, flight = bare
+    most = model.vehicle.rotors.speed_max[0]
+    sent = replace(flight.actuators, rotor_speed=flight.actuators.rotor_speed / most)
+    found = of_name(replace(flight, actuators=sent), model, "rotor-speed-unit")
+    (check,) = [c for c in found if c.level == "bad"]
+    factor = float(check.mend.split("*")[1].strip("'"))
+    assert factor == pytest.approx(most, rel=0.1)
