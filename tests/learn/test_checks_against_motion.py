@@ -100,6 +100,16 @@ def test_a_motion_that_needs_more_torque_than_the_rotors_have_is_none(flown, tim
         assert checks["gyroscope"].mend is None  # nothing that was logged says which unit
 
 
+def test_a_hover_without_commanded_torque_has_no_unit_to_doubt(flown):
+    """In still air nothing is commanded, and the motion is the sensors' noise."""
+    model, flight = flown
+    still = np.random.default_rng(3).normal(0.0, 1e-3, flight.imu.omega_B.shape)
+    sent = flight.commanded
+    nothing = replace(sent, wrench_B=sent.wrench_B * [1, 1, 1, 1e-14, 1e-14, 1e-14])
+    calm = replace(flight, imu=replace(flight.imu, omega_B=still))
+    assert "torque-unit" not in found(wrench_alone(calm, commanded=nothing), model)
+
+
 @pytest.mark.parametrize(("size", "bad"), [(1.0, False), (1e-4, True)])
 def test_a_torque_ten_thousand_times_too_small_is_bad_however_unlike_the_motion_it_is(flown, size, bad):
     """The torques of the flight backwards have its sizes, and nothing in common with the motion."""

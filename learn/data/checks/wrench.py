@@ -18,6 +18,7 @@ from wrenchgap.flight.checks.motion import cosine, rms
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.learn.data.checks.compared import LAGS, Compared, flown, moving
+from wrenchgap.learn.data.checks.gyroscope import largest_torque
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -31,6 +32,8 @@ WILD = 100.0
 """Times the measured torque that a commanded one is in another unit, alike or not; and the other way round."""
 FULL = 1.05
 """Largest of a normalised command."""
+TURNED = 0.001
+"""Share of the rotors' largest torque that a motion needs (rms) before a command that is far smaller is no command."""
 SEEN = 0.3
 """Share of a command's torque that an axis must have to be asked."""
 
@@ -112,7 +115,9 @@ def torque_unit(flight: Flight, model: Model, seen: Compared) -> Iterator[Check]
     usual = _chatter(seen)
     quick = _quick_ratio(seen, inertia, used)
     small, large = ratio < TORQUE[0] and abs(alike) > MUCH_ALIKE, ratio > TORQUE[1] * usual and abs(alike) > ALIKE
-    if max(ratio, quick) < 1.0 / WILD and not small:
+    most = largest_torque(model.vehicle)  # in a hover in still air nothing is commanded, and what is felt is noise
+    turned = most is not None and rms(flown(seen, seen.measured[:, 3:])) > TURNED * most
+    if turned and max(ratio, quick) < 1.0 / WILD and not small:
         words = f"{said}: another unit, of the torques or of the gyroscope, or vehicle.inertia is not this vehicle's"
         yield Check("torque-unit", "bad", words)
         return
