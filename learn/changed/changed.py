@@ -44,7 +44,7 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, timing
 from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.identify.trim import typical
-from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.posterior import FIRM, SUREST
 from wrenchgap.learn.posterior.settle import Check
@@ -162,6 +162,7 @@ class Baseline:
         with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are
             return self._against(suspects, progress or (lambda fraction, words: None))
 
+    @one_thread
     def _against(self, suspects: Sequence[OpenFlight], tell: Progress) -> Changed:
         flights = checked(suspects, self.healthy, self.model)
         tell(0.0, "timing of the topics")

@@ -44,7 +44,7 @@ from wrenchgap.learn.identify.air import AirVelocity, air_velocity
 from wrenchgap.learn.identify.candidates import Candidates, candidates
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.identify.validation import Validation, validate
-from wrenchgap.learn.parallel import cores
+from wrenchgap.learn.parallel import cores, one_thread
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.late_clock import LateClock, late_clock, with_clock
 from wrenchgap.learn.posterior.members import Fitted, Member, fitted, needed
@@ -197,6 +197,7 @@ def explain(
     return replace(found, flights=tuple(flights), timing=timing, validation=tested)
 
 
+@one_thread
 def search_dataset(
     data: Dataset,
     model: Model,
