@@ -58,7 +58,7 @@ _COSINE = np.array([(-1) ** k * np.pi ** (2 * k) / _FACTORIALS[2 * k] for k in r
 """Of sin(pi y) / y and cos(pi y) in powers of y^2: exact to rounding for |y| <= 1/2, and without a branch."""
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _waves(x: Array, hann: Array, turn_re: Array, turn_im: Array) -> None:
     """Hann's window sin^2(pi x) and exp(-2 pi i x) at places `x` (n,) in [0, 1]."""
     for i in range(len(x)):
@@ -74,7 +74,7 @@ def _waves(x: Array, hann: Array, turn_re: Array, turn_im: Array) -> None:
         turn_im[i] = 2.0 * sine * cosine
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _tapered(x: Array, values: Array, hann: Array, tapered: Array) -> None:
     """Values `tapered` (C, n) at places `x` (n,) in the block, their line taken out."""
     n, columns = values.shape
@@ -102,7 +102,7 @@ def _tapered(x: Array, values: Array, hann: Array, tapered: Array) -> None:
             row[i] = (row[i] - mean - slope * (x[i] - middle)) * weight[i]
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _turned(wave_re: Array, wave_im: Array, turn_re: Array, turn_im: Array) -> None:
     """The wave of the next harmonic, in the place of the last one."""
     for i in range(len(wave_re)):
@@ -111,7 +111,7 @@ def _turned(wave_re: Array, wave_im: Array, turn_re: Array, turn_im: Array) -> N
         wave_re[i] = re
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _sums(turn_re: Array, turn_im: Array, tapered: Array, lowest: int, out: Complex) -> None:
     """Sums over the samples, harmonic by harmonic (C, F); vectors go together, so that a wave is fetched once for three
     columns.
@@ -143,7 +143,7 @@ def _sums(turn_re: Array, turn_im: Array, tapered: Array, lowest: int, out: Comp
         _turned(wave_re, wave_im, turn_re, turn_im)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _integrals(
     time: Array,
     values: Array,

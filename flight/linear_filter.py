@@ -24,7 +24,7 @@ def filtered(b: Array, a: Array, signal: Array, start: Array | None = None) -> A
     return np.asarray(_filtered(numerator, denominator, np.ascontiguousarray(signal, dtype=float), state))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _filtered(b: Array, a: Array, signal: Array, state: Array) -> Array:
     """As `filtered`, both sets of coefficients (K + 1,) as long, a_0 = 1; `state` (K, D) is written to."""
     out, order = np.empty(signal.shape), len(state)

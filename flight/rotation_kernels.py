@@ -16,7 +16,7 @@ MANY = 4096
 """Rows below which a handful of numpy calls is soon done."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def continuous(quat: Array) -> Array:
     """As `so3.continuous`: (N, 4) to (N, 4)."""
     out = np.empty_like(quat)
@@ -32,7 +32,7 @@ def continuous(quat: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def rotate(quat: Array, vector: Array, inverse: float) -> Array:
     """As `so3.rotate` for `inverse` 1, `so3.rotate_inverse` for -1: (N, 4) and (N, 3) to (N, 3)."""
     out = np.empty((len(vector), 3))
@@ -46,7 +46,7 @@ def rotate(quat: Array, vector: Array, inverse: float) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _log(w: float, x: float, y: float, z: float, out: Array) -> None:
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
@@ -55,7 +55,7 @@ def _log(w: float, x: float, y: float, z: float, out: Array) -> None:
     out[0], out[1], out[2] = factor * x, factor * y, factor * z
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def log(quat: Array) -> Array:
     """As `so3.log`: (N, 4) to (N, 3)."""
     out = np.empty((len(quat), 3))
@@ -64,7 +64,7 @@ def log(quat: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _relative(p: Array, q: Array, out: Array) -> None:
     """log(p^-1 q)."""
     a, b, c, d = p[0], -p[1], -p[2], -p[3]
@@ -78,7 +78,7 @@ def _relative(p: Array, q: Array, out: Array) -> None:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def interpolate(time: Array, knots: Array, quat: Array) -> Array:
     """As `so3.interpolate`: (N,), (K,) increasing, (K, 4) to (N, 4)."""
     out, step, j, last = np.empty((len(time), 4)), np.empty(3), 0, len(knots) - 2
@@ -102,7 +102,7 @@ def interpolate(time: Array, knots: Array, quat: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def turned(before: Array, after: Array) -> Array:
     """As `so3.turned`, log(p^-1 q) of the rows p of `before` and q of `after`: (N, 4) and (N, 4) to (N, 3)."""
     out = np.empty((len(before), 3))

@@ -24,7 +24,7 @@ def plain_largest(values: Array) -> Array:
     return np.asarray(np.max(np.nan_to_num(np.abs(values), posinf=np.inf), axis=0, initial=0.0))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def largest(values: Array) -> Array:
     """As `plain_largest`."""
     found = np.zeros(values.shape[1])
@@ -41,7 +41,7 @@ def plain_lengths(values: Array) -> Array:
     return np.asarray(np.linalg.norm(values, axis=1))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _lengths(values: Array) -> Array:
     out = np.empty(values.shape[0])
     for i in range(values.shape[0]):
@@ -62,7 +62,7 @@ def plain_beyond(values: Array, limit: float) -> bool:
     return not bool(np.all(np.abs(values) <= limit))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def beyond(values: Array, limit: float) -> bool:
     """As `plain_beyond`."""
     flat = values.reshape(-1)
@@ -85,7 +85,7 @@ def plain_repeats(values: Array) -> Counts:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def repeats(values: Array) -> Counts:
     """As `plain_repeats`."""
     out = np.zeros((2, values.shape[1]), dtype=np.int64)
@@ -108,7 +108,7 @@ def plain_interpolated(time: Array, knots: Array, values: Array) -> Array:
     return np.stack(columns, axis=1) if columns else np.zeros((len(time), 0))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def interpolated(time: Array, knots: Array, values: Array) -> Array:
     """As `plain_interpolated`; each place is looked for from the last one on."""
     out = np.empty((len(time), values.shape[1]))
@@ -130,7 +130,7 @@ def interpolated(time: Array, knots: Array, values: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def held_mean(time: Array, knots: Array, values: Array, window: float) -> Array:
     """As `flight.resample.plain_held_mean`, with the end of the last hold among the `knots` (K + 1,).
 
@@ -164,7 +164,7 @@ def plain_integral(time: Array, values: Array) -> Array:
     return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def integral(time: Array, values: Array) -> Array:
     """As `plain_integral`."""
     out = np.zeros(values.shape)
@@ -180,7 +180,7 @@ def plain_correlated(values: Array, weights: Array) -> Array:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0) @ weights)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def correlated(values: Array, weights: Array) -> Array:
     """As `plain_correlated`, but for rounding; neighbouring rows are a fixed number of places apart."""
     columns = values.shape[1]

@@ -17,9 +17,9 @@ import tempfile
 import time
 import warnings
 import weakref
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass, replace
@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
 import cloudpickle
+import numpy as np
 from joblib.externals import loky
 from joblib.externals.loky import process_executor
 from joblib.externals.loky.backend import resource_tracker
@@ -35,6 +36,8 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
 from wrenchgap.plant import own_effects
+from wrenchgap.plant.effects import catalogue
+from wrenchgap.plant.rotor_kernels import turned
 
 try:
     import fcntl
@@ -47,8 +50,6 @@ P = ParamSpec("P")
 
 IDLE_SECONDS = 300
 """A worker that has had nothing to do for so long ends."""
-AHEAD = 2
-"""Items that wait for each worker, so that it need not wait for this process."""
 HELD = 6
 """Files that a worker keeps in memory: the shared objects of one search, and its present question."""
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "NUMEXPR")} | {
@@ -118,71 +119,80 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
     pool = _workers(jobs - 1)
     try:
         with threadpool_limits(1, user_api="blas"):
-            yield from _shared_out(pool, question, work, items, jobs - 1, _done_here(shared))
+            yield from _shared_out(pool, question, work, items, _done_here(shared))
     except BaseException as error:
         pool.shutdown(kill_workers=True)
         if isinstance(error, BrokenProcessPool):
             raise FitError(DIED) from None
         raise
     finally:
-        _remove(question)
+        _remove(question)  # from now on no worker begins with an item of it
+        for j in range(len(items)):
+            _remove(_place(question, j))
 
 
 def get_ready(jobs: int, what: str = "wrenchgap.learn.posterior.explain") -> None:
-    """Let the workers of a later `each` start, and import the module `what`, while this process reads logs."""
+    """Let the workers of a later `each` start, import the module `what` and load the first of the compiled kernels,
+    while this process reads logs.
+    """  # noqa: D205
     if jobs > 1:
         with ctrl_c_stays_here():
             pool = _workers(jobs - 1)
             for _ in range(jobs - 1):
-                pool.submit(importlib.import_module, what)
+                pool.submit(_warm, what)
+
+
+def _warm(what: str) -> None:
+    """In a worker: what the first item would wait for, half a second of imports and numba's own start."""
+    importlib.import_module(what)
+    importlib.import_module("scipy.optimize")
+    catalogue()
+    turned(np.zeros((1, 1)))
 
 
 def _shared_out(
-    pool: Any, question: str, work: Callable[[str], T], items: Sequence[str], workers: int, here: set[str]
+    pool: Any, question: str, work: Callable[[str], T], items: Sequence[str], here: set[str]
 ) -> Iterator[T]:
-    """Answers in order. Workers have a few items ahead; what nobody has yet is done here, one item at a time, and at
-    last what waits behind another item of a worker. `here` are items that were done here before: what was remembered
-    of them is here too, so they are done here again, and others by workers, as far as both have enough to do.
-    """  # noqa: D205
-    left, before = list(range(len(items))), frozenset(here)
+    """Answers in order. Workers are asked for everything, the last item first; this process begins with the first, and
+    whoever is the first to claim an item does it. Of `here`, items that were done here before, all that was remembered
+    is here too: this process begins with those, and workers end with them.
+    """
+    mine = deque(sorted(range(len(items)), key=lambda j: items[j] not in here))
+    here.difference_update(items)
     done: dict[int, T] = {}
-    asked: dict[int, Future[T]] = {}
-    taken: list[str] = []
-    try:
-        for k in range(len(items)):
-            while k not in done:
-                waiting = [j for j, future in asked.items() if not future.done()]
-                while left and len(waiting) < AHEAD * workers:
-                    j = _next(left, items, before, mine=False)
-                    here.discard(items[j])
-                    with ctrl_c_stays_here():
-                        asked[j] = pool.submit(_answer, question, items[j], _place(question, j))
-                    waiting.append(j)
-                if k in asked and (asked[k].done() or (not left and len(waiting) <= workers)):
-                    done[k] = asked.pop(k).result()
-                    continue
-                if left:
-                    j = _next(left, items, before, mine=True)
-                else:  # of what workers have, the last ones wait behind others
-                    j = waiting[-1]
-                    del asked[j]
-                    taken.append(_place(question, j))
-                    Path(taken[-1]).touch()
+    with ctrl_c_stays_here():
+        asked = {j: pool.submit(_answer, question, items[j], _place(question, j)) for j in reversed(mine)}
+    for k in range(len(items)):
+        while k not in done:
+            j = None if asked[k].done() else _claimed(question, mine)
+            if j is None:  # what a worker has done, or is at
+                done[k] = asked[k].result()
+            else:
                 done[j] = work(items[j])
                 here.add(items[j])
-            yield done.pop(k)
-    finally:
-        for file in taken:
-            _remove(file)
+        del asked[k]
+        yield done.pop(k)
 
 
-def _next(left: list[int], items: Sequence[str], here: frozenset[str], *, mine: bool) -> int:
-    """The first of `left` that was done here before, or where it is not `mine` elsewhere; else the first; taken out."""
-    return left.pop(next((at for at, j in enumerate(left) if (items[j] in here) == mine), 0))
+def _claimed(question: str, left: deque[int]) -> int | None:
+    """The next of these items that nobody has begun with, which are taken out up to it."""
+    while left:
+        if _claim(_place(question, j := left.popleft())):
+            return j
+    return None
+
+
+def _claim(place: str) -> bool:
+    """Whether this process is the first to ask for the file that says that an item was begun."""
+    try:
+        os.close(os.open(place, os.O_CREAT | os.O_EXCL))
+    except OSError:  # another was
+        return False
+    return True
 
 
 def _place(question: str, item: int) -> str:
-    """The file that says that a worker need not begin with an item any more."""
+    """The file that says that an item was begun."""
     return f"{question}.{item}"
 
 
@@ -258,8 +268,8 @@ class _Unpickler(cloudpickle.pickle.Unpickler):  # type: ignore[misc]
         return _read(file)
 
 
-def _answer(question: str, item: str, taken: str) -> Any:
-    if Path(taken).exists() or not Path(question).exists():
+def _answer(question: str, item: str, place: str) -> Any:
+    if not Path(question).exists() or not _claim(place):
         return None  # nobody waits for it any more
     try:
         return _read(question)(item)

@@ -28,12 +28,12 @@ def report(model: WrenchModel, wrench_B: Array, state: State, body: Body | None 
     return np.asarray(_report(np.ascontiguousarray(wrench_B), np.ascontiguousarray(state.omega_B), numbers))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _cross(a, b):  # type: ignore[no-untyped-def]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _times(M, v):  # type: ignore[no-untyped-def]
     return (
         M[0, 0] * v[0] + M[0, 1] * v[1] + M[0, 2] * v[2],
@@ -42,7 +42,7 @@ def _times(M, v):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _report(wrench: Array, omega: Array, numbers: Array) -> Array:
     """`measured_wrench` of the believed body, of the motion that `forward_dynamics` gives the true one; of both mass,
     centre of mass and inertia are in `numbers`, and the inverse of the true inertia between them.

@@ -32,7 +32,7 @@ def whole(*arrays: Array) -> tuple[Array, ...]:
     return tuple(np.ascontiguousarray(a) for a in arrays)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def turned(angles: Array) -> Array:
     """Cosines, then sines (N, 2A) of angles (N, A) [rad], to the last digit but one.
 
@@ -67,7 +67,7 @@ def turned(angles: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def rotor_wrench(
     arm: NDArray[np.intp], thrust: Array, turn: Array, drag: Array, normal: Array, lateral: Array, place: Array
 ) -> Array:
@@ -101,7 +101,7 @@ def rotor_wrench(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def hub_velocity(velocity: Array, omega: Array, hub: Array) -> Array:
     """V + omega x p (N, R, 3) of velocities and body rates (N, 3) and hubs (N, R, 3)."""
     out = np.empty(hub.shape)
@@ -115,7 +115,7 @@ def hub_velocity(velocity: Array, omega: Array, hub: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def rotor_drag(coefficient: float, speed: Array, velocity: Array, omega: Array, hub: Array, normal: Array) -> Array:
     """Wrench (N, 6) about O of forces -coefficient |speed| times the velocity of the hubs (N, R, 3), `velocity` and
     `omega` (N, 3) being those of O, across their `normal` (N, R, 3).

@@ -10,7 +10,7 @@ from numba import njit
 from wrenchgap.plant.effects.lag import Array
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def steps(start: Array, end: Array, state: Array, up: float, down: float, dt: float) -> Array:
     """Outputs (N, D) of N steps from `state` (D,), while inputs go from `start` (N, D) to `end` (N, D)."""
     out = np.empty(end.shape)

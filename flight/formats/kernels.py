@@ -57,7 +57,7 @@ def plainly_walked(
     return count, position, END
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _number(data: Bytes, place: Any, size: int) -> Any:
     """An unsigned little-endian number."""
     value = np.uint64(0)
@@ -66,7 +66,7 @@ def _number(data: Bytes, place: Any, size: int) -> Any:
     return value
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def walked(
     data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
 ) -> tuple[int, int, int]:
@@ -132,7 +132,7 @@ def plainly_walked_bag(data: bytes, places: Places) -> int:
 _OP, _CONN, _TIME = (np.frombuffer(name, dtype=np.uint8) for name in (b"op=", b"conn=", b"time="))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _named(data: Bytes, place: Any, name: Bytes) -> bool:
     """Whether a field has this name; within the data, as a header is followed by four bytes at least."""
     if place + len(name) > len(data):
@@ -143,7 +143,7 @@ def _named(data: Bytes, place: Any, name: Bytes) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def walked_bag(data: Bytes, places: Places) -> int:
     """As `plainly_walked_bag`."""
     position: Any = np.int64(0)
@@ -204,7 +204,7 @@ def plainly_grouped(places: Places, count: int) -> tuple[Places, Places, Places]
     return channels, np.cumsum([0, *map(len, groups)]), places[1:, order]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
     """As `plainly_grouped`."""
     channels, numbers = np.empty(count, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
@@ -278,7 +278,7 @@ def _memcpy(context: Any, target: Any, place: Any, source: Any, first: Any, size
 copy_bytes: Any = intrinsic(_memcpy)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def copied(
     data: Bytes,
     starts: Places,

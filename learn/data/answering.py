@@ -73,7 +73,7 @@ def lagged(signal: Array, samples: float) -> Array:
     return np.asarray(_lagged(np.ascontiguousarray(signal, dtype=float), decay))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _lagged(signal: Array, decay: float) -> Array:
     out, held = np.empty(len(signal)), decay * signal[0]
     for i in range(len(signal)):

@@ -12,7 +12,7 @@ from numba import njit
 from wrenchgap.flight.flight import Array
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def both_ways(section: Array, start: Array, signal: Array, padding: int) -> Array:
     """`signal` (N, D) filtered by `section` (b0, b1, b2, 1, a1, a2) in both directions.
 

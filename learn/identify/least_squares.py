@@ -226,11 +226,14 @@ class Problem:
 
     def bounded_step(self, point: Point, H: Array, g: Array) -> Array:
         """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
+        low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
+        free = np.linalg.solve(H + np.eye(point.x.size), g - point.x / self.scale)
+        if np.all((low <= free) & (free <= high)):
+            return free * self.scale
         from scipy.optimize import lsq_linear  # here: others need not wait for it
 
         L = np.linalg.cholesky(H + np.eye(point.x.size))
         target = np.linalg.solve(L, g - point.x / self.scale)
-        low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
         solution = lsq_linear(L.T, target, bounds=(low - 1e-12, high + 1e-12), method="bvls")
         return np.asarray(np.clip(point.x + solution.x * self.scale, self.low, self.high) - point.x)
 

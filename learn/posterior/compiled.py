@@ -22,7 +22,7 @@ TINY = 1e-14
 """Least pivot of a factorisation: what is smaller is rounding."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def factor(A: Array) -> Array:
     """Upper triangle U (P, P) with U' U = A, a positive definite matrix; a pivot that is lost to rounding is tiny.
 
@@ -46,7 +46,7 @@ def factor(A: Array) -> Array:
     return U
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def solve(U: Array, right: Array) -> Array:
     """The x (P,) with U' U x = right."""
     n = U.shape[0]
@@ -63,7 +63,7 @@ def solve(U: Array, right: Array) -> Array:
     return x
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def scaled(A: Array, scale: Array) -> Array:
     """A in units of `scale`, plus one on the diagonal: the curvature with its prior."""
     n = len(scale)
@@ -85,7 +85,7 @@ def occam(A: Array, theta: Array, scale: Array) -> float:
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def variances(U: Array, wanted: Flags) -> Array:
     """The diagonal (P,) of the inverse of U' U where it is wanted, else zero."""
     n = U.shape[0]
@@ -168,7 +168,7 @@ def bounded(A: Array, b: Array, low: Array, high: Array, scale: Array) -> Array:
     return np.minimum(np.maximum(x, lower), upper) * scale
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def score(
     whole: Array,
     unknown: Rows,
@@ -217,7 +217,7 @@ def score(
     return fitted - 0.5 * total**2, occam(A, theta, scale)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def gains(whole: Array, unknown: Rows, fixed: Rows, rows: Rows, starts: Rows, scale: Array) -> Array:
     """What each of several candidates would take off what a set leaves, to second order and without bounds.
 

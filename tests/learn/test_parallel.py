@@ -43,18 +43,30 @@ def test_what_waits_behind_a_long_item_of_a_worker_is_done_here():
     def who(name):
         if os.getpid() != parent and name == "long":
             time.sleep(2.0)
+        elif os.getpid() == parent:
+            time.sleep(0.1)
         return os.getpid()
 
-    list(each(who, ["a", "b"], 2))  # a worker is there
-    long, *others = each(who, ["long", "behind it", "left"], 2)
+    list(each(who, ["a", "b", "c", "d"], 2))  # a worker is there
+    *others, long = each(who, ["left", "behind it", "long"], 2)
     assert long != parent
     assert others == [parent, parent]
 
 
+def test_nobody_waits_for_a_worker_that_has_yet_to_start():
+    parallel._workers(1).shutdown(kill_workers=True)
+    assert set(each(lambda _: os.getpid(), list("abc"), 2)) == {os.getpid()}
+
+
+def test_an_item_is_claimed_once_and_left_over_by_others(tmp_path):
+    question = str(tmp_path / "question")
+    assert parallel._claim(parallel._place(question, 1))
+    left = parallel.deque([0, 1, 2])
+    assert [parallel._claimed(question, left) for _ in range(3)] == [0, 2, None]
+    assert not parallel._claim(parallel._place(question, 2))
+
+
 def test_items_go_where_they_were_done_before():
-    left = [0, 1, 2, 3]
-    chosen = [parallel._next(left, list("abcd"), frozenset("bd"), mine=mine) for mine in (True, False, True, True)]
-    assert chosen == [1, 0, 3, 2]  # the last one for want of another
     large = Large(values=np.arange(4.0))
 
     def who(shared):
@@ -85,6 +97,7 @@ def test_a_worker_that_dies_is_told_and_the_next_call_has_others():
     def die(_):
         if os.getpid() != parent:
             os._exit(1)
+        time.sleep(1.0)
 
     with pytest.raises(FitError, match="died"):
         list(each(die, list("abcdefgh"), 2))
@@ -154,6 +167,7 @@ def test_own_effects_are_those_of_the_workers_too(tmp_path):
     def broken(name):
         if os.getpid() != parent:
             find(name).apply(None, None, None, None)
+        time.sleep(0.5)
 
     try:
         own_effects.use([tmp_path / "mine.py"])
