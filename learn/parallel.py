@@ -8,20 +8,16 @@ search is named as `shared`: every worker reads it once, and keeps what it remem
 
 from __future__ import annotations
 
-import atexit
 import importlib
 import os
-import shutil
 import signal
-import tempfile
-import time
 import warnings
 import weakref
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import is_dataclass, replace
 from functools import cache, wraps
 from pathlib import Path
@@ -35,14 +31,10 @@ from joblib.externals.loky.backend import resource_tracker
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
+from wrenchgap.learn.work_files import remove, written
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.rotor_kernels import turned
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 T = TypeVar("T")
 Q = TypeVar("Q")
@@ -115,7 +107,7 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
     if min(jobs, len(items)) < 2:
         yield from map(work, items)
         return
-    question = _written(lambda file: _Pickler(file, shared).dump(work))
+    question = written(lambda file: _Pickler(file, shared).dump(work))
     pool = _workers(jobs - 1)
     try:
         with threadpool_limits(1, user_api="blas"):
@@ -126,9 +118,9 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
             raise FitError(DIED) from None
         raise
     finally:
-        _remove(question)  # from now on no worker begins with an item of it
+        remove(question)  # from now on no worker begins with an item of it
         for j in range(len(items)):
-            _remove(_place(question, j))
+            remove(_place(question, j))
 
 
 def get_ready(jobs: int, what: str = "wrenchgap.learn.posterior.explain") -> None:
@@ -156,7 +148,7 @@ def _shared_out(
     """Answers in order. Workers are asked for everything, the last item first; this process begins with the first, and
     whoever is the first to claim an item does it. Of `here`, items that were done here before, all that was remembered
     is here too: this process begins with those, and workers end with them.
-    """
+    """  # noqa: D205
     mine = deque(sorted(range(len(items)), key=lambda j: items[j] not in here))
     here.difference_update(items)
     done: dict[int, T] = {}
@@ -239,11 +231,6 @@ def _workers(count: int) -> Any:
 
 # --- what workers are given, as files that they read once ------------------------------------------------------------
 
-FOLDER, LOCK = "wrenchgap-work-", "in use"
-YOUNG = 60.0
-"""Age [s] below which a folder without a lock may still be about to get one."""
-_locks: dict[int, IO[bytes]] = {}
-"""Held by this process, by its number."""
 _files: dict[int, str] = {}
 """Shared objects that are written, by identity."""
 _here: dict[int, set[str]] = {}
@@ -293,7 +280,7 @@ def _file_of(item: object) -> str:
     """The file of a shared object, which is there as long as the object; without what it has remembered so far."""
     if id(item) not in _files:
         bare = replace(item) if is_dataclass(item) and not isinstance(item, type) else item
-        _files[id(item)] = _written(lambda file: cloudpickle.dump(bare, file))
+        _files[id(item)] = written(lambda file: cloudpickle.dump(bare, file))
         weakref.finalize(item, _forget, id(item))
     return _files[id(item)]
 
@@ -305,55 +292,4 @@ def _done_here(shared: Sequence[object]) -> set[str]:
 
 def _forget(key: int) -> None:
     _here.pop(key, None)
-    _remove(_files.pop(key))
-
-
-def _written(write: Callable[[IO[bytes]], None]) -> str:
-    number, name = tempfile.mkstemp(suffix=".pickle", dir=_folder(os.getpid()))
-    with os.fdopen(number, "wb") as file:
-        write(file)
-    return name
-
-
-@cache
-def _folder(process: int) -> str:
-    """Where this process keeps its files: gone when it ends, and if it was killed, when another one begins to write.
-
-    It holds a lock on a file there for as long as it lives, which the system gives up however a process ends.
-    """
-    _sweep(Path(tempfile.gettempdir()))
-    folder = tempfile.mkdtemp(prefix=FOLDER)
-    _locks[process] = (Path(folder) / LOCK).open("ab")
-    _lock(_locks[process])
-    atexit.register(_leave, folder, process)
-    return folder
-
-
-def _leave(folder: str, process: int) -> None:
-    if os.getpid() == process:  # and not a fork of it, which ends first
-        _locks.pop(process).close()
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _sweep(place: Path) -> None:
-    """Remove folders of processes that were killed: nobody holds their lock, and they are older than `YOUNG`."""
-    if fcntl is None:
-        return
-    for folder in place.glob(f"{FOLDER}*"):
-        with suppress(OSError):  # somebody else's, or another process was faster
-            if time.time() - folder.stat().st_mtime < YOUNG:
-                continue
-            with (folder / LOCK).open("ab") as file:
-                _lock(file)
-                shutil.rmtree(folder, ignore_errors=True)
-
-
-def _lock(file: IO[bytes]) -> None:
-    """Raises BlockingIOError where another process has it."""
-    if fcntl is not None:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-def _remove(file: str) -> None:
-    with suppress(OSError):
-        Path(file).unlink()
+    remove(_files.pop(key))

@@ -229,7 +229,7 @@ class Problem:
         low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
         free = np.linalg.solve(H + np.eye(point.x.size), g - point.x / self.scale)
         if np.all((low <= free) & (free <= high)):
-            return free * self.scale
+            return np.asarray(free * self.scale)
         from scipy.optimize import lsq_linear  # here: others need not wait for it
 
         L = np.linalg.cholesky(H + np.eye(point.x.size))
