@@ -14,18 +14,28 @@ Report = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
 LEAST_WIDTH = 120
-"""Columns that the widest tables need; a narrower terminal wraps lines, but loses no digit."""
+"""Columns that the widest tables need; a narrower terminal wraps their lines, but loses no digit."""
+LEAST_PROSE = 60
+"""Columns below which sentences are not broken into shorter lines."""
 PATIENCE = 10.0
 """Seconds between lines of progress where standard error is no terminal."""
 
 
 def console() -> Any:
-    """A rich console; wide enough for the tables, whose numbers must not be cut, on a narrow terminal too."""
+    """A rich console: sentences are as wide as the terminal, tables wide enough for their numbers on any."""
     from rich.console import Console
+    from rich.table import Table
 
     known = sys.stdout.isatty() or "COLUMNS" in os.environ
-    wide = max(shutil.get_terminal_size().columns, LEAST_WIDTH) if known else 132
-    return Console(width=wide, highlight=False)
+    real = shutil.get_terminal_size().columns if known else 132
+
+    class Terminal(Console):
+        def print(self, *objects: Any, **options: Any) -> None:
+            tables = any(isinstance(one, Table) and one.show_header for one in objects)
+            width = max(real, LEAST_WIDTH if tables else LEAST_PROSE)
+            super().print(*objects, **{"width": width} | options)
+
+    return Terminal(width=max(real, LEAST_WIDTH), highlight=False)
 
 
 @contextmanager

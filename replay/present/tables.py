@@ -23,6 +23,9 @@ INTERVAL_LEGEND = (
 )
 """What stands below tables of `parameters`."""
 
+COMMAND = ": wrenchgap "
+"""In lines that give a command to copy."""
+
 
 @dataclass(frozen=True)
 class Line:
@@ -36,9 +39,9 @@ Part = Table | Line
 
 
 def show(console: Any, part: Part) -> None:
-    """Print one part to a console of rich."""
+    """Print one part to a console of rich. A line with a command to copy stays one line."""
     if isinstance(part, Line):
-        console.print(part.text, style=part.style or None, markup=False, soft_wrap=False)
+        console.print(part.text, style=part.style or None, markup=False, soft_wrap=COMMAND in part.text)
     else:
         console.print(part)
 

@@ -1,0 +1,39 @@
+"""On a narrow terminal sentences are broken where it ends, commands to copy and numbers of tables are not."""
+
+import pytest
+
+from wrenchgap.replay.cli.console import console
+from wrenchgap.replay.present.tables import Line, plain, show
+
+SENTENCE = "Nothing is missing that the catalogue could name here, and " * 4
+COMMAND = f"next: wrenchgap explain {'/a/very/long/folder' * 6}/flight.mcap -m my_vehicle.toml"
+
+
+@pytest.fixture
+def lines(monkeypatch):
+    def printed(part, columns):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        out = console()
+        with out.capture() as caught:
+            show(out, part)
+        return caught.get().rstrip().split("\n")
+
+    return printed
+
+
+@pytest.mark.parametrize("columns", [70, 100, 160])
+def test_sentences_end_where_the_terminal_does(lines, columns):
+    found = lines(Line(SENTENCE), columns)
+    assert len(found) > 1
+    assert columns - len("catalogue") - 2 < max(map(len, found)) <= columns
+    assert " ".join(line.strip() for line in found) == SENTENCE.strip()
+
+
+def test_a_command_to_copy_stays_in_one_piece(lines):
+    assert lines(Line(COMMAND), 70) == [COMMAND]
+
+
+def test_numbers_of_a_table_are_not_broken(lines):
+    heads = [f"column {k} [Nm]" for k in range(8)]
+    rows = [["0.123 +- 0.001"] * 8]
+    assert lines(plain("numbers", heads, rows), 70) == lines(plain("numbers", heads, rows), 120)
