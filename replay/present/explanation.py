@@ -21,7 +21,7 @@ from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import comparison, left, named, settle, timing
 from wrenchgap.replay.present.design import design_command
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import sentences, too_short
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     entries,
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
 MOST = 10
 """Candidates shown."""
-SHORT = 8.0
-"""Seconds of flight below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
 HALF = 0.5
 """Weight of nothing missing below which that is not said."""
 MUCH = 0.05
@@ -89,12 +87,7 @@ def short(found: Explanation) -> list[str]:
     """A warning where hardly any flight was left to judge by."""
     records = [r for f in found.flights for r in f.records]
     seconds = sum(float(r.time[-1] - r.time[0]) for r in records)
-    if not records or seconds >= SHORT:
-        return []
-    return [
-        f"Only {seconds:.1f} s of flight could be used: too short to tell small effects from chance. "
-        f"Give longer flights, at least {SHORT:.0f} s (`inspect` lists what was left out)."
-    ]
+    return too_short(seconds) if records else []
 
 
 def validation_warnings(tested: Validation) -> list[str]:

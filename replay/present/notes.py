@@ -10,6 +10,9 @@ from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess
 from wrenchgap.learn.process.predictors import OtherFilter, OtherPhysics, WithoutEffects
 
+SHORT = 8.0
+"""Flight [s] below which blocks of held-out time are shorter than half of `learn.data.dataset.BLOCK_SECONDS`."""
+
 
 def sentences(notes: Iterable[object]) -> list[str]:
     """All of them, each once; what checks found and times left out stand elsewhere (`present.checks`)."""
@@ -44,3 +47,13 @@ def sentence(note: object) -> str:
             )
         case _:
             return str(note)
+
+
+def too_short(seconds: float) -> list[str]:
+    """A warning where hardly any flight was left to judge by."""
+    if seconds >= SHORT:
+        return []
+    return [
+        f"Only {seconds:.1f} s of flight could be used: too short to tell small effects from chance. "
+        f"Give longer flights, at least {SHORT:.0f} s (`inspect` lists what was left out)."
+    ]

@@ -15,7 +15,7 @@ from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.where import Where
 from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorrelation, Whiteness
 from wrenchgap.replay.present.comparison import worst
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import sentences, too_short
 from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
 
@@ -36,7 +36,8 @@ BAR = 24
 
 def parts(result: Where) -> list[Part]:
     """Summary, budget, the quantities that the error depends on most, worst stretches, whiteness, relevant inputs."""
-    out: list[Part] = [*(Line(text, "bold") for text in summary(result)), Line(), budget_table(result.budget)]
+    out: list[Part] = [Line(text, "bold") for text in summary(result)]
+    out += [*note_lines(too_short(result.seconds), "warning"), Line(), budget_table(result.budget)]
     out += [_map(d) for d in result.failure_map.significant if d.score >= LEAST][:QUANTITIES]
     heads = ("axis", "autocorrelation", "strongest correlation with an input")
     white = plain("whiteness of the residual", heads, whiteness_in_words(result.whiteness), left=3)

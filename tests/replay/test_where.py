@@ -1,12 +1,15 @@
 """`wrenchgap where` as a user runs it, and the figures it draws."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.flight import AXES
+from wrenchgap.replay.present.tables import Line
+from wrenchgap.replay.present.where import parts
 
 MODEL = "tilt_hexarotor"
 
@@ -69,3 +72,12 @@ def test_command_prints_writes_and_draws(logs, run, tmp_path, monkeypatch):
     assert len(result["whiteness"]["autocorrelation"]) == 6
     assert {g["name"] for g in result["relevance"]["groups"]} >= {"command", "heading", "height", "velocity"}
     assert (tmp_path / "w.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_flight_of_seconds_is_told_to_be_too_short(found):
+    """Blocks of held-out time would be shorter than half of their usual length."""
+    lines = {
+        seconds: [p.text for p in parts(replace(found, seconds=seconds)) if isinstance(p, Line)] for seconds in (2.2, 8)
+    }
+    assert any(text.startswith("warning: Only 2.2 s of flight") for text in lines[2.2])
+    assert not any("too short" in text for text in lines[8])
