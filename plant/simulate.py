@@ -111,8 +111,8 @@ def simulate(
     voltage      of the battery [V] as a function of time [s], logged at 10 Hz at most
     compiled     False flies in plain numpy, which is also what flies where an effect of the truth cannot be compiled
 
-    The simulation stops where control is lost and says so in `Flight.notes`. Raises UsageError for rates that do not
-    divide, or vehicles that do not match.
+    The simulation stops where control is lost and says so in `Flight.notes`, as where it could not be compiled.
+    Raises UsageError for rates that do not divide, or vehicles that do not match.
     """
     believed = truth.nominal if believed is None else believed
     noise = truth.sensors if sensors is None else sensors
@@ -124,12 +124,15 @@ def simulate(
     r = reference.sample(0)
     start = State(r.time, r.position_E, r.quat_ED, r.velocity_E, r.omega_D) if initial is None else initial
     asked = _Asked(truth, believed, reference, clock, sensing, feedback, compensator, integral, gravity, disturbance)
-    flown = None
+    from wrenchgap.plant.tracing import Untraceable
+
     if compiled:
-        flown = _compiled(asked, start, progress)
-    if flown is None:
-        flown = _plain(asked, start, progress)
-    return _logged(name, asked, flown)
+        try:
+            return _logged(name, asked, _compiled(asked, start, progress))
+        except Untraceable as error:
+            slow = f"flown in plain numpy, which takes a hundred times as long as compiled: {error}"
+            return _logged(name, asked, _plain(asked, start, progress), slow)
+    return _logged(name, asked, _plain(asked, start, progress))
 
 
 @dataclass(frozen=True)
@@ -167,8 +170,8 @@ def _plain(asked: _Asked, start: State, progress: Callable[[float], None] | None
     return Result(flown, joined(avionics.poses), np.array(computer.desired), computer.limited)
 
 
-def _compiled(asked: _Asked, start: State, progress: Callable[[float], None] | None) -> Result | None:
-    """The same in compiled code; None where an effect cannot be compiled."""
+def _compiled(asked: _Asked, start: State, progress: Callable[[float], None] | None) -> Result:
+    """The same in compiled code. Raises Untraceable where an effect cannot be compiled."""
     a, s = asked, asked.sensing
     own = a.believed
     shake = None if a.disturbance is None else np.array([a.disturbance(t) for t in a.clock.time.tolist()])
@@ -177,12 +180,8 @@ def _compiled(asked: _Asked, start: State, progress: Callable[[float], None] | N
         a.feedback == "measured", a.integral, a.compensator, a.gravity, shake,
     )  # fmt: skip
     from wrenchgap.plant import compiled_loop
-    from wrenchgap.plant.tracing import Untraceable
 
-    try:
-        return compiled_loop.fly(a.truth.wrench_model, start, loop, s.rng, progress)
-    except Untraceable:
-        return None
+    return compiled_loop.fly(a.truth.wrench_model, start, loop, s.rng, progress)
 
 
 def _clock(length: float, physics_rate: float, control_rate: float, voltage: Callable[[float], float] | None) -> Clock:
@@ -200,7 +199,7 @@ def _sensing(noise: SensorNoise, clock: Clock, physics_rate: float, rng: np.rand
     return _Sensing(noise, per_imu, per_pose, clock.period, errors, rng)
 
 
-def _logged(name: str, asked: _Asked, result: Result) -> Flight:
+def _logged(name: str, asked: _Asked, result: Result, *slow: str) -> Flight:
     sensing, flown = asked.sensing, result.flown
     lost = [] if flown.lost is None else [f"{flown.lost}; the flight ends there"]
     limits = [
@@ -219,7 +218,7 @@ def _logged(name: str, asked: _Asked, result: Result) -> Flight:
         imu_every=sensing.per_imu,
         imu_errors=sensing.errors,
         battery_every=max(round(0.1 / sensing.period), 1),
-        notes=(*lost, *limits),
+        notes=(*lost, *limits, *slow),
     )
     return replace(logged, content_hash=_digest(logged))
 

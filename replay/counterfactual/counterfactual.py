@@ -109,7 +109,14 @@ class CompensationHarms:
     after: float
 
 
-Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms | NotCompiled
+@dataclass(frozen=True)
+class FlownPlainly:
+    """A re-simulation was not compiled, and why."""
+
+    reason: str
+
+
+Caveat = ReferenceEnds | NullRunOff | WeakLaw | ControlLost | CompensationHarms | NotCompiled | FlownPlainly
 """What a reader must know before relying on the numbers."""
 
 NULL_RUN, CHANGED = "null_run", "counterfactual"
@@ -169,6 +176,7 @@ class Counterfactual(Result):
         every = (self.change.compensator, *(one for _, one in self.change.beside))
         slow = [one.not_compiled for one in every if isinstance(one, Compensator | Combined)]
         found += [reason for reason in dict.fromkeys(slow) if reason is not None]
+        found += [FlownPlainly(why) for why in dict.fromkeys(run.plainly for run in runs.values()) if why]
         harmed = self._harmed()
         return tuple(found) if harmed is None else (*found, harmed)
 

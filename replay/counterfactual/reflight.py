@@ -31,13 +31,16 @@ from wrenchgap.plant.vehicle import GRAVITY
 
 @dataclass(frozen=True)
 class Reflight:
-    """A re-simulated flight: `flown` (K periods), the desired wrench (K, 6), the compensator's steps, what flew."""
+    """A re-simulated flight: `flown` (K periods), the desired wrench (K, 6), the compensator's steps, what flew, and
+    where that could not be compiled, why.
+    """  # noqa: D205
 
     recording: Recording
     flown: Flown
     desired: Array
     steps: tuple[Correction, ...]
     model: Model
+    plainly: str = ""
 
     @property
     def commanded(self) -> Array:
@@ -101,9 +104,13 @@ def refly(
     model = known if plant is None else plant
     check_effects(model.effects, model, [r.record])
     law, vehicle = known.controller if gains is None else gains, known.vehicle if believed is None else believed
-    found = _compiled(inference, model, law, vehicle, compensator, progress) if compiled else None
-    if found is not None:
-        return Reflight(r, found.flown, found.desired, found.steps, model)
+    plainly = ""
+    if compiled:
+        try:
+            found = _compiled(inference, model, law, vehicle, compensator, progress)
+            return Reflight(r, found.flown, found.desired, found.steps, model)
+        except Untraceable as error:
+            plainly = str(error)
     computer = FlightComputer(law, vehicle, compensator, recorded=inference.pilot)
     reference = r.reference.take(r.window)
     flown = fly(
@@ -116,7 +123,7 @@ def refly(
         lost=watch(reference, recorded=r.motion.state.take(r.window)),
         progress=progress,
     )
-    return Reflight(r, flown, np.array(computer.desired).reshape(-1, 6), tuple(computer.steps), model)
+    return Reflight(r, flown, np.array(computer.desired).reshape(-1, 6), tuple(computer.steps), model, plainly)
 
 
 def _compiled(
@@ -126,8 +133,8 @@ def _compiled(
     believed: Vehicle,
     compensator: Compensating | None,
     progress: Callable[[float], None] | None,
-) -> Result | None:
-    """The same in compiled code, a loop without sensors; None where an effect cannot be."""
+) -> Result:
+    """The same in compiled code, a loop without sensors. Raises Untraceable where an effect cannot be compiled."""
     from wrenchgap.plant import compiled_loop
 
     r = inference.recording
@@ -150,7 +157,4 @@ def _compiled(
         forgiven=losses(r.motion.state.take(r.window), reference),
         memory=inference.memory,
     )
-    try:
-        return compiled_loop.fly(model.wrench_model, r.start, loop, None, progress)
-    except Untraceable:
-        return None
+    return compiled_loop.fly(model.wrench_model, r.start, loop, None, progress)

@@ -27,6 +27,7 @@ from wrenchgap.replay.counterfactual.counterfactual import (
     CompensationHarms,
     ControlLost,
     Counterfactual,
+    FlownPlainly,
     NullRunOff,
     ReferenceEnds,
     WeakLaw,
@@ -73,6 +74,8 @@ def _sentence(caveat: Caveat, flight: str, model: str) -> str:
                 f"with this compensation the attitude error grows from {before:.3f} to {after:.3f} deg (norm of the "
                 "axes' means): do not fly it; see what `wrenchgap learn --validate` says of the GP"
             )
+        case FlownPlainly(reason):
+            return f"{flight}: re-simulated in plain numpy, which takes a hundred times as long as compiled: {reason}."
         case NotCompiled():
             return sentence(caveat)
 

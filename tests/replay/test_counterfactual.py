@@ -346,3 +346,16 @@ def test_a_compensator_that_is_not_compiled_is_told(hidden):
     assert said[0] == []
     assert len(said[1]) == 1
     assert "ByValue is neither a process nor physics" in said[1][0]
+
+
+def test_a_re_simulation_that_is_not_compiled_is_told(hidden):
+    """A lag that decides by a value flies in plain numpy."""
+    recording = record(hidden, duration=0.5)
+    said = {}
+    for name, values in (("motor_lag", (0.03,)), ("asymmetric_motor_lag", (0.02, 0.05))):
+        lag = make_effect(MODEL.vehicle, name, values)
+        change = Change(plant=MODEL.with_effects([lag]), words=(name,))
+        said[name] = [note for note in notes(counterfactual(recording, MODEL, change)) if "plain numpy" in note]
+    assert said["motor_lag"] == []
+    assert len(said["asymmetric_motor_lag"]) == 1
+    assert "asymmetric_motor_lag" in said["asymmetric_motor_lag"][0]
