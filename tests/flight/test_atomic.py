@@ -125,7 +125,7 @@ def test_another_name_of_the_same_file_keeps_its_content(path):
 WRITERS = ("write_text", "write_bytes", "to_csv", "savefig", "savez", "to_parquet", "copyfile", "copyfileobj")
 NO_OUTPUT = {
     "flight/formats/rosbag2.py": "a decompressed copy in a folder that goes again",
-    "learn/parallel.py": "what worker processes read, in a folder that goes again",
+    "learn/work_files.py": "what worker processes read, in a folder that goes again",
     "plant/trajectory_file.py": "a path that `replay.present.design` gets of `atomic`",
     "replay/export/folder.py": "a folder beside the target, which takes its name when it is whole",
     "replay/batch/plan.py": "what a worker reads, in a folder that goes again",
