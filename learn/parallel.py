@@ -175,10 +175,12 @@ def _claimed(question: str, left: deque[int]) -> int | None:
 
 
 def _claim(place: str) -> bool:
-    """Whether this process is the first to ask for the file that says that an item was begun."""
+    """Whether this process is the first to ask for the file that says that an item was begun. Raises OSError where
+    no file can be made.
+    """  # noqa: D205
     try:
         os.close(os.open(place, os.O_CREAT | os.O_EXCL))
-    except OSError:  # another was
+    except FileExistsError:  # another was
         return False
     return True
 
