@@ -83,7 +83,7 @@ def servo_step(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """Dead time and time constant (2,) [s] of a tilt servo after a step in the direction of its last move."""
     return Setup(
         "Step a tilt servo twice the same way, rotors stopped, and film the arm at 240 pictures a second beside the "
-        "command",
+        f"command, to {1e3 * FRAME:.0f} ms",
         lambda fitted: total(
             fitted, 2, ("command_delay", lambda theta: [theta[0], 0.0]), ("servo_lag", lambda theta: [0.0, theta[0]])
         ),

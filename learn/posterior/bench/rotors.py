@@ -60,7 +60,7 @@ def rotor_step(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
     """Dead time, time constants of speeding up and of slowing down (3,) [s] of a rotor's speed after a step."""
     return Setup(
         "Step one rotor's command up and down on a stand and record its speed (ESC telemetry, or film at 240 pictures "
-        "a second) beside the command",
+        f"a second) beside the command, to {1e3 * FRAME:.0f} ms",
         lambda fitted: total(
             fitted,
             3,
@@ -98,7 +98,7 @@ def swap(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
 
     which = "rotors that turn alike, pair after pair" if pair is None else " and ".join(map(vehicle.rotor_name, pair))
     return Setup(
-        f"Swap {which} (propeller, motor and speed controller) and hover as before",
+        f"Swap {which} (propeller, motor and speed controller) and hover as before, to {resolution:.2g} Nm",
         lambda fitted: total(fitted, 3, ("rotor_thrust", moved)),
         resolution,
         says,
@@ -220,7 +220,7 @@ def spin(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
         return f"{inertia[0]:.1e} kg m^2" if inertia[0] > resolution else f"less than {resolution:.0e} kg m^2"
 
     return Setup(
-        "Swing a propeller with its motor bell on two strings for its inertia",
+        f"Swing a propeller with its motor bell on two strings for its inertia, to {resolution:.0e} kg m^2",
         lambda fitted: total(fitted, 1, ("rotor_gyroscopic", lambda theta: theta)),
         resolution,
         says,
