@@ -31,6 +31,15 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
 from wrenchgap.plant.vehicle import Vehicle
 
+
+class NoFlight(LogError):
+    """Nothing of a log is left to compare models on; `checks` are what was found in it besides."""
+
+    def __init__(self, text: str, checks: tuple[Check, ...] = ()) -> None:
+        super().__init__(text)
+        self.checks = checks
+
+
 Loader = Callable[..., Flight]
 Part = tuple[Samples, Commands, str]
 """Samples with their commands, and `Record.source`."""
@@ -121,13 +130,13 @@ def opened(
             flown.append(rows)
             records.append(replace(made, has_imu=played.imu is not None))
     if not records and not (incomplete and short):
-        raise LogError(short[0] if short else never_flew(found.path.name, phases, model, found.notes))
+        said = never_flew(found.path.name, phases, model, found.notes, of_rotors=played.commanded is None)
+        raise NoFlight(short[0] if short else said, asked.checks[len(found.checks or ()) :])
     asked.pass_((*of_records(found, records, model, asked.checks), *of_phases(phases)))
     told: list[object] = [*_unmeasured(found, model), *found.notes, *resampled.notes, *notes, *short]
     told += [*_notes(found, records), *asked.findings(found)]
     told += [*found.left_out, *times_left_out(found.name, between, left_out, phases, _span(resampled.samples))]
-    missing = (*outside(between), *left_out)
-    cut = resampled.samples, tuple(flown), tuple(records), missing
+    cut = resampled.samples, tuple(flown), tuple(records), (*outside(between), *left_out)
     return OpenFlight(found, *cut, tuple(dict.fromkeys(told)), asked.checks, phases)
 
 

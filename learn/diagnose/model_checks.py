@@ -15,7 +15,7 @@ from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.result import Result
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
-from wrenchgap.learn.data.opening import OpenFlight, open_flight
+from wrenchgap.learn.data.opening import NoFlight, OpenFlight, open_flight
 from wrenchgap.learn.data.phases import Phase
 from wrenchgap.learn.diagnose.timing import FlightTiming, timing, timing_of
 from wrenchgap.plant.model import Model
@@ -79,6 +79,8 @@ def _checks(log: Path | Flight, model: Model, **how: Any) -> tuple[tuple[Check, 
         opened = open_flight(log, model, gate=False, **how)
     except UsageError:
         raise
+    except NoFlight as error:  # which a bad check may explain
+        return (*error.checks, Check("model", "bad", str(error))), None
     except WrenchgapError as error:
         return (Check("model", "bad", str(error)),), None
     alone = len(opened.flight.checks or ())

@@ -1,5 +1,6 @@
 """Flights whose rotor commands are throttles: the same flight in newtons, through the curve of the model file."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import BatterySeries
+from wrenchgap.learn.data.opening import NoFlight
 from wrenchgap.plant import model_file
 
 FULL = 9.0
@@ -97,3 +99,19 @@ def test_a_bench_table_that_is_left_is_counted(flown, quadrotor):
     far[::10] = 0.9
     found = wg.open_flights(replace(sent, actuators=replace(sent.actuators, rotor_speed=far)), model)[0]
     assert any("lie outside the bench table" in note for note in found.notes)
+
+
+def test_inspect_says_why_rotors_in_revolutions_per_second_never_carry_the_weight(tmp_path):
+    """Without a wrench nothing else tells: thrusts are 1 / (2 pi)^2 of what they were, and no flight is found."""
+    model = wg.load_model("tilt_hexarotor")
+    flown = wg.simulate(model, "multi_axis", duration=20.0, excitation=1.0, seed=3)
+    turns = replace(flown.actuators, rotor_speed=flown.actuators.rotor_speed / (2.0 * np.pi))
+    path = wg.save_log(replace(flown, commanded=None, desired=None, actuators=turns), tmp_path / "turns.mcap")
+    bad = {check.name: check for check in wg.inspect(path, model).model_checks if check.level == "bad"}
+    assert set(bad) == {"rotor-speed-unit", "model"}
+    assert "revolutions per second" in bad["rotor-speed-unit"].words
+    assert "*6.283185" in bad["rotor-speed-unit"].remedy
+    assert "no 2 s of flight" in bad["model"].words
+    assert "rotor speeds in rad/s?" in bad["model"].words
+    error = pickle.loads(pickle.dumps(NoFlight("none", tuple(bad.values()))))
+    assert error.checks == tuple(bad.values())  # as a worker of `batch` hands it on

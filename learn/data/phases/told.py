@@ -69,8 +69,12 @@ def of_phases(phases: Sequence[Phase]) -> tuple[Check, ...]:
     return tuple(found)
 
 
-def never_flew(name: str, phases: Sequence[Phase], model: Model, notes: Sequence[object] = ()) -> str:
-    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left; `notes` are those of its reader."""
+def never_flew(
+    name: str, phases: Sequence[Phase], model: Model, notes: Sequence[object] = (), *, of_rotors: bool = False
+) -> str:
+    """The one line for a log in which nothing of `MINIMUM_FLIGHT` is left; `notes` are those of its reader, `of_rotors`
+    says that the wrench is that of the logged rotor speeds.
+    """  # noqa: D205
     unpowered = next((str(note) for note in notes if str(note).endswith(UNPOWERED)), None)
     if unpowered is not None:
         return f"{name}: {unpowered.removesuffix('.')}; give another log"
@@ -85,7 +89,6 @@ def never_flew(name: str, phases: Sequence[Phase], model: Model, notes: Sequence
     most = max(seconds, key=lambda which: seconds[which])
     why = f"{name}: no {MINIMUM_FLIGHT:g} s of flight ({listed})"
     if most in ("ground", "held"):
-        return (
-            f"{why}: the rotors never carry {model.vehicle.name}'s weight ({weight}); right model, wrench in newtons?"
-        )
+        unit = "rotor speeds in rad/s" if of_rotors else "wrench in newtons"
+        return f"{why}: the rotors never carry {model.vehicle.name}'s weight ({weight}); right model, {unit}?"
     return f"{why}; keep a phase with --keep {most}"
