@@ -42,7 +42,6 @@ class ChangeSpectrum(Spectrum):
         self.sensor, self.leak = sensor[filled], np.zeros((len(filled), len(self.axes)))
         self.count = np.repeat(per_band[filled][:, None], len(self.axes), axis=1).astype(float)
         self._means_alone([k for k, axis in enumerate(self.axes) if axis in answered(data)], data)
-        self.products = self._products()
 
     def _means_alone(self, answering: Sequence[int], data: Dataset) -> None:
         """On these axes, of `axes`: means over flights of all but the residual, and nothing but means."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior import compiled
 from wrenchgap.learn.posterior.merging import FleetSpectrum
-from wrenchgap.learn.posterior.score import DOUBTS, NU, Keys, Scored, Scorer, mean_squares, quadratic
+from wrenchgap.learn.posterior.score import DOUBTS, NU, Keys, Products, Scored, Scorer, quadratic
 
 SATURATED = 3
 """Rounds of `saturated`."""
@@ -138,8 +138,7 @@ class _Set:
         size = len(unknown)
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         self.members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
-        self.accuracy = [space.columns[k].accuracy for k in keys]
-        self.products = space.products[:, :, self.every[:, None], self.every]
+        self.products = Products(space.products, self.every, self.members, [space.columns[k].accuracy for k in keys])
         self.trims = space.trims.of(self.every)
         self.fixed = np.concatenate(([1.0], -np.ones(len(keys))))
         self.start = np.concatenate([*(space.columns[k].theta for k in keys), np.zeros(len(space.always))])
@@ -151,16 +150,16 @@ class _Set:
         return np.concatenate((-theta, self.fixed))
 
     def left(self, theta: Array, trim: Array) -> tuple[Array, Array]:
-        """As `learn.posterior.score.mean_squares`, with trims (F, A) of the flights."""
+        """As `learn.posterior.score.Products.mean_squares`, with trims (F, A) of the flights."""
         weights = self.weights(theta)
-        left, inexact = mean_squares(self.products, weights, self.members, self.accuracy)
+        left, inexact = self.products.mean_squares(weights)
         gone = self.trims.squares_left(trim, weights).sum(axis=0)
         left[0, self.trims.axes] += gone / self.space.count[0, self.trims.axes]
         return np.maximum(left, 0.0), inexact
 
     def weighed(self, count: Array, g: Array) -> Array:
         """Products (R, R), mean ones weighed by `count` (bands, L), trims at precisions `g` (bands, L) eliminated."""
-        whole = np.tensordot(count, self.products, axes=([0, 1], [0, 1]))
+        whole = self.products.weighed(count)
         return np.asarray(whole - self.trims.eliminated(g[0, self.trims.axes], self.trims.scale))
 
     def by_column(self, theta: Array) -> dict[str, Array]:

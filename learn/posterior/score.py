@@ -29,6 +29,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +122,6 @@ class Scorer:
         unknown = np.concatenate([*(space.parameters[k] for k in keys), space.always])
         fixed = np.array([0, *(space.offset[k] for k in keys)])
         every = np.concatenate((unknown, fixed))
-        products = space.products[:, :, every[:, None], every]
         size = len(unknown)
         weights = np.concatenate((np.zeros(size), [1.0], -np.ones(len(keys))))
         start = [space.columns[k].theta for k in keys]
@@ -129,24 +130,24 @@ class Scorer:
         scale = space.scale[unknown]
         owner = np.concatenate([np.full(len(space.parameters[k]), i) for i, k in enumerate(keys)] or [np.zeros(0)])
         members = [np.append(np.flatnonzero(owner == i), size + 1 + i) for i in range(len(keys))]
-        accuracy = [space.columns[k].accuracy for k in keys]
+        products = Products(space.products, every, members, [space.columns[k].accuracy for k in keys])
         best: tuple[float, float, Array, Array, Array, Array, float] | None = None
         for doubt in DOUBTS:
             last = -np.inf
             for _ in range(rounds):
                 weights[:size] = -theta
-                left, inexact = mean_squares(products, weights, members, accuracy)
+                left, inexact = products.mean_squares(weights)
                 variance = self.pooled(left + doubt**2 * inexact)
                 value = -0.5 * np.sum((self.count + NU) * np.log(variance)) - 0.5 * np.sum((theta / scale) ** 2)
                 if abs(value - last) < 0.05:
                     break
                 last = value
-                whole = np.tensordot(self.count / variance, products, axes=([0, 1], [0, 1]))
+                whole = products.weighed(self.count / variance)
                 A, b = whole[:size, :size], whole[:size, size:] @ weights[size:]
                 scale = compiled.relevant(A, b, low, high, scale, sparse, space.scale[unknown])
                 theta = compiled.bounded(A, b, low, high, scale)
             weights[:size] = -theta
-            left, inexact = mean_squares(products, weights, members, accuracy)
+            left, inexact = products.mean_squares(weights)
             variance = self.pooled(left + doubt**2 * inexact)
             likelihood = -0.5 * float(np.sum((self.count + NU) * np.log(variance)))
             prior = compiled.occam(A, theta, scale) + self.prior_of(keys)
@@ -172,16 +173,55 @@ class Scorer:
         return -0.5 * np.add.reduceat((share * (left / variance + np.log(variance))).sum(axis=1), space.starts)
 
 
-def mean_squares(
-    products: Array, weights: Array, members: Sequence[NDArray[np.intp]], accuracy: Sequence[float]
-) -> tuple[Array, Array]:
-    """By band and axis: what is left, and what the laws of the members, known to these shares, may be off by."""
-    left = quadratic(products, weights)
-    sizes = np.zeros(left.shape)
-    for m, share in zip(members, accuracy, strict=True):
-        own = quadratic(products[:, :, m[:, None], m], weights[m])
-        sizes += share * np.sqrt(np.maximum(own, 0.0))
-    return np.maximum(left, 0.0), sizes**2
+class Products:
+    """Products of some of the stacked quantities, those of every pair once: by band and axis they are symmetric.
+
+    `rows` (R,) are which of all (bands, axes, Q, Q). `members` are the quantities of each candidate among them, whose
+    laws are known to `accuracy`.
+    """
+
+    def __init__(
+        self,
+        products: Array,
+        rows: NDArray[np.intp],
+        members: Sequence[NDArray[np.intp]],
+        accuracy: Sequence[float],
+    ) -> None:
+        self.shape, every = products.shape[:2], products.shape[2]
+        self.pairs = _pairs(len(rows))
+        places = rows[self.pairs.one] * every + rows[self.pairs.other]
+        self.values = products.reshape(-1, every * every).take(places, axis=1)
+        self.members, self.accuracy = members, accuracy
+        self.own = [products[:, :, rows[m][:, None], rows[m]] for m in members]
+
+    def mean_squares(self, weights: Array) -> tuple[Array, Array]:
+        """By band and axis: what these weights leave, and what the laws of the members may be off by at most."""
+        both = weights[self.pairs.one] * weights[self.pairs.other] * self.pairs.times
+        sizes = np.zeros(self.shape)
+        for m, own, share in zip(self.members, self.own, self.accuracy, strict=True):
+            sizes += share * np.sqrt(np.maximum(quadratic(own, weights[m]), 0.0))
+        return np.maximum((self.values @ both).reshape(self.shape), 0.0), sizes**2
+
+    def weighed(self, over: Array) -> Array:
+        """The sum (R, R) of the products times these factors (bands, axes)."""
+        return np.asarray((over.ravel() @ self.values)[self.pairs.place])
+
+
+class _Pairs(NamedTuple):
+    """`one` and `other` of each pair (P,), how many times it counts, and where it stands (R, R)."""
+
+    one: NDArray[np.intp]
+    other: NDArray[np.intp]
+    times: Array
+    place: NDArray[np.intp]
+
+
+@lru_cache(maxsize=16)
+def _pairs(size: int) -> _Pairs:
+    one, other = np.tril_indices(size)
+    place = np.empty((size, size), dtype=np.intp)
+    place[one, other] = place[other, one] = np.arange(len(one))
+    return _Pairs(one, other, np.where(one == other, 1.0, 2.0), place)
 
 
 def quadratic(products: Array, weights: Array) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,11 @@ class Spectrum:
         self.leak = leaking(mean_squares(self.coefficients[:, :, 0], self.band), self.axes)
         self._take_out_answers(data)
         self.factors = np.ones(self.blocks)
-        self.products = self._products()
+
+    @cached_property
+    def products(self) -> Array:
+        """Means over coefficients (bands, axes, Q, Q), worked out when they are asked for."""
+        return self._products()
 
     def _take_out_answers(self, data: Dataset) -> None:
         """On the axes where commands answer the motion: leave of everything what no linear response to the commands
@@ -163,7 +168,7 @@ class Spectrum:
         self.factors = factors
         if np.any(factors < 1.0):
             self.coefficients *= factors[self.block][:, None, None]
-            self.products = self._products()
+            self.__dict__.pop("products", None)
 
 
 def transformed(
