@@ -23,7 +23,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.compensator import REACH, Compensator, NotCompiled, Result
+from wrenchgap.compensate.compensator import REACH, Compensator, Result
+from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser
 from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
@@ -128,13 +129,6 @@ class Result:
     accepted: bool
     trouble: str = ""
     solve_time: float = field(default=0.0, compare=False)
-
-
-@dataclass(frozen=True)
-class NotCompiled:
-    """A compensator steps plain models with L-BFGS, tens of times as slow, because of `reason`."""
-
-    reason: str
 
 
 class Compensator:

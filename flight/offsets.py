@@ -30,7 +30,6 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from scipy.special import ndtr, stdtrit
 
 from wrenchgap.flight.block_integrals import Complex, integrals
 from wrenchgap.flight.flight import Array, Gap
@@ -158,6 +157,8 @@ class Offset:
     @property
     def _doubt(self) -> float:
         """Standard deviations that mean with these few blocks what `CERTAIN` means with many."""
+        from scipy.special import ndtr, stdtrit  # here: others need not wait for it
+
         chance = 2.0 * float(ndtr(-CERTAIN))
         return -float(stdtrit(max(2.0, 0.5 * self.blocks), 0.5 * chance))
 
@@ -332,6 +333,8 @@ class _Pair:
             return replace(none, problem=Problem.NARROW, about=f"{heard[0]:.1f}-{heard[-1]:.1f} Hz")
         if self._rivalled(found):
             return replace(none, problem=Problem.AMBIGUOUS)
+        from scipy.special import stdtrit  # here: others need not wait for it
+
         interval = float(stdtrit(max(2.0, 0.5 * len(self.starts)), 0.975)) * spread
         if interval > WIDEST:
             about = f"{1e3 * seconds:+.0f} +- {1e3 * interval:.0f} ms"

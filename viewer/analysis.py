@@ -152,7 +152,6 @@ class ModelState:
     installed: tuple[Installed, ...]
     available: tuple[str, ...]
     lacking: tuple[tuple[str, tuple[str, ...]], ...]
-    staircases: tuple[Staircase, ...]
     undo: str
     redo: str
     saved: bool
@@ -224,6 +223,9 @@ class Effects(Protocol):
 
     def state(self, flight: str) -> ModelState:
         """The model as it stands, seen from a flight."""
+
+    def staircases(self, flight: str) -> tuple[Staircase, ...]:
+        """The errors down to the model as it stands, on this flight and on others; takes a while on a long one."""
 
     def add(self, names: tuple[str, ...], flight: str) -> None:
         """Put effects in, fitted on the flight together with those that are in."""

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Callable
+from typing import ClassVar, TypeVar
 
+from wrenchgap.viewer.background import Job, Report
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.scene import Scene
 from wrenchgap.viewer.view_state import ViewState
+
+T = TypeVar("T")
+
+LONG = 120.0
+"""Flights longer than this are looked at beside the page [s]."""
+
+
+def is_long(scene: Scene) -> bool:
+    """Whether looking at a flight would keep the page waiting."""
+    return bool(scene.time[-1] - scene.time[0] > LONG)
 
 
 class Part:
@@ -33,9 +45,25 @@ class Panel(Part):
     """
 
     asks: ClassVar[str]
+    _looking: Job | None = None
 
     @classmethod
     def of(cls, host: Host) -> Panel | None:
         """The panel, or None where the session lacks what it asks for: then the page has no such tab."""
         found = getattr(host.session.capabilities, cls.asks)
         return None if found is None else cls(host, found)  # type: ignore[call-arg]
+
+    def look_up(self, of: Callable[[], T], show: Callable[[T], None], *, beside: bool) -> None:
+        """`show(of())` at once, or `beside` the page as soon as it stands. What was asked before is given up."""
+        if self._looking is not None:
+            self._looking.cancel()
+            self._looking = None
+        if not beside:
+            show(of())
+            return
+
+        def look(report: Report) -> T:
+            report(0.0, "")  # waits for the page, whose other parts ask the same session
+            return of()
+
+        self._looking = self.host.background(look, lambda *_: None, show)

@@ -24,7 +24,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.fft import rfft, rfftfreq
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.special import gammaincinv
 
 from wrenchgap.flight.flight import Array, ImuSeries, Samples
 from wrenchgap.flight.resample import anti_alias
@@ -115,6 +114,8 @@ def _density(
     """Densities (C,) of white readings of which the share `seen` (F, C) at `f` (F,) is found in a `power` (K, C) at
     `frequency` (K,), the mean over the segments of `count` samples.
     """  # noqa: D205
+    from scipy.special import gammaincinv  # here: others need not wait for it
+
     _, segments = _segments(count, dt)
     inside = (frequency > band[0]) & (frequency < band[1])
     share = np.stack([np.interp(frequency[inside], f, column) for column in seen.T], axis=1)

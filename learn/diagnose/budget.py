@@ -26,7 +26,6 @@ from wrenchgap.learn.data.blocks import LARGE, by_block, paired_t
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import weighted
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.train import fit
 
 POINTS = 150
 FOLDS = 4
@@ -101,6 +100,8 @@ def held_out_process(
 
     None where the log is too short to hold anything out, or the command never moves.
     """
+    from wrenchgap.learn.process.train import fit  # here: others need not wait for it
+
     xi = data.commanded
     fold = data.block % FOLDS
     every = max(1, int(1.0 / data.independence))  # closer samples say the same

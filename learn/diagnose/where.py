@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,8 +23,10 @@ from wrenchgap.learn.diagnose.relevance import Relevance, relevance
 from wrenchgap.learn.diagnose.whiteness import Whiteness, whiteness
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
-from wrenchgap.learn.process.train import Progress
 from wrenchgap.plant.model import Model
+
+if TYPE_CHECKING:
+    from wrenchgap.learn.process.train import Progress
 
 
 @dataclass(frozen=True)

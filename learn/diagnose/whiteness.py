@@ -35,7 +35,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.data.blocks import LEVEL
@@ -250,6 +249,8 @@ def _bartlett(rho: Array, count: int) -> Array:
 
 def _exceeds(u: float, lags: int, crossings: float) -> float:
     """Chance that the largest of many correlated standard normal values exceeds u in size; at most."""
+    from scipy.special import ndtr  # here: others need not wait for it
+
     tail = 2.0 * float(ndtr(-u))
     return min(1.0, lags * tail, tail + crossings / np.pi * float(np.exp(-0.5 * u * u)))
 
@@ -263,6 +264,8 @@ def _level(p: float, lags: int, crossings: float) -> float:
 
 def _normal_size(r: float, freedom: float) -> float:
     """Size of a standard normal that is as rare as a correlation r of `freedom` + 2 independent samples."""
+    from scipy.special import ndtri, stdtr  # here: others need not wait for it
+
     t = r * np.sqrt(freedom / max(1.0 - r * r, 1e-12))
     tail = float(stdtr(freedom, -t))
     return float(-ndtri(tail)) if tail > 1e-300 else 37.0
@@ -270,5 +273,7 @@ def _normal_size(r: float, freedom: float) -> float:
 
 def _correlation_size(u: float, freedom: float) -> float:
     """Inverse of `_normal_size`."""
+    from scipy.special import ndtr, stdtrit  # here: others need not wait for it
+
     t = -float(stdtrit(freedom, float(ndtr(-u))))
     return float(t / np.sqrt(freedom + t * t))

@@ -39,7 +39,6 @@ from wrenchgap.flight.errors import FitError
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
-from wrenchgap.learn.parallel import few_threads
 from wrenchgap.plant.model import Model
 
 __all__ = ["Fit", "fit", "held_out", "with_fit"]
@@ -69,6 +68,8 @@ def fit(
     `starts` are those of `Dataset.starts`: taken out where they are there, put in where not.
     Raises FitError where an effect cannot be fitted on this data.
     """
+    from wrenchgap.learn.parallel import few_threads  # here: others need not wait for it
+
     for name in names:
         reason = inapplicable(name, model, data.records)
         if reason is not None:

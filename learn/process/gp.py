@@ -30,7 +30,6 @@ from enum import StrEnum
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -370,6 +369,8 @@ class GaussianProcess:
         squares = (points * points).sum(axis=2)[:, None, :]
         if self.weights.size:
             return _Factors(points, squares, self.weights, self.whitener)
+        from scipy.linalg import solve_triangular  # here: others need not wait for it
+
         eye = np.eye(len(self.inputs))
         alphas, whiteners = [], []
         for index, scaled in enumerate(points):

@@ -17,7 +17,6 @@ Variables", 1970, 13.3.4).
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from wrenchgap.plant.effects.lag import Array, LagMemory, first_order
 
@@ -80,6 +79,8 @@ def step(start: Array, end: Array, output: Array, up: float, down: float, dt: fl
 
 def chained(slope: Array, right: Array) -> Array:
     """The x (N, D) with x_k - slope_k x_{k-1} = right_k, x before the first sample zero."""
+    from scipy.linalg.lapack import dtbtrs  # here: others need not wait for it
+
     count, columns = right.shape
     coupling = slope.T.copy()
     coupling[:, 0] = 0.0  # the columns, one after the other, do not touch

@@ -67,10 +67,10 @@ class Run:
 
     def model(self, name: str, role: str = "model") -> Model:
         """The model of this name; its hash is noted now, because the output may replace the file."""
-        from wrenchgap.replay.api import load_model
+        from wrenchgap.plant import model_file
         from wrenchgap.replay.present.documents import file_input
 
-        found = load_model(name)
+        found = model_file.load(name)
         self.inputs.append(file_input(found.path, role))
         return found
 
@@ -84,10 +84,10 @@ class Run:
         """The process of a file, where one is named."""
         if path is None:
             return None
-        from wrenchgap.replay.api import load_gp
+        from wrenchgap.learn.process import store
         from wrenchgap.replay.present.documents import file_input
 
-        found = load_gp(path)
+        found = store.load(path)
         self.inputs.append(file_input(path, "gp"))
         return found
 

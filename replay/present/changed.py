@@ -16,10 +16,11 @@ from wrenchgap.learn.changed.sizes import Alone, Size
 from wrenchgap.learn.posterior.posterior import SUREST
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import settle, timing, what_to_inspect
-from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json, not_tried, reason
+from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
 from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+from wrenchgap.replay.present.untried import not_tried, reason
 
 if TYPE_CHECKING:
     import pandas as pd

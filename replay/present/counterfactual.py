@@ -10,7 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from wrenchgap import flight
-from wrenchgap.compensate.compensator import NotCompiled
+from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.disturbance import FAST_HZ
 from wrenchgap.plant.model_file import tool_version

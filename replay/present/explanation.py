@@ -12,7 +12,6 @@ from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.gravity import GRAVITY
-from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.identify.validation import Validation
 from wrenchgap.learn.posterior.classes import Class
 from wrenchgap.learn.posterior.explain import Explanation, Verdict
@@ -41,6 +40,7 @@ from wrenchgap.replay.present.tables import (
     reductions,
     table,
 )
+from wrenchgap.replay.present.untried import not_tried, reason
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -186,19 +186,6 @@ def what_next(
     elif found.effects:
         out.append(f"next: {add}")
     return [Line(text) for text in out]
-
-
-def not_tried(untried: Sequence[Untried]) -> dict[str, list[str]]:
-    """Effects that these logs or this model do not allow, by reason."""
-    by_reason: dict[str, list[str]] = {}
-    for one in untried:
-        by_reason.setdefault(reason(one), []).append(one.effect)
-    return by_reason
-
-
-def reason(one: Untried) -> str:
-    """Why an effect is not tried, without its name."""
-    return f"could not be fitted ({one.detail})" if one.lack is Lack.FIT else one.reason
 
 
 MEMBERS_LEGEND = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from wrenchgap.compensate.compensator import NotCompiled
+from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.flight.check import Finding, TimeLeftOut
 from wrenchgap.learn.data.comparison import LeftOut
 from wrenchgap.learn.diagnose.where import FittedHere, NoProcess

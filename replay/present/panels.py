@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wrenchgap.flight.flight import AXES
-from wrenchgap.learn import Design, Explanation
 from wrenchgap.learn.data.comparison import Stretch
 from wrenchgap.learn.diagnose.failure_map import Dependence
 from wrenchgap.learn.identify import staircase as steps
 from wrenchgap.learn.identify.staircase import Basis
-from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.plant.wrench_model import ModelEffect
-from wrenchgap.replay.compensation.replay import Replay
-from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
-from wrenchgap.replay.present import counterfactual, design, explanation, replay
 from wrenchgap.replay.present.numbers import parameters_in_words, row, share, unit_of
 from wrenchgap.replay.present.staircase import label
+from wrenchgap.replay.present.untried import not_tried
 from wrenchgap.replay.present.where import dependence_in_words
 from wrenchgap.viewer.analysis import (
     Candidate,
@@ -32,6 +30,11 @@ from wrenchgap.viewer.analysis import (
     Value,
 )
 from wrenchgap.viewer.scene import Motion
+
+if TYPE_CHECKING:
+    from wrenchgap.learn import Design, Explanation
+    from wrenchgap.replay.compensation.replay import Replay
+    from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
 
 PATH_POINTS = 600
 """Points of a designed trajectory that are drawn."""
@@ -70,6 +73,8 @@ def installed(item: ModelEffect, vehicle: Vehicle) -> Installed:
 
 def ranking(found: Explanation, flight: str, model: str) -> Ranking:
     """What is missing in a model on a flight, and the evidence."""
+    from wrenchgap.replay.present import explanation  # here: others need not wait for it
+
     named, candidates = [], []
     for m in found.members:
         alike = tuple(r.name for r in m.alike)
@@ -80,7 +85,7 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
         mark = "chosen" if chosen else "alike" if c.name in indistinct else implausible
         words = parameters_in_words(c.values, found.model.vehicle)
         candidates.append(Candidate(c.name, c.score, c.significance, c.reduction, words, mark))
-    not_tried = explanation.not_tried(found.untried).items()
+    lacking = not_tried(found.untried).items()
     return Ranking(
         flight,
         model,
@@ -90,7 +95,7 @@ def ranking(found: Explanation, flight: str, model: str) -> Ranking:
         tuple(candidates),
         found.separable,
         explanation.open_in_words(found),
-        tuple(f"{', '.join(names)}: {reason}" for reason, names in not_tried),
+        tuple(f"{', '.join(names)}: {reason}" for reason, names in lacking),
     )
 
 
@@ -103,6 +108,9 @@ def _values(found: Explanation, name: str) -> tuple[Value, ...]:
 
 def next_flight(found: Design, names: tuple[str, ...]) -> NextFlight:
     """The designed flight, as it is drawn and saved."""
+    from wrenchgap.plant import trajectory_file  # here: others need not wait for them
+    from wrenchgap.replay.present import design
+
     time = np.linspace(0.0, found.trajectory.duration, PATH_POINTS)
     reference = found.trajectory.at(time)
     return NextFlight(
@@ -131,6 +139,8 @@ def doing(stretch: Stretch) -> str:
 
 def compensated(done: Replay) -> Compensated:
     """The mismatch of each output before and after the correction, and how much of it was withheld."""
+    from wrenchgap.replay.present import replay  # here: others need not wait for it
+
     steps_ = done.steps
     before, after = (np.mean(np.abs(m), axis=0) for m in (steps_.mismatch_before, steps_.mismatch_after))
     heads = [f"{axis} [{unit_of(AXES.index(axis))}]" for axis in done.outputs]
@@ -148,6 +158,8 @@ def compensated(done: Replay) -> Compensated:
 
 def reflown(found: Counterfactual, name: str) -> Reflown:
     """The re-simulated flight as it is drawn, and its tracking errors beside the recorded ones; `name` of the GP."""
+    from wrenchgap.replay.present import counterfactual  # here: others need not wait for it
+
     state, commands = found.changed.flown.state, found.changed.flown.commands
     every = max(1, round(1.0 / (GHOST_RATE * found.inference.recording.dt)))
     motion = Motion(

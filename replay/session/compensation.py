@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchgap.compensate import Settings
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
-from wrenchgap.replay.compensation.compensators import caveats, compensator
-from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
-from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentence
 from wrenchgap.replay.present.panels import compensated, reflown
-from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import Compensated, Compensation, Gating, Reflown, Report
 from wrenchgap.viewer.scene import Series
+
+if TYPE_CHECKING:
+    from wrenchgap.compensate import Settings
 
 GROUP = "Compensation"
 """Where the page shows what a replay did."""
@@ -79,6 +76,9 @@ class SessionCompensation:
 
     def replay(self, flight: str, report: Report) -> Compensated:
         """Replay the compensation on a flight; afterwards its scene has correction, sigma and beta."""
+        from wrenchgap.replay.compensation.replay import replay  # here: others need not wait for them
+        from wrenchgap.replay.session.worker import apart
+
         with self.working.lock:
             gp, setting = self._known()
             log, model = self.working.flight(flight), self.working.given
@@ -97,6 +97,11 @@ class SessionCompensation:
 
     def refly(self, flight: str, start: float, duration: float, report: Report) -> Reflown:
         """Re-simulate (a part of) a flight: with the compensation in the loop, or as it was where that is off."""
+        from wrenchgap.learn.data.recording import read_recording  # here: others need not wait for them
+        from wrenchgap.replay.compensation.compensators import compensator
+        from wrenchgap.replay.counterfactual.counterfactual import Change, counterfactual
+        from wrenchgap.replay.session.worker import apart
+
         with self.working.lock:
             gp, setting = self._known()
             log, gating = self.working.flight(flight), setting.gating
@@ -118,6 +123,8 @@ class SessionCompensation:
 
 
 def _settings(gating: Gating, dt: float) -> Settings:
+    from wrenchgap.compensate import Settings  # here: others need not wait for it
+
     threshold, slope, decay = gating.sigma_threshold, gating.kappa, gating.decay_time
     gate = Settings(sigma_threshold=threshold, kappa=slope, decay_time=decay)
     return replace(gate, dt=dt, filter_uncertain=gating.gated)
@@ -125,6 +132,10 @@ def _settings(gating: Gating, dt: float) -> Settings:
 
 def _setting(gp: GaussianProcess, model: Model, name: str) -> Compensation:
     """The defaults that the GP suggests, and ranges around them."""
+    from wrenchgap.compensate import Settings  # here: others need not wait for them
+    from wrenchgap.replay.compensation.compensators import caveats, compensator
+    from wrenchgap.replay.present.learning import of_process
+
     made = compensator(gp, model)
     usual = made.uncertainty
     gated = bool(np.isfinite(usual.threshold))

@@ -10,10 +10,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.learn.data.applicable import inapplicable
-from wrenchgap.learn.design.designer import design
-from wrenchgap.learn.identify import add as adding
 from wrenchgap.learn.identify.staircase import Basis, Steps, staircase, steps
-from wrenchgap.learn.posterior import explain as searching
 from wrenchgap.plant import model_file
 from wrenchgap.plant.effects import catalogue, find
 from wrenchgap.plant.model import Model
@@ -22,8 +19,7 @@ from wrenchgap.plant.wrench_model import Provenance
 from wrenchgap.replay.present import panels
 from wrenchgap.replay.present.addition import verdict
 from wrenchgap.replay.present.documents import atomic, claim
-from wrenchgap.replay.present.explanation import not_tried
-from wrenchgap.replay.session.worker import apart
+from wrenchgap.replay.present.untried import not_tried
 from wrenchgap.replay.session.working_model import Revision, WorkingModel
 from wrenchgap.viewer.analysis import ModelState, NextFlight, Ranking, Report, Staircase
 
@@ -55,12 +51,15 @@ class SessionEffects:
             tuple(panels.installed(e, model.vehicle) for name in last.order if (e := model.effect(name)) is not None),
             tuple(name for name, reason in absent.items() if reason is None),
             tuple((reason, tuple(names)) for reason, names in lacking.items()),
-            self._staircases(flight),
             working.undoable,
             working.redoable,
             working.saved,
             "" if last.trial is None else verdict(last.trial),
         )
+
+    def staircases(self, flight: str) -> tuple[Staircase, ...]:
+        """Down to the current model, on this flight and on those that it was not fitted to."""
+        return self.working.kept(("staircases", flight), lambda: self._staircases(flight))
 
     def add(self, names: tuple[str, ...], flight: str) -> None:
         """Put effects in, fitted on the flight together with those that are in."""
@@ -75,6 +74,8 @@ class SessionEffects:
             self._fitted((), flight, f"fit on {flight}")
 
     def _fitted(self, names: tuple[str, ...], flight: str, words: str) -> None:
+        from wrenchgap.learn.identify import add as adding  # here: others need not wait for it
+
         working = self.working
         added = adding.add(working.model, names, [working.flight(flight)])
         order = tuple(dict.fromkeys((*working.revisions[-1].order, *names)))
@@ -150,7 +151,6 @@ class SessionEffects:
         return self.folder / name
 
     def _staircases(self, flight: str) -> tuple[Staircase, ...]:
-        """Down to the current model, on this flight and on those that it was not fitted to."""
         working = self.working
         fitted, effects = self._fitted_flights(), working.model.effects
         basis = Basis.FITTED if flight in fitted else Basis.UNSEEN if effects else Basis.RAW
@@ -195,6 +195,9 @@ class SessionEffects:
 
     def explain(self, flight: str, report: Report) -> Ranking:
         """Search for what is missing in the current model; takes long, in a process of its own."""
+        from wrenchgap.learn.posterior import explain as searching  # here: others need not wait for them
+        from wrenchgap.replay.session.worker import apart
+
         with self.working.lock:
             model, opened, name = self.working.model, self.working.flight(flight), self.working.name
 
@@ -205,6 +208,9 @@ class SessionEffects:
 
     def next_flight(self, names: tuple[str, ...], flight: str, report: Report) -> NextFlight:
         """Search for the flight that separates these effects; takes long, in a process of its own."""
+        from wrenchgap.learn.design.designer import design  # here: others need not wait for them
+        from wrenchgap.replay.session.worker import apart
+
         for name in names:
             find(name)
         with self.working.lock:

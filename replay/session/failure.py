@@ -20,7 +20,6 @@ from wrenchgap.learn.diagnose.quantities import quantities
 from wrenchgap.replay.present import panels
 from wrenchgap.replay.present.numbers import unit_of
 from wrenchgap.replay.present.where import depends_on
-from wrenchgap.replay.session.worker import apart
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Grid, Quantity, Report
 from wrenchgap.viewer.scene import Stretch
@@ -48,6 +47,8 @@ class SessionFailures:
         with self.working.lock:
             data, left = self.working.data(flight), self.working.left_of(self.working.model, flight)
             nominal = self.working.left_of(self.working.model.nominal, flight)
+
+        from wrenchgap.replay.session.worker import apart  # here: others need not wait for it
 
         bare = replace(data)  # without what its evaluators remember
 

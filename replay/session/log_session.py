@@ -10,7 +10,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wrenchgap import flight
 from wrenchgap.flight.channels import Channel, channels
@@ -22,7 +22,6 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.session.comparisons import SessionComparisons
 from wrenchgap.replay.session.compensation import SessionCompensation
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.failure import SessionFailures
@@ -30,6 +29,9 @@ from wrenchgap.replay.session.scene import Prediction, predicted, recorded
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.scene import Scene, Stretch
 from wrenchgap.viewer.session import Capabilities
+
+if TYPE_CHECKING:
+    from wrenchgap.replay.session.comparisons import SessionComparisons
 
 PREDICTED = "predicted"
 """The wrench of the current model, in a scene."""
@@ -82,7 +84,7 @@ class LogSession:
         self.failures = SessionFailures(self.working)
         self.effects = SessionEffects(self.working, folder or Path.cwd())
         self.compensations = SessionCompensation(self.working, gp_name)
-        self.comparisons = SessionComparisons(self.working) if len(self.flights) > 1 else None
+        self.comparisons = self._comparisons() if len(self.flights) > 1 else None
         self.capabilities = Capabilities(
             self.failures,
             self.effects,
@@ -125,6 +127,11 @@ class LogSession:
         gp = working.gp if model is working.given else None
         made = report([one], model, validation=others, gp=gp, progress=progress)
         return page(made, Repetition.of(made, Request(name, shlex.join([*words, "-o", "report.html"]))))
+
+    def _comparisons(self) -> SessionComparisons:
+        from wrenchgap.replay.session.comparisons import SessionComparisons  # here: others need not wait for it
+
+        return SessionComparisons(self.working)
 
     def _made(self, name: str) -> Scene:
         one, predictor = self.working.flight(name), self.working.predictor

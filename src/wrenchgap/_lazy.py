@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import gc
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -35,3 +37,14 @@ def callable_as(package: str, module: str, function: str) -> None:
             return getattr(import_module(module), function)(*arguments, **options)
 
     sys.modules[package].__class__ = CallablePackage
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """For imports: modules are no garbage, so it is not looked for in them meanwhile, nor in any later collection."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()

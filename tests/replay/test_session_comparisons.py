@@ -30,7 +30,7 @@ def compared(session):
 
 
 def in_all(session, flight):
-    return session.effects.state(flight).staircases[0].stairs[-1].in_all
+    return session.effects.staircases(flight)[0].stairs[-1].in_all
 
 
 def test_what_changed_is_said_with_where_to_look(session):

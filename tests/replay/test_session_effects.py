@@ -27,14 +27,14 @@ def rms(staircase):
 
 
 def same(one, other):
-    return all(np.array_equal(rms(a), rms(b)) for a, b in zip(one.staircases, other.staircases, strict=True))
+    return all(np.array_equal(rms(a), rms(b)) for a, b in zip(one, other, strict=True))
 
 
 def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session, logs):
     """And the numbers are those of the library."""
     session.effects.add(("com_offset",), "train")
-    state = session.effects.state("train")
-    fitted, held_out = state.staircases
+    state, staircases = session.effects.state("train"), session.effects.staircases("train")
+    fitted, held_out = staircases
     assert [s.name for s in held_out.stairs] == ["nominal", "+ com_offset"]
     assert held_out.held_out
     assert not fitted.held_out
@@ -46,7 +46,7 @@ def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session
     assert "train.mcap" in installed.source
     train, test = (dataset_of([open_flight(p, MODEL)], MODEL) for p in (logs.train, logs.test))
     fitted = with_fit(MODEL, fit(train, MODEL, ["com_offset"]))
-    for data, stairs in zip((train, test), state.staircases, strict=True):
+    for data, stairs in zip((train, test), staircases, strict=True):
         for k, model in enumerate((MODEL, fitted)):
             left = data.measured - data.predict(model.wrench_model)
             assert stairs.stairs[k].rms == pytest.approx(np.sqrt(np.mean(left**2, axis=0)))
@@ -55,29 +55,29 @@ def test_adding_the_hidden_effect_lowers_the_held_out_error_to_the_noise(session
 
 
 def test_undo_restores_the_very_same_numbers_and_redo_too(session):
-    before = session.effects.state("train")
+    before = session.effects.staircases("train")
     scene = session.scene("train")
     session.effects.add(("com_offset",), "train")
-    added = session.effects.state("train")
+    stairs, added = session.effects.staircases("train"), session.effects.state("train")
     assert (added.undo, added.redo) == ("add com_offset", "")
     assert not np.array_equal(session.scene("train").wrenches["predicted"], scene.wrenches["commanded"])
     session.effects.undo()
     again = session.effects.state("train")
     assert again.redo == "add com_offset"
     assert again.installed == ()
-    assert same(before, again)
+    assert same(before, session.effects.staircases("train"))
     back = session.scene("train")
     assert set(back.wrenches) == set(scene.wrenches)
     assert all(np.array_equal(back.wrenches[n], w, equal_nan=True) for n, w in scene.wrenches.items())
     session.effects.redo()
-    assert same(added, session.effects.state("train"))
+    assert same(stairs, session.effects.staircases("train"))
 
 
 def test_a_slider_moves_the_error_and_counts_as_one_change(session):
     session.effects.add(("com_offset",), "train")
 
     def error():
-        return session.effects.state("train").staircases[1].stairs[-1].in_all
+        return session.effects.staircases("train")[1].stairs[-1].in_all
 
     errors = [error()]
     for y in (0.006, 0.004, 0.002, 0.0):  # away from the 7 mm that are there
@@ -94,15 +94,15 @@ def test_a_slider_moves_the_error_and_counts_as_one_change(session):
 
 def test_two_effects_make_two_stairs_and_removing_takes_one_away(session):
     session.effects.add(("com_offset",), "train")
-    one = session.effects.state("train").staircases[1]
+    one = session.effects.staircases("train")[1]
     session.effects.add(("inertia",), "train")
-    two = session.effects.state("train").staircases[1]
+    two = session.effects.staircases("train")[1]
     assert [s.name for s in two.stairs] == ["nominal", "+ com_offset", "+ inertia"]
     assert np.array_equal(rms(two)[:2], rms(one))
     session.effects.remove("com_offset")
-    left = session.effects.state("train")
-    assert [i.name for i in left.installed] == ["inertia"]
-    assert left.staircases[1].stairs[-1].in_all > 3.0 * two.stairs[-1].in_all
+    left = session.effects.staircases("train")
+    assert [i.name for i in session.effects.state("train").installed] == ["inertia"]
+    assert left[1].stairs[-1].in_all > 3.0 * two.stairs[-1].in_all
     session.effects.refit("train")
     assert session.effects.state("train").undo == "fit on train"
 
@@ -110,12 +110,12 @@ def test_two_effects_make_two_stairs_and_removing_takes_one_away(session):
 def test_one_flight_is_judged_on_time_that_was_not_fitted(logs):
     session = LogSession([logs.train], MODEL)
     session.effects.add(("com_offset",), "train")
-    here, blocks = session.effects.state("train").staircases
+    here, blocks = session.effects.staircases("train")
     assert blocks.held_out
     assert blocks.stairs[-1].in_all < 1.3 * blocks.noise.in_all
     assert here.stairs[-1].in_all <= 1.2 * blocks.stairs[-1].in_all
     session.effects.set_value("com_offset", "y", 0.0)  # nothing was fitted that a block could be left out of
-    assert len(session.effects.state("train").staircases) == 1
+    assert len(session.effects.staircases("train")) == 1
 
 
 def test_search_beside_the_page_names_the_hidden_effect_and_says_how_far_it_is(session):

@@ -12,9 +12,9 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.viewer import panel as panels
 from wrenchgap.viewer.analysis import VIEWS, NextFlight, Ranking
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.panels import failure as failure_panel
 from wrenchgap.viewer.panels.compensation import CompensationPanel
 from wrenchgap.viewer.panels.effects import NEXT, EffectsPanel
 from wrenchgap.viewer.panels.failure import FailurePanel
@@ -134,7 +134,7 @@ def test_the_map_turns_white_when_the_effect_is_in(page, failure):
 
 
 def test_a_long_flight_is_looked_at_beside_the_page(page, failure, eventually, monkeypatch):
-    monkeypatch.setattr(failure_panel, "LONG", 5.0)
+    monkeypatch.setattr(panels, "LONG", 5.0)
     found, asked = threading.Event(), failure.failures.of
     monkeypatch.setattr(failure.failures, "of", lambda flight: found.wait(20.0) and asked(flight))
     page.open("test")
@@ -148,7 +148,7 @@ def test_a_long_flight_is_looked_at_beside_the_page(page, failure, eventually, m
 
 
 def test_a_page_stands_before_a_long_flight_is_looked_at(page, failure, eventually, monkeypatch):
-    monkeypatch.setattr(failure_panel, "LONG", 5.0)
+    monkeypatch.setattr(panels, "LONG", 5.0)
     begun, asked = threading.Event(), failure.failures.of
     monkeypatch.setattr(failure.failures, "of", lambda flight: begun.set() or asked(flight))
     with page.lock:
@@ -198,6 +198,24 @@ def test_adding_lowers_both_numbers_and_undo_restores_the_page(page, effects):
     assert "predicted" not in page.scene.wrenches
     press(effects.again)
     assert effects.stairs.content == added
+
+
+def test_the_errors_on_a_long_flight_come_beside_the_page_and_after_a_change_at_once(
+    page, effects, eventually, monkeypatch
+):
+    monkeypatch.setattr(panels, "LONG", 5.0)
+    found, asked = threading.Event(), effects.effects.staircases
+    monkeypatch.setattr(effects.effects, "staircases", lambda flight: found.wait(20.0) and asked(flight))
+    page.open("test")
+    assert "looking at test" in effects.stairs.content
+    assert number(effects) == []
+    assert "com_offset" in effects.choice.options
+    found.set()
+    eventually(lambda: len(number(effects)) == 2)
+    assert "looking at" not in effects.stairs.content
+    before = number(effects)
+    effects.add("com_offset")
+    assert all(after < 0.2 * b for after, b in zip(number(effects), before, strict=True))
 
 
 def test_a_slider_moves_the_error_live_and_undo_moves_the_slider(page, effects):

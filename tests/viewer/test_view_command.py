@@ -1,5 +1,7 @@
 """`wrenchgap view` as a command: what it refuses, what it says, what it serves."""
 
+import gc
+import importlib
 import os
 import re
 import signal
@@ -11,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from wrenchgap._lazy import uncollected
 from wrenchgap.viewer.view_state import ViewState
 
 
@@ -41,3 +44,26 @@ def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
     finally:
         process.kill()
     assert list((tmp_path / "cache" / "wrenchgap").glob("*.npz")), "the logs were not kept"
+
+
+def test_a_page_waits_for_no_search_and_no_process_of_its_own():
+    """What only panels that are asked something need is imported then."""
+    code = "import sys, wrenchgap.replay.session.log_session, wrenchgap.viewer.page"
+    later = ("joblib", "scipy.special", *(f"wrenchgap.{name}" for name in ("compensate.compensator", "learn.design")))
+    later += tuple(f"wrenchgap.learn.{name}" for name in ("posterior.explain", "changed.changed", "process.train"))
+    said = subprocess.run(
+        [sys.executable, "-c", f"{code}; print([m for m in {later} if m in sys.modules])"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert said.stdout.strip() == "[]"
+
+
+def test_garbage_is_collected_again_after_imports():
+    frozen = gc.get_freeze_count()
+    try:
+        with pytest.raises(ImportError), uncollected():
+            importlib.import_module("wrenchgap.not_there" if not gc.isenabled() else "wrenchgap")
+        assert gc.isenabled()
+        assert gc.get_freeze_count() > frozen
+    finally:
+        gc.unfreeze()

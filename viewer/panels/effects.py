@@ -7,11 +7,11 @@ from typing import Any
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer import markup
-from wrenchgap.viewer.analysis import Effects, ModelState, NextFlight, Ranking
+from wrenchgap.viewer.analysis import Effects, ModelState, NextFlight, Ranking, Staircase
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.html_links import Links
 from wrenchgap.viewer.job_controls import JobControls
-from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panel import Panel, is_long
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.sliders import EffectSliders
 
@@ -37,6 +37,7 @@ class EffectsPanel(Panel):
         super().__init__(host)
         self.effects = effects
         self.state: ModelState | None = None
+        self._flight: str | None = None
         self.rankings: dict[str, Ranking] = {}
         self.designed: NextFlight | None = None
         gui = host.gui
@@ -97,10 +98,9 @@ class EffectsPanel(Panel):
             self.save.on_click(host.guarded(lambda _: self._saved()))
 
     def opened(self, scene: Scene) -> None:
-        """Another flight, or another model."""
+        """Another flight, or another model. The errors on a long flight are worked out beside the page at first."""
         self.state = state = self.effects.state(scene.name)
         self.links.start()
-        self.stairs.content = markup.render("model", state=state)
         self.back.label, self.back.visible = f"Undo: {state.undo}", bool(state.undo)
         self.again.label, self.again.visible = f"Redo: {state.redo}", bool(state.redo)
         self.choice.options = state.available or ("-",)
@@ -111,6 +111,13 @@ class EffectsPanel(Panel):
         self.refit.visible = bool(state.installed)
         found = self.rankings.get(scene.name)
         self.found.content = "" if found is None else self._search_found(found, state)
+        beside, self._flight = is_long(scene) and scene.name != self._flight, scene.name
+        if beside:
+            self._climb((), f"looking at {scene.name} ...")
+        self.look_up(partial(self.effects.staircases, scene.name), self._climb, beside=beside)
+
+    def _climb(self, staircases: tuple[Staircase, ...], words: str = "") -> None:
+        self.stairs.content = markup.render("model", state=self.state, staircases=staircases, words=words)
 
     def _search_found(self, found: Ranking, state: ModelState) -> str:
         """Verdict and candidates, with links that add effects and lead to the flight that tells a group apart."""

@@ -10,11 +10,10 @@ import numpy as np
 
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.analysis import UNITS, VIEWS, Budget, Cell, Failure, Failures
-from wrenchgap.viewer.background import Job, Report
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.html_links import Links
 from wrenchgap.viewer.job_controls import JobControls
-from wrenchgap.viewer.panel import Panel
+from wrenchgap.viewer.panel import Panel, is_long
 from wrenchgap.viewer.scene import Scene
 
 PARTS = (
@@ -23,8 +22,6 @@ PARTS = (
     ("process", "#8e5fbf", "a Gaussian process would explain"),
     ("unexplained", "#d9483b", "unexplained"),
 )
-LONG = 120.0
-"""Flights longer than this are looked at beside the page [s]."""
 SHOWN = ("rms", "mean")
 
 
@@ -49,7 +46,6 @@ class FailurePanel(Panel):
         self.failures = failures
         self.failure: Failure | None = None
         self.budget: tuple[Budget, ...] = ()
-        self._looking: Job | None = None
         self._most: dict[tuple[str, int], float] = {}
         with host.tab("Failure"):
             gui = host.gui
@@ -66,22 +62,11 @@ class FailurePanel(Panel):
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. A long flight is looked at beside the page, which stands at once."""
         self.work.cancel()
-        if self._looking is not None:
-            self._looking.cancel()
-            self._looking = None
-        name = scene.name
-        if scene.time[-1] - scene.time[0] <= LONG:
-            self._show(self.failures.of(name))
-            return
-        if self.failure is None or self.failure.flight != name:
+        name, beside = scene.name, is_long(scene)
+        if beside and (self.failure is None or self.failure.flight != name):
             self.failure, self.parts.content = None, ""
             self.map.content = markup.render("sentences", lines=[f"looking at {name} ..."], look="wg-pale")
-
-        def look(report: Report) -> Failure:
-            report(0.0, "")  # waits for the page, whose other parts ask the same session
-            return self.failures.of(name)
-
-        self._looking = self.host.background(look, lambda *_: None, self._show)
+        self.look_up(partial(self.failures.of, name), self._show, beside=beside)
 
     def _show(self, failure: Failure) -> None:
         self.failure, self.budget = failure, failure.budget

@@ -43,7 +43,10 @@ def inspect(
 
     Example: `wrenchgap inspect flight.mcap -m crazyflie --topic imu=/my/imu`
     """
-    from wrenchgap.replay import api
+    from wrenchgap._lazy import uncollected
+
+    with uncollected():
+        from wrenchgap.learn.diagnose import model_checks
 
     run.claim({}, *logs)
     asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept, keep=keep)
@@ -52,7 +55,7 @@ def inspect(
     known = None if model is None else run.model(model)
     bodies = []
     for path in logs:
-        seen = api.inspect(path, known, cutoff_hz=asked.cutoff_hz, **how)
+        seen = model_checks.inspect(path, known, cutoff_hz=asked.cutoff_hz, **how)
         run.result(seen)
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]

@@ -53,10 +53,13 @@ def view(
     import threading
     import webbrowser
 
-    from wrenchgap.flight import cache
-    from wrenchgap.replay.session.log_session import LogSession
-    from wrenchgap.viewer.page import Page, exposed
-    from wrenchgap.viewer.view_state import read
+    from wrenchgap._lazy import uncollected
+
+    with uncollected():
+        from wrenchgap.flight import cache
+        from wrenchgap.replay.session.log_session import LogSession
+        from wrenchgap.viewer.page import Page, exposed
+        from wrenchgap.viewer.view_state import read
 
     run, opening = Run(quiet=quiet), None if saved is None else read(saved)
     base, others, reading = (

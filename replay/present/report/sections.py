@@ -16,7 +16,7 @@ from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, where
+from wrenchgap.replay.present import design, explanation, history, learning, staircase, timing, untried, where
 from wrenchgap.replay.present.figures import report as charts
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import where as where_figures
@@ -263,7 +263,7 @@ def _next_flight(flight: NextFlight, place: int) -> dict[str, Any]:
 
 def of_not_tried(report: Report, _: Repetition) -> Content:
     """Effects that these logs or this model do not allow, by reason."""
-    reasons = explanation.not_tried(report.explanation.untried)
+    reasons = untried.not_tried(report.explanation.untried)
     return {"reasons": [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]}
 
 
