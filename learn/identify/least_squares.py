@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.air import awake
+from wrenchgap.learn.identify.bounded import bounded_minimum
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.plant.air import is_air
 from wrenchgap.plant.effects import Parameter, find
@@ -226,13 +227,9 @@ class Problem:
 
     def bounded_step(self, point: Point, H: Array, g: Array) -> Array:
         """Solution of the step's bounded least squares; H and g in units of `scale`, in which the prior is one."""
-        from scipy.optimize import lsq_linear  # here: others need not wait for it
-
-        L = np.linalg.cholesky(H + np.eye(point.x.size))
-        target = np.linalg.solve(L, g - point.x / self.scale)
         low, high = (self.low - point.x) / self.scale, (self.high - point.x) / self.scale
-        solution = lsq_linear(L.T, target, bounds=(low - 1e-12, high + 1e-12), method="bvls")
-        return np.asarray(np.clip(point.x + solution.x * self.scale, self.low, self.high) - point.x)
+        solution = bounded_minimum(H + np.eye(point.x.size), g - point.x / self.scale, low - 1e-12, high + 1e-12)
+        return np.asarray(np.clip(point.x + solution * self.scale, self.low, self.high) - point.x)
 
     def find_relevance(self, point: Point, jacobian: Array, weights: Array, rounds: int = 200) -> None:
         """Set the prior's sizes of sparse parameters to what the evidence says, on the linearised problem."""
