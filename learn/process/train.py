@@ -79,12 +79,16 @@ def fit_held_out(
     progress: Progress | None = None,
 ) -> tuple[GaussianProcess, HeldOut | None]:
     """As `fit`, not calibrated, and the samples that were left out in turn; None where they are too few."""
-    gp, errors = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
-    if errors is None:
-        return gp, None
-    index, _ = _seen(inputs, gp.settings)
-    error, std = errors
-    return gp, HeldOut(outputs[index], outputs[index] - error, std, index * calibration.BLOCKS // len(inputs))
+    posterior, gp = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
+    index, seen = _seen(inputs, gp.settings)
+    gp = replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
+    held = None
+    if gp.settings.calibrate and len(index) >= calibration.FEWEST:
+        (progress or _silent)(1.0, "calibrating sigma")
+        mean, std = calibration.left_out(len(inputs), index, partial(posterior.predict, gp, inputs))
+        held = HeldOut(outputs[index], mean, std, index * calibration.BLOCKS // len(inputs))
+    (progress or _silent)(1.0, "done")
+    return gp, held
 
 
 def believed(gp: GaussianProcess, held: HeldOut, gain: Array, inputs: Array) -> GaussianProcess:
@@ -99,8 +103,12 @@ def left_out_errors(inputs: Array, outputs: Array, names: tuple[str, ...], setti
 
     Hyperparameters are those of all samples; otherwise as `fit`.
     """
-    _, errors = _fit(inputs, outputs, names, replace(settings, calibrate=True), None, None)
-    return None if errors is None else errors[0]
+    posterior, gp = _fit(inputs, outputs, names, settings, None, None)
+    index, _ = _seen(inputs, settings)
+    if len(index) < calibration.FEWEST:
+        return None
+    (mean,) = calibration.left_out(len(inputs), index, partial(posterior.mean, gp, inputs))
+    return np.asarray(outputs[index] - mean)
 
 
 def _seen(inputs: Array, settings: FitSettings) -> tuple[Indices, Array]:
@@ -116,10 +124,10 @@ def _fit(
     settings: FitSettings,
     provenance: Provenance | None,
     progress: Progress | None,
-) -> tuple[GaussianProcess, tuple[Array, Array] | None]:
-    """The process, not calibrated, and errors and standard deviations (K, L) of samples that were left out in turn."""
+) -> tuple[_Posterior, GaussianProcess]:
+    """The process, not calibrated and without `sigma_training`, and what it was made of."""
     _check(inputs, outputs, names, settings)
-    report = progress or (lambda fraction, message: None)
+    report = progress or _silent
     input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
     x = (inputs - input_mean) / input_scale
     looks = _looks(x, settings)
@@ -147,14 +155,11 @@ def _fit(
         provenance=provenance or Provenance(),
         **posterior.content(np.ones(len(inputs), dtype=bool)),
     )
-    gp = replace(gp, sigma_training=np.percentile(gp.std(inputs[seen]), 99, axis=0))
-    errors = None
-    if settings.calibrate and len(seen) >= calibration.FEWEST:
-        report(1.0, "calibrating sigma")
-        mean, std = calibration.left_out(len(inputs), seen, partial(posterior.predict, gp, inputs))
-        errors = outputs[seen] - mean, std
-    report(1.0, "done")
-    return gp, errors
+    return posterior, gp
+
+
+def _silent(fraction: float, message: str) -> None:
+    """Progress that nobody looks at."""
 
 
 class _Posterior:
@@ -196,8 +201,12 @@ class _Posterior:
         return found
 
     def predict(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array, Array]:
-        """See `calibration.Predict`."""
+        """Mean and standard deviation; see `calibration.Predict`."""
         return replace(gp, **self.content(usable)).predict(inputs[asked])
+
+    def mean(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array]:
+        """The mean alone."""
+        return (replace(gp, **self.content(usable)).mean(inputs[asked]),)
 
 
 def fit_linear(inputs: Array, outputs: Array, names: tuple[str, ...], *, slope: bool = True) -> LinearMismatch:
