@@ -29,6 +29,9 @@ from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
+Found = dict[FitSettings, tuple[Indices, list[Kernel]]]
+"""By the settings of an exact process: points, and the kernels of outputs so far. Sparse inference begins there."""
+
 BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0)}
 """Of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
 
@@ -98,12 +101,15 @@ def believed(gp: GaussianProcess, held: HeldOut, gain: Array, inputs: Array) -> 
     return replace(gp, sigma_training=np.percentile(gp.std(_seen(inputs, gp.settings)[1]), 99, axis=0))
 
 
-def left_out_errors(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> Array | None:
+def left_out_errors(
+    inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings, found: Found | None = None
+) -> Array | None:
     """Errors (K, L) of samples, each predicted from the blocks of time that it is not in; None where they are few.
 
-    Hyperparameters are those of all samples; otherwise as `fit`.
+    Hyperparameters are those of all samples; otherwise as `fit`. What is `found` for the same samples is used, and what
+    is new put in.
     """
-    posterior, gp = _fit(inputs, outputs, names, settings, None, None)
+    posterior, gp = _fit(inputs, outputs, names, settings, None, None, found)
     index, _ = _seen(inputs, settings)
     if len(index) < calibration.FEWEST:
         return None
@@ -124,6 +130,7 @@ def _fit(
     settings: FitSettings,
     provenance: Provenance | None,
     progress: Progress | None,
+    found: Found | None = None,
 ) -> tuple[_Posterior, GaussianProcess]:
     """The process, not calibrated and without `sigma_training`, and what it was made of."""
     _check(inputs, outputs, names, settings)
@@ -136,9 +143,12 @@ def _fit(
 
     report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
     how = {name: getattr(settings, name) for name in ("method", "seed", "pre_thin", "scale")}
-    kept = subsample(inputs, settings.points, **how)
+    key, found = replace(settings, inference="exact"), {} if found is None else found
+    if key not in found:
+        found[key] = subsample(inputs, settings.points, **how), []
     seen, _ = _seen(inputs, settings)
-    posterior = _Posterior(x, residuals, kept, seen, settings)
+    kept, exact = found[key]
+    posterior = _Posterior(x, residuals, kept, seen, settings, exact)
     for index, name in enumerate(names):
         report((1 + index) / (1 + len(names)), f"fitting {name}")
         posterior.fit(index)
@@ -166,18 +176,29 @@ class _Posterior:
     """Kernels of all outputs, and what they say given all samples or some of them.
 
     x (M, D) and residuals (M, L) standardised; `kept` and `seen` are indices: points, and the samples that a sparse
-    process and the calibration look at.
+    process and the calibration look at. `exact` are the kernels of an exact process as far as they are known.
     """
 
-    def __init__(self, x: Array, residuals: Array, kept: Indices, seen: Indices, settings: FitSettings) -> None:
+    def __init__(
+        self,
+        x: Array,
+        residuals: Array,
+        kept: Indices,
+        seen: Indices,
+        settings: FitSettings,
+        exact: list[Kernel] | None = None,
+    ) -> None:
         self.x, self.residuals, self.kept, self.seen, self.settings = x, residuals, kept, seen, settings
+        self.exact = [] if exact is None else exact
         self.kernels: list[Kernel] = []
 
     def fit(self, index: int) -> None:
         """The kernel of one output after the other."""
         looks = _looks(self.x, self.settings)
         x, z = self.x[:, looks], self.residuals[:, index]
-        kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
+        if index == len(self.exact):
+            self.exact.append(_maximum_likelihood(x[self.kept], z[self.kept], self.settings, index))
+        kernel = self.exact[index]
         if self.settings.inference == "sparse":
             starts = [kernel, *([replace(kernel, noise_variance=LOUD)] if kernel.noise_variance < QUIET else [])]
             maximise = SEARCHES[self.settings.search]
