@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.blas import dgemm, dsyrk, dtrsm
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.process.lbfgs import minimise
-from wrenchgap.learn.process.likelihood_kernels import exponents, lower, slopes
+from wrenchgap.learn.process.likelihood_kernels import exponents, inverted, lower, slopes
 from wrenchgap.learn.process.sparse import Kernel
 
 JITTER = 1e-8
@@ -95,6 +95,7 @@ class _Exact:
         count = len(x)
         self.columns, self.z = np.ascontiguousarray(x.T), z
         self.pairs, self.C = np.empty(count * (count - 1) // 2), np.empty((count, count))
+        self.inverse = np.zeros((count, count))
 
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
         q = self.columns / kernel.lengthscales[:, None]
@@ -103,8 +104,9 @@ class _Exact:
         C = self._factored(kernel)
         logarithm = 2.0 * float(np.sum(np.log(np.diagonal(C))))
         a, _ = dpotrs(C.T, self.z, lower=0)  # the lower triangle of C is the upper one of LAPACK's, column by column
-        dpotri(C.T, lower=0, overwrite_c=1)
-        sums = slopes(q, self.pairs, C, a)
+        inverted(C, self.inverse)
+        dlauum(self.inverse.T, lower=0, overwrite_c=1)
+        sums = slopes(q, self.pairs, self.inverse, a)
         sums[1:-1] *= kernel.signal_variance / kernel.lengthscales
         return float(-0.5 * (self.z @ a + logarithm + len(a) * np.log(2.0 * np.pi))), sums
 
