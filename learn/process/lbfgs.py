@@ -39,7 +39,7 @@ def minimise(objective: Objective, start: Array, most: int) -> tuple[float, Arra
     value, slope = objective(x)
     steps, changes, calls = np.empty((0, len(x))), np.empty((0, len(x))), 1
     for count in range(most):
-        if float(np.max(np.abs(slope))) <= FLAT or calls > most:
+        if np.abs(slope).max() <= FLAT or calls > most:
             break
         found = None
         while found is None:

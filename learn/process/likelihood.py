@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.blas import dgemm, dsyrk, dtrsm
+from scipy.linalg.blas import dgemm, dsyrk, dtrmm
 from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
@@ -102,9 +102,8 @@ class _Exact:
         exponents(q, self.pairs)
         np.exp(self.pairs, out=self.pairs)
         C = self._factored(kernel)
-        logarithm = 2.0 * float(np.sum(np.log(np.diagonal(C))))
         a, _ = dpotrs(C.T, self.z, lower=0)  # the lower triangle of C is the upper one of LAPACK's, column by column
-        inverted(C, self.inverse)
+        logarithm = 2.0 * inverted(C, self.inverse)
         dlauum(self.inverse.T, lower=0, overwrite_c=1)
         sums = slopes(q, self.pairs, self.inverse, a)
         sums[1:-1] *= kernel.signal_variance / kernel.lengthscales
@@ -128,13 +127,15 @@ class _Sparse:
     def __init__(self, x: Array, z: Array, inducing: Array) -> None:
         self.x, self.z, self.inducing = x, z, inducing
         self.K, self.A, self.W = (np.empty((len(inducing), len(x))) for _ in range(3))
+        self.whitener = np.zeros((len(inducing), len(inducing)))
 
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
         noise, (size, count), eye = kernel.noise_variance, self.K.shape, np.eye(len(self.inducing))
         Kzz, Kzx, A, W = kernel(self.inducing, self.inducing), self._kernel(kernel), self.A, self.W
         L = _factor(Kzz, JITTER)
+        inverted(np.ascontiguousarray(L), self.whitener)
         np.copyto(A, Kzx)
-        dtrsm(noise**-0.5, L, A.T, side=1, lower=1, trans_a=1, overwrite_b=1)  # A^T L^T = K_xz / s_n
+        dtrmm(noise**-0.5, self.whitener.T, A.T, side=1, lower=0, overwrite_b=1)  # A^T = K_xz L^-T / s_n
         half = dsyrk(1.0, A.T, trans=1, lower=1)
         inside = half + np.tril(half, -1).T
         B = eye + inside

@@ -149,11 +149,6 @@ class Effect(ABC):
     sparse: ClassVar[bool] = False
     """Whether a few large parameters are likelier than many small ones (one damaged rotor, one slipped servo)."""
 
-    @classmethod
-    def __subclasshook__(cls, other: type) -> bool:
-        """Subclasses are those that say so: no search through all effects for every kind of every effect."""
-        return cls in other.__mro__
-
     @abstractmethod
     def parameters(self, vehicle: Vehicle) -> tuple[Parameter, ...]:
         """Names, units, plausible ranges of the parameters for this vehicle."""

@@ -129,8 +129,9 @@ def test_where_samples_coincide_both_add_the_same_to_the_diagonal():
 @pytest.mark.parametrize("size", [1, 3, 4, 9, 50])
 def test_a_triangle_times_its_inverse_is_one(size):
     rng = np.random.default_rng(size)
-    L, X = np.tril(rng.normal(size=(size, size))) + 3.0 * np.eye(size), np.zeros((size, size))
+    L, X = np.tril(rng.normal(size=(size, size)), -1) + np.diag(rng.uniform(1, 4, size)), np.zeros((size, size))
     for _ in range(2):  # over what was there
-        likelihood_kernels.inverted(L, X)
+        logarithm = likelihood_kernels.inverted(L, X)
+        assert logarithm == pytest.approx(np.linalg.slogdet(L)[1], abs=1e-12)
     np.testing.assert_allclose(L @ X, np.eye(size), atol=1e-12)
     np.testing.assert_array_equal(np.triu(X, 1), 0.0)
