@@ -91,7 +91,8 @@ def plain_squared_distances(points: Array) -> NDArray[np.float32]:
 def _products(points: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Scalar products (N, N) of the centred rows, and of each with itself (N,)."""
     centred = (points - points.mean(axis=0)).astype(np.float32)
-    return centred @ centred.T, np.einsum("nd,nd->n", centred, centred)
+    other = np.ascontiguousarray(centred.T)  # numpy makes one triangle of A A^T and mirrors it, which takes longer
+    return centred @ other, np.einsum("nd,nd->n", centred, centred)
 
 
 @njit(cache=True)
