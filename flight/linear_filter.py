@@ -19,7 +19,9 @@ from wrenchgap.flight.flight import Array
 def filtered(b: Array, a: Array, signal: Array, start: Array | None = None) -> Array:
     """`signal` (N, D) through sum b_k z^-k / sum a_k z^-k; `start` (K, D) are the states before, else zero."""
     order = max(len(b), len(a)) - 1
-    numerator, denominator = (np.pad(np.asarray(c, dtype=float), (0, order + 1 - len(c))) / a[0] for c in (b, a))
+    coefficients = np.zeros((2, order + 1))
+    coefficients[0, : len(b)], coefficients[1, : len(a)] = b, a
+    numerator, denominator = coefficients / a[0]
     state = np.zeros((order, signal.shape[1])) if start is None else np.array(start, dtype=float)
     return np.asarray(_filtered(numerator, denominator, np.ascontiguousarray(signal, dtype=float), state))
 

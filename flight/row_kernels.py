@@ -175,6 +175,27 @@ def integral(time: Array, values: Array) -> Array:
     return out
 
 
+def plain_clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
+    """Sums (N, C) before each of the `steps` (N, C), from `start` (C,) on, kept within +-`limit` (C,) at every step."""
+    out, held = np.empty_like(steps), start
+    for i, step in enumerate(steps):
+        out[i] = held
+        held = np.minimum(np.maximum(held + step, -limit), limit)
+    return out
+
+
+@njit(cache=True)
+def clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
+    """As `plain_clamped_sum`."""
+    out = np.empty(steps.shape)
+    for k in range(steps.shape[1]):
+        held, most = start[k], limit[k]
+        for i in range(len(steps)):
+            out[i, k] = held
+            held = min(max(held + steps[i, k], -most), most)
+    return out
+
+
 def plain_correlated(values: Array, weights: Array) -> Array:
     """Weighted sums of the n rows of values (N, C) around each row, (N - n + 1, C); `weights` (n,)."""
     return np.asarray(np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0) @ weights)

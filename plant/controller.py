@@ -26,6 +26,7 @@ import numpy as np
 from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.row_kernels import clamped_sum
 from wrenchgap.plant.state import State
 from wrenchgap.plant.trajectory.reference import Reference, attitude_of_thrust, yaw_of
 from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
@@ -198,12 +199,6 @@ def integrate_error(gains: ControllerGains, error: Array, dt: float, start: Arra
 
     `error` (N, 3) is e_R, `start` (3,) the value at the first sample. Clamped exactly as in `Controller.step`.
     """
-    limits = np.broadcast_to(np.asarray(gains.integral_limit, dtype=float), 3).tolist()
-    integral = np.empty_like(error)
-    for axis, (q, limit) in enumerate(zip([0.0] * 3 if start is None else list(start), limits, strict=True)):
-        held = []
-        for step in (dt * error[:, axis]).tolist():
-            held.append(q)
-            q = min(max(q + step, -limit), limit)
-        integral[:, axis] = held
-    return integral
+    limits = np.array(np.broadcast_to(np.asarray(gains.integral_limit, dtype=float), 3))
+    before = np.zeros(3) if start is None else np.array(start, dtype=float)
+    return np.asarray(clamped_sum(np.ascontiguousarray(dt * error), before, limits))

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 MANY = 64
 """Samples from which on these are used; a closed loop asks for one at a time, and a trace holds no numbers."""
+TOGETHER = 64
+"""Samples whose arms are summed up side by side."""
 SMALL_ANGLE = 1e4
 """Angle [rad] up to which three parts of a quarter turn leave its remainder exact; beyond, the C library's."""
 
@@ -77,27 +79,30 @@ def rotor_wrench(
     n, rotors = thrust.shape
     arms = len(place)
     out = np.empty((n, 6))
-    pull, twist = np.empty(arms), np.empty(arms)
-    for k in range(n):
-        pull[:] = 0.0
-        twist[:] = 0.0
-        for r in range(rotors):
-            pull[arm[r]] += thrust[k, r]
-            twist[arm[r]] += drag[r] * thrust[k, r]
-        fx = fy = fz = mx = my = mz = 0.0
+    pull, twist, into = np.empty((arms, TOGETHER)), np.empty((arms, TOGETHER)), np.empty((6, TOGETHER))
+    cosines, sines = np.empty(TOGETHER), np.empty(TOGETHER)
+    for first in range(0, n, TOGETHER):
+        count = min(TOGETHER, n - first)
+        pull[:], twist[:], into[:] = 0.0, 0.0, 0.0
+        for k in range(count):
+            for r in range(rotors):
+                pull[arm[r], k] += thrust[first + k, r]
+                twist[arm[r], k] += drag[r] * thrust[first + k, r]
         for i in range(arms):
-            cos, sin = turn[k, i], turn[k, arms + i]
-            x = cos * normal[i, 0] + sin * lateral[i, 0]
-            y = cos * normal[i, 1] + sin * lateral[i, 1]
-            z = cos * normal[i, 2] + sin * lateral[i, 2]
-            px, py, pz, T, Q = place[i, 0], place[i, 1], place[i, 2], pull[i], twist[i]
-            fx += T * x
-            fy += T * y
-            fz += T * z
-            mx += T * (py * z - pz * y) - Q * x
-            my += T * (pz * x - px * z) - Q * y
-            mz += T * (px * y - py * x) - Q * z
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = fx, fy, fz, mx, my, mz
+            a, b, c, d, e, f = normal[i, 0], normal[i, 1], normal[i, 2], lateral[i, 0], lateral[i, 1], lateral[i, 2]
+            px, py, pz, pulls, twists = place[i, 0], place[i, 1], place[i, 2], pull[i], twist[i]
+            for k in range(count):
+                cosines[k], sines[k] = turn[first + k, i], turn[first + k, arms + i]
+            for k in range(count):
+                cos, sin, T, Q = cosines[k], sines[k], pulls[k], twists[k]
+                x, y, z = cos * a + sin * d, cos * b + sin * e, cos * c + sin * f
+                into[0, k] += T * x
+                into[1, k] += T * y
+                into[2, k] += T * z
+                into[3, k] += T * (py * z - pz * y) - Q * x
+                into[4, k] += T * (pz * x - px * z) - Q * y
+                into[5, k] += T * (px * y - py * x) - Q * z
+        out[first : first + count] = into[:, :count].T
     return out
 
 

@@ -21,7 +21,9 @@ with tempfile.TemporaryDirectory() as folder:
     path = wg.save_log(flown, Path(folder) / "flight.mcap")
     wg.inspect(path, model)
     names = ("com_offset", "rotor_thrust", "rotor_drag", "asymmetric_motor_lag")
-    wg.explain(wg.open_flights(path, model), model, names=names, jobs=1)
+    opened = wg.open_flights(path, model)
+    wg.explain(opened, model, names=names, jobs=1)
+    wg.learn_gp(opened, model)
 """
 
 

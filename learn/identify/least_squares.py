@@ -94,6 +94,7 @@ class Problem:
         self.parameters = tuple((n, p) for n in names for p in find(n).parameters(model.vehicle))
         self.size = len(self.parameters)
         self.flights = int(data.flight.max()) + 1
+        self.all_measured = bool(data.measured_axes.all())
         self.trim = trim_of(model)
         limit, usual = (np.tile(v, self.flights) for v in (self.trim.limit, self.trim.scale))
         self.low = np.concatenate(([p.low for _, p in self.parameters], -limit))
@@ -142,8 +143,11 @@ class Problem:
         theta, bias = self.split(x)
         model = WrenchModel(self.model.vehicle, self.fixed + self.effects(theta))
         residual = self.data.measured - self.data.predict(model)
-        residual[:, self.trim.axes] -= self.trim.unit * bias[self.data.flight]
-        residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
+        trims = np.zeros((self.flights, 6))
+        trims[:, self.trim.axes] = self.trim.unit * bias
+        residual -= trims[self.data.flight] if self.flights > 1 else trims[0]
+        if not self.all_measured:
+            residual[:, ~self.data.measured_axes] = 0.0  # no weight, no derivative: out of every sum below
         return Point(x, residual)
 
     def jacobian(self, point: Point, first: int = 0) -> Array:
@@ -261,8 +265,7 @@ class Problem:
         prior = 1.0 / (self.data.independence * self.typical**2)
         A = self.data.unanswered(jacobian) * weights[:, None]
         scores = np.einsum("klp,kl->kp", A, self.data.unanswered(point.residual) * weights)
-        blocks = np.zeros((int(self.data.block.max()) + 1, point.x.size))
-        np.add.at(blocks, self.data.block, scores)
+        blocks = np.stack([np.bincount(self.data.block, weights=column) for column in scores.T], axis=1)
         flat = A.reshape(-1, point.x.size)
         inverse = np.linalg.inv(flat.T @ flat + np.diag(prior))
         count = len(blocks)

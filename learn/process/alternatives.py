@@ -23,7 +23,7 @@ from wrenchgap.learn.data.blocks import by_block, paired_t, significant
 from wrenchgap.learn.data.errors import rms
 from wrenchgap.learn.process.calibration import BLOCKS
 from wrenchgap.learn.process.gp import FitSettings
-from wrenchgap.learn.process.train import Progress, left_out_errors
+from wrenchgap.learn.process.train import Found, Progress, left_out_errors
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 
 Inputs = Callable[[tuple[str, ...]], Array]
@@ -76,6 +76,7 @@ class _Trials:
     names: tuple[str, ...]
     progress: Progress | None
     errors: dict[FitSettings, Array] = field(default_factory=dict)
+    found: Found = field(default_factory=dict)
 
     def fit(self, settings: FitSettings) -> bool:
         """Whether this can be fitted, which it then is."""
@@ -87,7 +88,7 @@ class _Trials:
         points, seen = min(settings.points, POINTS), min(settings.pre_thin, SEEN)
         quick = replace(settings, restarts=0, points=points, pre_thin=seen)
         try:
-            error = left_out_errors(self.inputs(settings.inputs), self.outputs, self.names, quick)
+            error = left_out_errors(self.inputs(settings.inputs), self.outputs, self.names, quick, self.found)
         except FitError:
             return False
         if error is not None:

@@ -23,8 +23,8 @@ from wrenchgap.flight.flight import Array
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-Predict = Callable[[Mask, Indices], tuple[Array, Array]]
-"""(which samples may be used (M,), indices of those asked for (K,)) -> their mean and standard deviation (K, L)."""
+Predict = Callable[[Mask, Indices], tuple[Array, ...]]
+"""(which samples may be used (M,), indices of those asked for (K,)) -> what is said of them, (K, L) each."""
 
 FOLDS = 4
 BLOCKS = 16
@@ -37,14 +37,15 @@ SCALE = (1.0, 10.0)
 flight is, so that sigma may well prove too large on them."""
 
 
-def left_out(count: int, asked: Indices, predict: Predict) -> tuple[Array, Array]:
-    """Mean and standard deviation (K, L) of the samples `asked` out of `count`, each without the blocks of its fold."""
+def left_out(count: int, asked: Indices, predict: Predict) -> tuple[Array, ...]:
+    """What is predicted (K, L) of the samples `asked` out of `count`, each without the blocks of its fold."""
     fold = (np.arange(count) * BLOCKS // count) % FOLDS
-    parts = {k: predict(fold != k, asked[fold[asked] == k]) for k in range(FOLDS)}
-    mean, std = (np.empty((len(asked), parts[0][i].shape[1])) for i in range(2))
-    for k, (found, spread) in parts.items():
-        mean[fold[asked] == k], std[fold[asked] == k] = found, spread
-    return mean, std
+    parts = [predict(fold != k, asked[fold[asked] == k]) for k in range(FOLDS)]
+    out = tuple(np.empty((len(asked), part.shape[1])) for part in parts[0])
+    for k, found in enumerate(parts):
+        for whole, part in zip(out, found, strict=True):
+            whole[fold[asked] == k] = part
+    return out
 
 
 def sigma_scale(error: Array, std: Array) -> Array:

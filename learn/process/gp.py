@@ -306,7 +306,9 @@ class GaussianProcess:
 
     def predict(self, xi: Array, /) -> tuple[Array, Array]:
         """Mean and standard deviation, noise included, (M, L) each."""
-        return self.mean(xi), self.std(xi)
+        both = [self._both(xi[start : start + BLOCK]) for start in range(0, max(len(xi), 1), BLOCK)]
+        mean, std = (np.concatenate(parts) for parts in zip(*both, strict=True))
+        return mean, std
 
     def mean_and_jacobian(self, xi: Array, /) -> tuple[Array, Array]:
         """Mean (M, L) and its derivative (M, L, D), sharing one evaluation of the kernel."""
@@ -335,8 +337,16 @@ class GaussianProcess:
                 "learn one from this vehicle's logs with `wrenchgap learn`"
             )
 
+    def _both(self, xi: Array) -> tuple[Array, Array]:
+        """Mean and standard deviation, sharing one evaluation of the kernel."""
+        x, _, k = self._kernel(xi)
+        return self._mean_of(x, k), self._std_of(k, noise=True)
+
     def _mean(self, xi: Array) -> Array:
         x, _, k = self._kernel(xi)
+        return self._mean_of(x, k)
+
+    def _mean_of(self, x: Array, k: Array) -> Array:
         return self._with_mean_function(x, (k @ self._factors.alpha[:, :, None])[:, :, 0])
 
     def _with_mean_function(self, x: Array, standardised: Array) -> Array:
@@ -345,7 +355,9 @@ class GaussianProcess:
         return np.asarray((mean_function + standardised.T) * (self.gain * self.output_scale))
 
     def _std(self, xi: Array, noise: bool) -> Array:
-        _, _, k = self._kernel(xi)
+        return self._std_of(self._kernel(xi)[2], noise)
+
+    def _std_of(self, k: Array, noise: bool) -> Array:
         whitened = self._factors.whitener @ k.transpose(0, 2, 1)  # (L, N, M)
         explained = np.einsum("lnm,lnm->ml", whitened, whitened)
         variance = np.maximum(self.signal_variance - explained, 0.0) + (self.noise_variance if noise else 0.0)

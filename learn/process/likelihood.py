@@ -21,15 +21,19 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.linalg.blas import dgemm, dsyrk, dtrmm
+from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.learn.process.lbfgs import minimise
+from wrenchgap.learn.process.likelihood_kernels import exponents, inverted, lower, slopes
 from wrenchgap.learn.process.sparse import Kernel
 
 JITTER = 1e-8
 """GPy's, on the diagonal."""
 ATTEMPTS = 6
 """With a diagonal that is ten times larger each, where C is not positive definite but for rounding."""
+NOT_DEFINITE = "the covariance of the samples is not positive definite"
 ITERATIONS, SPARSE_ITERATIONS = 500, 120
 """Of L-BFGS; a sparse process begins with hyperparameters that an exact one on a few samples has found."""
 
@@ -84,6 +88,87 @@ def _by_lengthscale(W: Array, a: Array, b: Array, kernel: Kernel) -> Array:
     return np.asarray(squares / kernel.lengthscales**3)
 
 
+class _Exact:
+    """`log_likelihood` of the same samples at one kernel after the other, in the same memory."""
+
+    def __init__(self, x: Array, z: Array) -> None:
+        count = len(x)
+        self.columns, self.z = np.ascontiguousarray(x.T), z
+        self.pairs, self.C = np.empty(count * (count - 1) // 2), np.empty((count, count))
+        self.inverse = np.zeros((count, count))
+
+    def __call__(self, kernel: Kernel) -> tuple[float, Array]:
+        q = self.columns / kernel.lengthscales[:, None]
+        exponents(q, self.pairs)
+        np.exp(self.pairs, out=self.pairs)
+        C = self._factored(kernel)
+        a, _ = dpotrs(C.T, self.z, lower=0)  # the lower triangle of C is the upper one of LAPACK's, column by column
+        logarithm = 2.0 * inverted(C, self.inverse)
+        dlauum(self.inverse.T, lower=0, overwrite_c=1)
+        sums = slopes(q, self.pairs, self.inverse, a)
+        sums[1:-1] *= kernel.signal_variance / kernel.lengthscales
+        return float(-0.5 * (self.z @ a + logarithm + len(a) * np.log(2.0 * np.pi))), sums
+
+    def _factored(self, kernel: Kernel) -> Array:
+        """The Cholesky factor of the covariance in the lower triangle; attempts as those of `_factor`."""
+        noise, more = kernel.noise_variance + JITTER, 0.0
+        for attempt in range(ATTEMPTS):
+            lower(self.pairs, kernel.signal_variance, noise + more, self.C)
+            _, failed = dpotrf(self.C.T, lower=0, clean=0, overwrite_a=1)
+            if not failed:
+                return self.C
+            more = (kernel.signal_variance + noise) * 1e-6 * 10.0**attempt
+        raise np.linalg.LinAlgError(NOT_DEFINITE)
+
+
+class _Sparse:
+    """`bound` of the same samples at one kernel after the other, in the same memory; rows are inducing inputs."""
+
+    def __init__(self, x: Array, z: Array, inducing: Array) -> None:
+        self.x, self.z, self.inducing = x, z, inducing
+        self.K, self.A, self.W = (np.empty((len(inducing), len(x))) for _ in range(3))
+        self.whitener = np.zeros((len(inducing), len(inducing)))
+
+    def __call__(self, kernel: Kernel) -> tuple[float, Array]:
+        noise, (size, count), eye = kernel.noise_variance, self.K.shape, np.eye(len(self.inducing))
+        Kzz, Kzx, A, W = kernel(self.inducing, self.inducing), self._kernel(kernel), self.A, self.W
+        L = _factor(Kzz, JITTER)
+        inverted(np.ascontiguousarray(L), self.whitener)
+        np.copyto(A, Kzx)
+        dtrmm(noise**-0.5, self.whitener.T, A.T, side=1, lower=0, overwrite_b=1)  # A^T = K_xz L^-T / s_n
+        half = dsyrk(1.0, A.T, trans=1, lower=1)
+        inside = half + np.tril(half, -1).T
+        B = eye + inside
+        logarithm, inverse = _inverted(B)
+        v = inverse @ (A @ self.z) / np.sqrt(noise)
+        w = solve_triangular(L, v, lower=True, trans=1)
+        b = (self.z - w @ Kzx) / noise
+        missing = count * kernel.signal_variance / noise - np.trace(inside)
+        value = -0.5 * (self.z @ b + logarithm + count * np.log(2.0 * np.pi * noise) + missing)
+        by_noise = 0.5 * (b @ b + (missing - count + size - np.trace(inverse)) / noise)
+        np.multiply(w[:, None], b, out=W)
+        right = solve_triangular(L, eye - inverse, lower=True, trans=1)
+        dgemm(noise**-0.5, A.T, np.asfortranarray(right), trans_b=1, beta=1.0, c=W.T, overwrite_c=1)
+        W *= Kzx
+        inner = solve_triangular(L, np.outer(v, v) + inverse - 2.0 * eye + B, lower=True, trans=1)
+        V = -0.5 * solve_triangular(L, inner.T, lower=True, trans=1) * Kzz
+        by_signal = (W.sum() + V.sum()) / kernel.signal_variance - 0.5 * count / noise
+        lengths = _by_lengthscale(W, self.inducing, self.x, kernel)
+        lengths += _by_lengthscale(V, self.inducing, self.inducing, kernel)
+        return float(value), np.concatenate(([by_signal], lengths, [by_noise]))
+
+    def _kernel(self, kernel: Kernel) -> Array:
+        """k(Z, x) (M, N): -1/2 |p - q|^2 as one product, of p and q with their own squares beside them."""
+        p, q = self.inducing / kernel.lengthscales, self.x / kernel.lengthscales
+        left = np.column_stack((p, -0.5 * np.sum(p * p, axis=1), np.ones(len(p))))
+        right = np.column_stack((q, np.ones(len(q)), -0.5 * np.sum(q * q, axis=1)))
+        np.matmul(left, right.T, out=self.K)
+        np.minimum(self.K, 0.0, out=self.K)
+        np.exp(self.K, out=self.K)
+        self.K *= kernel.signal_variance
+        return self.K
+
+
 def maximise(
     x: Array, z: Array, start: Kernel, bounds: dict[str, Any], inducing: Array | None = None
 ) -> tuple[float, Kernel]:
@@ -92,29 +177,28 @@ def maximise(
     With `inducing` inputs (M, D) it is the bound of the sparse process, and they stay where they are. Its logarithm,
     -inf where that failed, and the kernel.
     """
-    from scipy.optimize import minimize  # here: others need not wait for it
-
     names = ["signal", *["lengthscale"] * x.shape[1], "noise"]
     low, high = np.array([bounds[name] for name in names], dtype=float).T
+    width = high - low
+    asked = _Exact(x, z) if inducing is None else _Sparse(x, z, inducing)
 
     def kernel(logits: Array) -> Kernel:
-        theta = low + (high - low) / (1.0 + np.exp(-np.maximum(logits, -300.0)))
+        theta = low + width / (1.0 + np.exp(-np.maximum(logits, -300.0)))
         return Kernel(theta[1:-1], float(theta[0]), float(theta[-1]))
 
     def objective(logits: Array) -> tuple[float, Array]:
         at = kernel(logits)
-        value, gradient = log_likelihood(x, z, at) if inducing is None else bound(x, z, at, inducing)
+        value, gradient = asked(at)
         theta = _vector(at)
-        return -value, -gradient * (theta - low) * (high - theta) / (high - low)
+        return -value, -gradient * (theta - low) * (high - theta) / width
 
     first = _vector(start)
     logits = np.log(np.clip(first - low, 1e-10, np.inf) / np.clip(high - first, 1e-10, np.inf))
-    most = ITERATIONS if inducing is None else SPARSE_ITERATIONS
     try:
-        found = minimize(objective, logits, jac=True, method="L-BFGS-B", options={"maxiter": most, "maxfun": most})
+        value, found = minimise(objective, logits, ITERATIONS if inducing is None else SPARSE_ITERATIONS)
     except np.linalg.LinAlgError:
         return -np.inf, start
-    return (-float(found.fun) if np.isfinite(found.fun) else -np.inf), kernel(found.x)
+    return (-value if np.isfinite(value) else -np.inf), kernel(found)
 
 
 def _vector(kernel: Kernel) -> Array:
@@ -141,4 +225,4 @@ def _factor(K: Array, noise: float) -> Array:
         if not failed:
             return np.asarray(factor)
         more = float(np.mean(np.diagonal(K)) + noise) * 1e-6 * 10.0**attempt
-    raise np.linalg.LinAlgError("the covariance of the samples is not positive definite")
+    raise np.linalg.LinAlgError(NOT_DEFINITE)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError, UsageError
@@ -71,15 +72,37 @@ def standardised(points: Array) -> Array:
 
 def squared_distances(points: Array) -> NDArray[np.float32]:
     """Squared Euclidean distances (N, N) of the rows, in single precision (100 MB at N = 5,000)."""
-    centred = (points - points.mean(axis=0)).astype(np.float32)
-    squares = np.einsum("nd,nd->n", centred, centred)
-    distance: NDArray[np.float32] = centred @ centred.T
+    products, squares = _products(points)
+    _apart(products, squares)
+    return products
+
+
+def plain_squared_distances(points: Array) -> NDArray[np.float32]:
+    """The same bits in a pass for each operation: what `squared_distances` is compared with."""
+    distance, squares = _products(points)
     distance *= -2
     distance += squares
     distance += squares[:, None]
     np.maximum(distance, 0, out=distance)
     np.fill_diagonal(distance, 0)
     return distance
+
+
+def _products(points: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Scalar products (N, N) of the centred rows, and of each with itself (N,)."""
+    centred = (points - points.mean(axis=0)).astype(np.float32)
+    other = np.ascontiguousarray(centred.T)  # numpy makes one triangle of A A^T and mirrors it, which takes longer
+    return centred @ other, np.einsum("nd,nd->n", centred, centred)
+
+
+@njit(cache=True)
+def _apart(products: NDArray[np.float32], squares: NDArray[np.float32]) -> None:
+    """Scalar products (N, N) of rows, of which each with itself is `squares` (N,), become squared distances."""
+    for i in range(len(products)):
+        row, own = products[i], squares[i]
+        for j in range(len(row)):
+            row[j] = max((row[j] * np.float32(-2.0) + squares[j]) + own, np.float32(0.0))
+        row[i] = np.float32(0.0)
 
 
 def _check(inputs: Array, count: int, method: str, scale: str) -> None:

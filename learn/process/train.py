@@ -29,6 +29,9 @@ from wrenchgap.plant.mismatch import LinearMismatch, output_indices
 Progress = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
+Found = dict[FitSettings, tuple[Indices, list[Kernel]]]
+"""By the settings of an exact process: points, and the kernels of outputs so far. Sparse inference begins there."""
+
 BOUNDS = {"lengthscale": (0.3, 20.0), "signal": (1e-3, 1e2), "noise": (1e-5, 2.0)}
 """Of the hyperparameters; inputs have unit standard deviation, outputs unit rms."""
 
@@ -79,12 +82,16 @@ def fit_held_out(
     progress: Progress | None = None,
 ) -> tuple[GaussianProcess, HeldOut | None]:
     """As `fit`, not calibrated, and the samples that were left out in turn; None where they are too few."""
-    gp, errors = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
-    if errors is None:
-        return gp, None
-    index, _ = _seen(inputs, gp.settings)
-    error, std = errors
-    return gp, HeldOut(outputs[index], outputs[index] - error, std, index * calibration.BLOCKS // len(inputs))
+    posterior, gp = _fit(inputs, outputs, names, settings or FitSettings(), provenance, progress)
+    index, seen = _seen(inputs, gp.settings)
+    gp = replace(gp, sigma_training=np.percentile(gp.std(seen), 99, axis=0))
+    held = None
+    if gp.settings.calibrate and len(index) >= calibration.FEWEST:
+        (progress or _silent)(1.0, "calibrating sigma")
+        mean, std = calibration.left_out(len(inputs), index, partial(posterior.predict, gp, inputs))
+        held = HeldOut(outputs[index], mean, std, index * calibration.BLOCKS // len(inputs))
+    (progress or _silent)(1.0, "done")
+    return gp, held
 
 
 def believed(gp: GaussianProcess, held: HeldOut, gain: Array, inputs: Array) -> GaussianProcess:
@@ -94,13 +101,20 @@ def believed(gp: GaussianProcess, held: HeldOut, gain: Array, inputs: Array) -> 
     return replace(gp, sigma_training=np.percentile(gp.std(_seen(inputs, gp.settings)[1]), 99, axis=0))
 
 
-def left_out_errors(inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings) -> Array | None:
+def left_out_errors(
+    inputs: Array, outputs: Array, names: tuple[str, ...], settings: FitSettings, found: Found | None = None
+) -> Array | None:
     """Errors (K, L) of samples, each predicted from the blocks of time that it is not in; None where they are few.
 
-    Hyperparameters are those of all samples; otherwise as `fit`.
+    Hyperparameters are those of all samples; otherwise as `fit`. What is `found` for the same samples is used, and what
+    is new put in.
     """
-    _, errors = _fit(inputs, outputs, names, replace(settings, calibrate=True), None, None)
-    return None if errors is None else errors[0]
+    posterior, gp = _fit(inputs, outputs, names, settings, None, None, found)
+    index, _ = _seen(inputs, settings)
+    if len(index) < calibration.FEWEST:
+        return None
+    (mean,) = calibration.left_out(len(inputs), index, partial(posterior.mean, gp, inputs))
+    return np.asarray(outputs[index] - mean)
 
 
 def _seen(inputs: Array, settings: FitSettings) -> tuple[Indices, Array]:
@@ -116,10 +130,11 @@ def _fit(
     settings: FitSettings,
     provenance: Provenance | None,
     progress: Progress | None,
-) -> tuple[GaussianProcess, tuple[Array, Array] | None]:
-    """The process, not calibrated, and errors and standard deviations (K, L) of samples that were left out in turn."""
+    found: Found | None = None,
+) -> tuple[_Posterior, GaussianProcess]:
+    """The process, not calibrated and without `sigma_training`, and what it was made of."""
     _check(inputs, outputs, names, settings)
-    report = progress or (lambda fraction, message: None)
+    report = progress or _silent
     input_mean, input_scale = inputs.mean(axis=0), _spread(inputs)
     x = (inputs - input_mean) / input_scale
     looks = _looks(x, settings)
@@ -128,9 +143,12 @@ def _fit(
 
     report(0.0, f"choosing {min(settings.points, len(inputs))} of {len(inputs)} samples")
     how = {name: getattr(settings, name) for name in ("method", "seed", "pre_thin", "scale")}
-    kept = subsample(inputs, settings.points, **how)
+    key, found = replace(settings, inference="exact"), {} if found is None else found
+    if key not in found:
+        found[key] = subsample(inputs, settings.points, **how), []
     seen, _ = _seen(inputs, settings)
-    posterior = _Posterior(x, residuals, kept, seen, settings)
+    kept, exact = found[key]
+    posterior = _Posterior(x, residuals, kept, seen, settings, exact)
     for index, name in enumerate(names):
         report((1 + index) / (1 + len(names)), f"fitting {name}")
         posterior.fit(index)
@@ -147,32 +165,40 @@ def _fit(
         provenance=provenance or Provenance(),
         **posterior.content(np.ones(len(inputs), dtype=bool)),
     )
-    gp = replace(gp, sigma_training=np.percentile(gp.std(inputs[seen]), 99, axis=0))
-    errors = None
-    if settings.calibrate and len(seen) >= calibration.FEWEST:
-        report(1.0, "calibrating sigma")
-        mean, std = calibration.left_out(len(inputs), seen, partial(posterior.predict, gp, inputs))
-        errors = outputs[seen] - mean, std
-    report(1.0, "done")
-    return gp, errors
+    return posterior, gp
+
+
+def _silent(fraction: float, message: str) -> None:
+    """Progress that nobody looks at."""
 
 
 class _Posterior:
     """Kernels of all outputs, and what they say given all samples or some of them.
 
     x (M, D) and residuals (M, L) standardised; `kept` and `seen` are indices: points, and the samples that a sparse
-    process and the calibration look at.
+    process and the calibration look at. `exact` are the kernels of an exact process as far as they are known.
     """
 
-    def __init__(self, x: Array, residuals: Array, kept: Indices, seen: Indices, settings: FitSettings) -> None:
+    def __init__(
+        self,
+        x: Array,
+        residuals: Array,
+        kept: Indices,
+        seen: Indices,
+        settings: FitSettings,
+        exact: list[Kernel] | None = None,
+    ) -> None:
         self.x, self.residuals, self.kept, self.seen, self.settings = x, residuals, kept, seen, settings
+        self.exact = [] if exact is None else exact
         self.kernels: list[Kernel] = []
 
     def fit(self, index: int) -> None:
         """The kernel of one output after the other."""
         looks = _looks(self.x, self.settings)
         x, z = self.x[:, looks], self.residuals[:, index]
-        kernel = _maximum_likelihood(x[self.kept], z[self.kept], self.settings, index)
+        if index == len(self.exact):
+            self.exact.append(_maximum_likelihood(x[self.kept], z[self.kept], self.settings, index))
+        kernel = self.exact[index]
         if self.settings.inference == "sparse":
             starts = [kernel, *([replace(kernel, noise_variance=LOUD)] if kernel.noise_variance < QUIET else [])]
             maximise = SEARCHES[self.settings.search]
@@ -196,8 +222,12 @@ class _Posterior:
         return found
 
     def predict(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array, Array]:
-        """See `calibration.Predict`."""
+        """Mean and standard deviation; see `calibration.Predict`."""
         return replace(gp, **self.content(usable)).predict(inputs[asked])
+
+    def mean(self, gp: GaussianProcess, inputs: Array, usable: Mask, asked: Indices) -> tuple[Array]:
+        """The mean alone."""
+        return (replace(gp, **self.content(usable)).mean(inputs[asked]),)
 
 
 def fit_linear(inputs: Array, outputs: Array, names: tuple[str, ...], *, slope: bool = True) -> LinearMismatch:

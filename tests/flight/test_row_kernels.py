@@ -87,3 +87,12 @@ def test_rows_that_are_looked_at_are_spread_from_the_first_to_the_last():
     rows = thinned(10_000, 1000)
     assert (rows[0], rows[-1], len(rows)) == (0, 9999, 1000)
     assert thinned(10, 1000) == slice(None)
+
+
+def test_a_clamped_sum_is_the_plain_one_and_stays_within_its_limit():
+    rng = np.random.default_rng(4)
+    steps, limit = rng.normal(size=(300, 3)), np.array([0.5, 2.0, 1e9])
+    found = row_kernels.clamped_sum(steps, np.array([0.1, 0.0, -3.0]), limit)
+    np.testing.assert_array_equal(found, row_kernels.plain_clamped_sum(steps, np.array([0.1, 0.0, -3.0]), limit))
+    np.testing.assert_array_equal(np.abs(found).max(axis=0)[:2], limit[:2])
+    np.testing.assert_allclose(found[:, 2], -3.0 + np.cumsum(steps[:, 2]) - steps[:, 2], atol=1e-12)

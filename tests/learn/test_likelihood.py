@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from wrenchgap.learn.process import likelihood, likelihood_kernels
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.likelihood import bound, log_likelihood, maximise
 from wrenchgap.learn.process.sparse import Kernel
@@ -98,3 +99,39 @@ def test_a_process_that_gpy_fits_is_the_same():
     query = x6[::7] + 0.1
     np.testing.assert_allclose(gpys.predict(query), ours.predict(query), atol=1e-3)
     np.testing.assert_allclose(gpys.std(query), ours.std(query), rtol=1e-2)
+
+
+@pytest.mark.parametrize("dims", [1, 6, 15])
+def test_compiled_values_and_gradients_are_the_plain_ones(dims):
+    rng = np.random.default_rng(dims)
+    x = rng.normal(size=(50, dims))
+    z = np.sin(x[:, 0]) + 0.1 * rng.normal(size=50)
+    exact, sparse = likelihood._Exact(x, z), likelihood._Sparse(x, z, x[::5])
+    for _ in range(5):  # in the same memory
+        kernel = Kernel(rng.uniform(0.3, 5.0, dims), rng.uniform(0.1, 3.0), rng.uniform(1e-4, 1.0))
+        for ours, plain in ((exact, log_likelihood(x, z, kernel)), (sparse, bound(x, z, kernel, x[::5]))):
+            value, gradient = ours(kernel)
+            assert value == pytest.approx(plain[0], rel=1e-9)
+            np.testing.assert_allclose(gradient, plain[1], rtol=1e-6, atol=1e-6 * np.abs(plain[1]).max())
+
+
+def test_where_samples_coincide_both_add_the_same_to_the_diagonal():
+    x, z = samples(20)
+    twice, kernel = np.concatenate((x, x)), Kernel(np.full(3, 2.0), 1e6, 1e-12)
+    value, gradient = likelihood._Exact(twice, np.concatenate((z, z)))(kernel)
+    plain = log_likelihood(twice, np.concatenate((z, z)), kernel)
+    assert value == pytest.approx(plain[0], rel=1e-3)
+    np.testing.assert_allclose(gradient, plain[1], rtol=1e-2)
+    with pytest.raises(np.linalg.LinAlgError):
+        likelihood._Exact(x, z)(Kernel(np.full(3, 2.0), -1.0, 1e-9))
+
+
+@pytest.mark.parametrize("size", [1, 3, 4, 9, 50])
+def test_a_triangle_times_its_inverse_is_one(size):
+    rng = np.random.default_rng(size)
+    L, X = np.tril(rng.normal(size=(size, size)), -1) + np.diag(rng.uniform(1, 4, size)), np.zeros((size, size))
+    for _ in range(2):  # over what was there
+        logarithm = likelihood_kernels.inverted(L, X)
+        assert logarithm == pytest.approx(np.linalg.slogdet(L)[1], abs=1e-12)
+    np.testing.assert_allclose(L @ X, np.eye(size), atol=1e-12)
+    np.testing.assert_array_equal(np.triu(X, 1), 0.0)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.process.subsample import squared_distances, standardised, subsample, thin
+from wrenchgap.learn.process.subsample import plain_squared_distances, squared_distances, standardised, subsample, thin
 
 METHODS = ("fasterpam", "pyclustering")
 
@@ -90,6 +90,12 @@ def test_distances_are_those_of_the_definition(offset):
     points = np.random.default_rng(1).normal(size=(30, 6)) + offset
     expected = ((points[:, None] - points) ** 2).sum(axis=2)
     assert squared_distances(points) == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("length", [2, 33, 400])
+def test_compiled_distances_are_the_plain_ones_to_the_last_bit(length):
+    points = standardised(wandering(length))
+    np.testing.assert_array_equal(squared_distances(points), plain_squared_distances(points))
 
 
 def test_short_log_is_kept_whole_and_a_constant_column_is_no_trouble():
