@@ -21,12 +21,11 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.blas import dgemm, dsyrk, dtrmm
-from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dpotrs
+from scipy.linalg.blas import dgemm, dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.learn.process.lbfgs import minimise
-from wrenchgap.learn.process.likelihood_kernels import exponents, inverted, lower, slopes
+from wrenchgap.learn.process.likelihood_kernels import exponents, lower, slopes
 from wrenchgap.learn.process.sparse import Kernel
 
 JITTER = 1e-8
@@ -95,7 +94,6 @@ class _Exact:
         count = len(x)
         self.columns, self.z = np.ascontiguousarray(x.T), z
         self.pairs, self.C = np.empty(count * (count - 1) // 2), np.empty((count, count))
-        self.inverse = np.zeros((count, count))
 
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
         q = self.columns / kernel.lengthscales[:, None]
@@ -103,9 +101,9 @@ class _Exact:
         np.exp(self.pairs, out=self.pairs)
         C = self._factored(kernel)
         a, _ = dpotrs(C.T, self.z, lower=0)  # the lower triangle of C is the upper one of LAPACK's, column by column
-        logarithm = 2.0 * inverted(C, self.inverse)
-        dlauum(self.inverse.T, lower=0, overwrite_c=1)
-        sums = slopes(q, self.pairs, self.inverse, a)
+        logarithm = 2.0 * float(np.sum(np.log(np.diagonal(C))))
+        dpotri(C.T, lower=0, overwrite_c=1)
+        sums = slopes(q, self.pairs, C, a)
         sums[1:-1] *= kernel.signal_variance / kernel.lengthscales
         return float(-0.5 * (self.z @ a + logarithm + len(a) * np.log(2.0 * np.pi))), sums
 
@@ -127,15 +125,13 @@ class _Sparse:
     def __init__(self, x: Array, z: Array, inducing: Array) -> None:
         self.x, self.z, self.inducing = x, z, inducing
         self.K, self.A, self.W = (np.empty((len(inducing), len(x))) for _ in range(3))
-        self.whitener = np.zeros((len(inducing), len(inducing)))
 
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
         noise, (size, count), eye = kernel.noise_variance, self.K.shape, np.eye(len(self.inducing))
         Kzz, Kzx, A, W = kernel(self.inducing, self.inducing), self._kernel(kernel), self.A, self.W
         L = _factor(Kzz, JITTER)
-        inverted(np.ascontiguousarray(L), self.whitener)
         np.copyto(A, Kzx)
-        dtrmm(noise**-0.5, self.whitener.T, A.T, side=1, lower=0, overwrite_b=1)  # A^T = K_xz L^-T / s_n
+        dtrsm(noise**-0.5, L, A.T, side=1, lower=1, trans_a=1, overwrite_b=1)  # A^T L^T = K_xz / s_n
         half = dsyrk(1.0, A.T, trans=1, lower=1)
         inside = half + np.tril(half, -1).T
         B = eye + inside
@@ -177,6 +173,8 @@ def maximise(
     With `inducing` inputs (M, D) it is the bound of the sparse process, and they stay where they are. Its logarithm,
     -inf where that failed, and the kernel.
     """
+    from scipy.optimize import minimize  # here: others need not wait for it
+
     names = ["signal", *["lengthscale"] * x.shape[1], "noise"]
     low, high = np.array([bounds[name] for name in names], dtype=float).T
     width = high - low
@@ -192,13 +190,14 @@ def maximise(
         theta = _vector(at)
         return -value, -gradient * (theta - low) * (high - theta) / width
 
+    most = ITERATIONS if inducing is None else SPARSE_ITERATIONS
     first = _vector(start)
     logits = np.log(np.clip(first - low, 1e-10, np.inf) / np.clip(high - first, 1e-10, np.inf))
     try:
-        value, found = minimise(objective, logits, ITERATIONS if inducing is None else SPARSE_ITERATIONS)
+        found = minimize(objective, logits, jac=True, method="L-BFGS-B", options={"maxiter": most, "maxfun": most})
     except np.linalg.LinAlgError:
         return -np.inf, start
-    return (-value if np.isfinite(value) else -np.inf), kernel(found)
+    return (-float(found.fun) if np.isfinite(found.fun) else -np.inf), kernel(found.x)
 
 
 def _vector(kernel: Kernel) -> Array:

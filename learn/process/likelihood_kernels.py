@@ -7,8 +7,6 @@ The plain form is `learn.process.likelihood.log_likelihood` (docs/decisions/0026
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
@@ -75,29 +73,3 @@ def slopes(q: Array, pairs: Array, inverse: Array, a: Array) -> Array:
             sums[d + 1] += part
         first += i
     return sums
-
-
-@njit(cache=True, fastmath=FAST)
-def inverted(L: Array, X: Array) -> float:
-    """The inverse of a lower triangle L (N, N) into that of X, which is zero above the diagonal; log det L.
-
-    Row i is -1 / L_ii times the sum of L_ik times row k, for k < i: four of them at a time, in half the time of
-    LAPACK's dtrtri.
-    """
-    logarithm = 0.0
-    for i in range(len(L)):
-        row, own, scale = X[i], L[i], -1.0 / L[i, i]
-        logarithm += math.log(L[i, i])
-        row[:i] = 0.0
-        fours = i - i % 4
-        for k in range(0, fours, 4):
-            a, b, c, d = scale * own[k], scale * own[k + 1], scale * own[k + 2], scale * own[k + 3]
-            e, f, g, h, part = X[k], X[k + 1], X[k + 2], X[k + 3], row[: k + 4]
-            for j in range(len(part)):
-                part[j] += (a * e[j] + b * f[j]) + (c * g[j] + d * h[j])
-        for k in range(fours, i):
-            a, e, part = scale * own[k], X[k], row[: k + 1]
-            for j in range(len(part)):
-                part[j] += a * e[j]
-        row[i] = -scale
-    return logarithm

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from wrenchgap.learn.process import likelihood, likelihood_kernels
+from wrenchgap.learn.process import likelihood
 from wrenchgap.learn.process.gp import FitSettings
 from wrenchgap.learn.process.likelihood import bound, log_likelihood, maximise
 from wrenchgap.learn.process.sparse import Kernel
@@ -124,14 +124,3 @@ def test_where_samples_coincide_both_add_the_same_to_the_diagonal():
     np.testing.assert_allclose(gradient, plain[1], rtol=1e-2)
     with pytest.raises(np.linalg.LinAlgError):
         likelihood._Exact(x, z)(Kernel(np.full(3, 2.0), -1.0, 1e-9))
-
-
-@pytest.mark.parametrize("size", [1, 3, 4, 9, 50])
-def test_a_triangle_times_its_inverse_is_one(size):
-    rng = np.random.default_rng(size)
-    L, X = np.tril(rng.normal(size=(size, size)), -1) + np.diag(rng.uniform(1, 4, size)), np.zeros((size, size))
-    for _ in range(2):  # over what was there
-        logarithm = likelihood_kernels.inverted(L, X)
-        assert logarithm == pytest.approx(np.linalg.slogdet(L)[1], abs=1e-12)
-    np.testing.assert_allclose(L @ X, np.eye(size), atol=1e-12)
-    np.testing.assert_array_equal(np.triu(X, 1), 0.0)
