@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.memory import on_disk
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
@@ -45,6 +46,8 @@ from wrenchgap.plant.model import Model
 __all__ = ["Fit", "fit", "held_out", "with_fit"]
 
 Array = NDArray[np.float64]
+MANY = 4000
+"""Samples from which on derivatives that are asked for later wait on disk: 100 s at 40 Hz."""
 Starts = dict[tuple[str, ...], tuple[Array, Array, Array]]
 
 
@@ -87,7 +90,9 @@ def _begun(problem: Problem, starts: Starts) -> tuple[Point, Array]:
         return Point(x, residual), np.concatenate((effects, problem.bias_jacobian), axis=2)
     point = problem.start(None)
     jacobian = problem.jacobian(point)
-    starts[problem.names] = point.x, point.residual, jacobian[:, :, : problem.size].copy()
+    effects = jacobian[:, :, : problem.size]
+    kept = on_disk(effects, MANY)
+    starts[problem.names] = point.x, point.residual, effects.copy() if kept is effects else kept
     return point, jacobian
 
 
