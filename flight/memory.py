@@ -3,10 +3,10 @@
 Columns of less than 32 MB come from glibc's heap, and go back to the machine only from its end: after ten hours at
 100 Hz, columns of 29 MB, half a gigabyte stayed (mallopt(3), M_MMAP_THRESHOLD; malloc_trim(3)).
 
-Of a flight of hours, arrays are kept in temporary files without a name, mapped into memory (`on_disk`). What is worked
-on becomes resident like any other memory; `give_back` takes it out of the process again, and the numbers stay in the
-file (madvise(2), MADV_DONTNEED of a shared mapping). The kernel may hold the file's pages in its cache for as long as
-nobody else wants that memory.
+Of a flight of hours, arrays are kept in temporary files without a name, mapped into memory (`on_disk`), and so is what
+a search of several minutes asks for now and then. What is worked on becomes resident like any other memory; `give_back`
+and `let_go` take it out of the process again, and the numbers stay in the file (madvise(2), MADV_DONTNEED of a shared
+mapping). The kernel may hold the file's pages in its cache for as long as nobody else wants that memory.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com, about_origin, cross, measured_wrench
 
 T = TypeVar("T")
 P = TypeVar("P", State, Commands)
@@ -237,11 +237,9 @@ class Evaluator:
             any(item.effect.needs_rates for item in model.effects),
         )
         act, rotors, total = _kept(self._rotors, key, 2, lambda: self._rotor_part(model, commands))
-        if act is not None:
-            self._posture(act.posture)
         for item in model.added:
             own = (key, air, item.name, item.theta.tobytes())
-            made = partial(self._filter, model.addition, item, act, rotors, record.state)
+            made = partial(self._addition, model, item, act, rotors)
             total = total + _kept(self._added, own, 16, made)
         return report(model, total, record.state_kept, body)
 
@@ -251,6 +249,11 @@ class Evaluator:
         act, rotors = act and act.with_thrust(on_disk(act.thrust)), on_disk(rotors)
         give_back(len(rotors))
         return act, rotors, self._filter(lambda: rotors)
+
+    def _addition(self, model: WrenchModel, item: ModelEffect, act: Actuation | None, rotors: Array) -> Array:
+        if act is not None:
+            self._posture(act.posture)
+        return self._filter(model.addition, item, act, rotors, self.record.state)
 
     def _nominally(self, model: WrenchModel, commands: Commands) -> Actuation | None:
         """What the rotors nominally do at these commands, of which the last two are kept; None where not known."""

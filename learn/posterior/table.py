@@ -31,7 +31,7 @@ Progress = Callable[[float, str], None]
 class Candidate:
     """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that
     are gone relative to the model that it was tried on; `score` is the share of the given model's energy that is gone
-    in all. `companions` are tried with it as one (`learn.identify.air`).
+    in all. `companions` are tried with it as one (`learn.identify.air`). `fit` is without residual and derivatives.
     """  # noqa: D205
 
     name: str
