@@ -53,12 +53,13 @@ def trim() -> None:
         returned(0)
 
 
-def on_disk(values: NDArray[Any], least: int = HOURS) -> NDArray[Any]:
+def on_disk(values: NDArray[Any], least: int | None = None) -> NDArray[Any]:
     """The same numbers in a file that is mapped into memory; `values` themselves where few, or where no disk has room.
 
-    Arrays of fewer rows than `least` stay where they are. The order in memory is C.
+    Arrays of fewer rows than `least` (`HOURS`) stay where they are. The order in memory is C.
     """
-    if len(values) < least or values.nbytes < SMALL or not sys.platform.startswith("linux") or _is_mapped(values):
+    few = len(values) < (HOURS if least is None else least)
+    if few or values.nbytes < SMALL or not sys.platform.startswith("linux") or _is_mapped(values):
         return values
     mapped = _file(values.nbytes)
     if mapped is None:
@@ -73,10 +74,11 @@ def on_disk(values: NDArray[Any], least: int = HOURS) -> NDArray[Any]:
     return out
 
 
-def empty_on_disk(shape: tuple[int, ...], dtype: DTypeLike = float, least: int = HOURS) -> NDArray[Any]:
+def empty_on_disk(shape: tuple[int, ...], dtype: DTypeLike = float, least: int | None = None) -> NDArray[Any]:
     """An array to be filled, whose numbers are any: as `on_disk`, where that would put it in a file."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    small = shape[0] < least or size < SMALL or np.dtype(dtype).hasobject or not sys.platform.startswith("linux")
+    few = shape[0] < (HOURS if least is None else least)
+    small = few or size < SMALL or np.dtype(dtype).hasobject or not sys.platform.startswith("linux")
     mapped = None if small else _file(size)
     return np.empty(shape, dtype) if mapped is None else np.frombuffer(mapped, dtype=dtype).reshape(shape)
 
