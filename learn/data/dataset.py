@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.memory import trim
 from wrenchgap.learn.data.answering import answerable
 from wrenchgap.learn.data.measurement import Evaluator, Record, window
 from wrenchgap.plant.model import Model
@@ -63,6 +64,12 @@ class Dataset:
     def answerable(self) -> Array:
         """Orthonormal basis (K, A) of what those answers could explain on an axis."""
         return answerable(self.records, self.block)
+
+    def forget(self) -> None:
+        """Free what evaluators remember of these data: the next models have little in common with the last."""
+        for evaluator in self.evaluators:
+            evaluator.forget()
+        trim()
 
     def unanswering(self) -> Dataset:
         """The same flights, the wrench as it is; what was worked out of their records is shared."""

@@ -33,7 +33,7 @@ from wrenchgap.plant.allocation import allocation_of
 from wrenchgap.plant.reported import report
 from wrenchgap.plant.state import Actuation, Commands, Motion, Posture, State
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.plant.wrench_model import WrenchModel, about_com, about_origin, cross, measured_wrench
+from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel, about_com, about_origin, cross, measured_wrench
 
 T = TypeVar("T")
 P = TypeVar("P", State, Commands)
@@ -217,13 +217,18 @@ class Evaluator:
         self._postures: list[Posture] = []
         self._nominal: list[tuple[Commands, Actuation]] = []
 
+    def forget(self) -> None:
+        """Free the memory; what is asked for again is worked out again."""
+        for memory in (self._commands, self._rotors, self._added, self._postures, self._nominal):
+            memory.clear()
+
     def __call__(self, model: WrenchModel, body: Body | None = None) -> Array:
         """The measured wrench (K, 6) that the model predicts; see `predict`."""
         record = self.record
         model = model.acting
         sent = (record.commands, record.state, record.dt)
         on_commands = _key(model, "commands")
-        commands = _kept(self._commands, on_commands, 4, lambda: model.command(*sent)[0])
+        commands = _kept(self._commands, on_commands, 2, lambda: model.command(*sent)[0])
         air, on_thrusts = _key(model, "air"), _key(model, "thrusts")
         key = (
             on_commands,
@@ -231,11 +236,11 @@ class Evaluator:
             air if on_thrusts else (),
             any(item.effect.needs_rates for item in model.effects),
         )
-        act, rotors, total = _kept(self._rotors, key, 4, lambda: self._rotor_part(model, commands))
+        act, rotors, total = _kept(self._rotors, key, 2, lambda: self._rotor_part(model, commands))
         for item in model.added:
             own = (key, air, item.name, item.theta.tobytes())
-            made = partial(self._filter, model.addition, item, act, rotors, record.state)
-            total = total + _kept(self._added, own, 32, made)
+            made = partial(self._addition, model, item, act, rotors)
+            total = total + _kept(self._added, own, 16, made)
         return report(model, total, record.state_kept, body)
 
     def _rotor_part(self, model: WrenchModel, commands: Commands) -> tuple[Actuation | None, Array, Array]:
@@ -244,6 +249,11 @@ class Evaluator:
         act, rotors = act and act.with_thrust(on_disk(act.thrust)), on_disk(rotors)
         give_back(len(rotors))
         return act, rotors, self._filter(lambda: rotors)
+
+    def _addition(self, model: WrenchModel, item: ModelEffect, act: Actuation | None, rotors: Array) -> Array:
+        if act is not None:
+            self._posture(act.posture)
+        return self._filter(model.addition, item, act, rotors, self.record.state)
 
     def _nominally(self, model: WrenchModel, commands: Commands) -> Actuation | None:
         """What the rotors nominally do at these commands, of which the last two are kept; None where not known."""
@@ -257,13 +267,15 @@ class Evaluator:
         return found
 
     def _posture(self, asked: Posture) -> Posture:
-        """That of these tilt angles: one of the last two if they are the same, of which others are freed."""
+        """That of these tilt angles: one of the last two if they are the same. Only the last has its arrays."""
+        if self._postures and self._postures[0] is asked:
+            return asked
         same = [p for p in self._postures if p is asked or _same_angles(p, asked)]
         found = same[0] if same else asked
-        self._postures = [found, *(p for p in self._postures if p is not found)]
-        for old in self._postures[2:]:
-            old.forget()
-        del self._postures[2:]
+        others = [p for p in self._postures if p is not found]
+        for other in others:
+            other.forget()
+        self._postures = [found, *others[:1]]
         return found
 
     def _filter(self, make: Callable[..., Array], *arguments: Any) -> Array:

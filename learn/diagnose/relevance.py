@@ -274,6 +274,7 @@ class _Search:
             )
         found.sort(key=lambda g: (g.step or len(self.groups) + 1, -g.alone))
         whole, axes = self.share(self.base, current)
+        del self.phi  # the searches of `driven` have as much again
         driven = self.driven([self.groups[i] for i in others])
         return Relevance(tuple(found), max(whole, 0.0), np.maximum(axes, 0.0) * self.absent, driven, lacking)
 

@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import FitError
+from wrenchgap.flight.memory import on_disk
 from wrenchgap.learn.data.applicable import inapplicable
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
@@ -44,6 +45,9 @@ from wrenchgap.plant.model import Model
 __all__ = ["Fit", "fit", "held_out", "with_fit"]
 
 Array = NDArray[np.float64]
+MANY = 4000
+"""Samples from which on derivatives that are asked for later wait on disk: 100 s at 40 Hz, of the whole catalogue
+20 MB."""
 Starts = dict[tuple[str, ...], tuple[Array, Array, Array]]
 
 
@@ -88,7 +92,7 @@ def _begun(problem: Problem, starts: Starts) -> tuple[Point, Array]:
         return Point(x, residual), np.concatenate((effects, problem.bias_jacobian), axis=2)
     point = problem.start(None)
     jacobian = problem.jacobian(point)
-    starts[problem.names] = point.x, point.residual, jacobian[:, :, : problem.size].copy()
+    starts[problem.names] = point.x, point.residual, on_disk(jacobian[:, :, : problem.size].copy(), MANY)
     return point, jacobian
 
 

@@ -29,7 +29,8 @@ DOUBTED = 0.25
 
 def linearised(on: Ground, linear: Scorer, sets: Sequence[Keys], jobs: int) -> list[Contender | None]:
     """`linearised_together` of these sets, by `jobs` processes."""
-    lines = {k: ([linear.spectrum.columns[c] for c in k], [linear(k).theta[c] for c in k]) for k in sets}
+    bare = {c: linear.spectrum.columns[c].bare() for c in dict.fromkeys(c for k in sets for c in k)}
+    lines = {k: ([bare[c] for c in k], [linear(k).theta[c] for c in k]) for k in sets}
     by_name = {" | ".join(k): k for k in sets}
     noise = Noise(linear.reference, linear.spectrum.factors)
 
@@ -74,20 +75,23 @@ def around(on: Ground, linear: Scorer, centre: Contender, jobs: int) -> Scorer:
     """The search again, with the members of a set linearised where they fit best together, at the same noise. Beside a
     lag all others are linearised anew, too: what comes late of them is not what they are beside none.
     """  # noqa: D205
+    on.data.forget()
     columns = linear.spectrum.columns
-    members = [columns[k] for k in centre.keys]
+    bare = {k: c.bare() for k, c in columns.items()}
+    members = [bare[k] for k in centre.keys]
     theta = [centre.scored.theta[k] for k in centre.keys]
-    moved = {c.key: c for c in together(on, members, theta)}
+    moved = {c.key: c.put_away() for c in together(on, members, theta)}
     if of_time(centre.keys):
         others = [k for k in columns if k not in centre.keys and k not in of_time(columns)]
 
         def work(key: str) -> Column | None:
             try:
-                return alongside(on, members, theta, columns[key])
+                return alongside(on, members, theta, bare[key])
             except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
                 return None
 
-        moved |= {c.key: c for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
+        moved |= {c.key: c.put_away() for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
+    on.data.forget()
     spectrum = spectrum_of(on, [moved.get(k, c) for k, c in columns.items()])
     spectrum.calm(linear.spectrum.factors)
     scorer = Scorer(spectrum, linear.reference)
@@ -114,7 +118,7 @@ def with_rests(
     rests = {keys: c.left for keys, c in anew.items() if c is not None}
     bends: dict[str, Array] = {}
     noise = Noise(linear.reference, linear.spectrum.factors)
-    columns = linear.spectrum.columns
+    columns = {k: linear.spectrum.columns[k].bare() for k in dict.fromkeys(k for c in heavy for k in c.keys)}
 
     def again(sets: Sequence[Contender], known: Mapping[str, Array]) -> None:
         by_name = {" | ".join(c.keys): c for c in sets}

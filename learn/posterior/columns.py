@@ -6,14 +6,15 @@ set is the sum of its columns, and thousands of sets cost what one fit costs (`l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.memory import let_go, on_disk
 from wrenchgap.learn.data.dataset import Dataset
-from wrenchgap.learn.identify.fit import Fit
+from wrenchgap.learn.identify.fit import MANY, Fit
 from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
@@ -48,6 +49,17 @@ class Column:
     def key(self) -> str:
         """What the candidate is called in a set."""
         return " + ".join(self.names)
+
+    def bare(self) -> Column:
+        """The same without its samples, for where it is linearised anew: of `offset` the norms by axis (1, 6)."""
+        norms = np.linalg.norm(self.offset, axis=0)[None]
+        let_go(self.offset)
+        return replace(self, offset=norms, jacobian=self.jacobian[:0])
+
+    def put_away(self) -> Column:
+        """The same in an array of its own, which waits on disk where there are `MANY` samples."""
+        whole = on_disk(np.concatenate((self.jacobian, self.offset[:, :, None]), axis=2), MANY)
+        return replace(self, offset=whole[:, :, -1], jacobian=whole[:, :, :-1])
 
 
 def column(data: Dataset, model: Model, left: Array, fitted: Fit, names: tuple[str, ...]) -> Column:

@@ -122,6 +122,7 @@ def needed(on: Ground, found: Posterior, jobs: int = 1) -> tuple[Fitted, tuple[M
             if not (material(best.fit, on.model, m.name) and m.needed) or (m.name in stuck and m.share < MAJOR_SHARE)
         ]
         if not idle:
+            on.data.forget()
             return best, listed, found
         gone = min(idle, key=lambda m: m.evidence).name
         kept = that_act([n for n in names if n != gone], on.own)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.answering import SHIFTS, answers, spanned
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.measurement import Record
@@ -33,6 +34,10 @@ ABOVE_NOISE = 2.5
 LEAK = 0.02
 """Share of force, or of torque, that any cause has on axes on which its law has none: axes are never quite square,
 vehicles never quite symmetric."""
+LARGE = 1 << 24
+"""Bytes of coefficients from which on they wait on disk: products are what a search asks for."""
+AT_ONCE = 24
+"""Quantities that are transformed at once, at least."""
 FAR_LOUDER = 5.0
 """Mean square of a block, over the median of the blocks, beyond which its weight falls."""
 
@@ -116,6 +121,7 @@ class Spectrum:
             self.coefficients[:, k] = part / weight
             means = self.coefficients[self.starts, k, 1:]
             self.coefficients[self.starts, k, 1:] -= slow @ (slow.T @ means)
+            let_go(self.coefficients)
 
     def _disturbed(self, k: int, moved: Array, basis: Array, weight: Array) -> Array:
         """Orthonormal basis (K, B) of the motion on an axis that no command explains, where it is above the sensors'
@@ -142,17 +148,22 @@ class Spectrum:
         rows = self.coefficients.transpose(1, 2, 0)
         size = rows.shape[1]
         out = np.empty((len(self.count), len(rows), size, size))
-        for k in range(len(self.count)):
-            own = np.flatnonzero(self.band == k)
-            for axis, each in enumerate(rows):
+        bands = [np.flatnonzero(self.band == k) for k in range(len(self.count))]
+        for axis, each in enumerate(rows):
+            for k, own in enumerate(bands):
                 x = each[:, own]
                 np.divide(x @ x.T, len(own), out=out[k, axis])
+            let_go(rows)
         return out
 
     def combined(self, weights: Array) -> Array:
         """Sum (K, L) of the stacked quantities times these weights (Q,)."""
         used = np.flatnonzero(weights)
-        return np.asarray(np.tensordot(weights[used], self.coefficients.transpose(2, 1, 0)[used], 1).T)
+        out = np.empty(self.coefficients.shape[1::-1])
+        for axis, rows in enumerate(self.coefficients.transpose(1, 2, 0)):
+            out[axis] = np.tensordot(weights[used], rows[used], 1)
+            let_go(rows)
+        return out.T
 
     def loud(self, left: Array) -> Array:
         """Factors (blocks,) that take weight off the blocks of time in which far more is left (K, L) than in others: a
@@ -167,7 +178,9 @@ class Spectrum:
         """Multiply the blocks of time by these factors (blocks,)."""
         self.factors = factors
         if np.any(factors < 1.0):
-            self.coefficients *= factors[self.block][:, None, None]
+            for axis in range(len(self.axes)):
+                self.coefficients[:, axis] *= factors[self.block][:, None]
+                let_go(self.coefficients)
             self.__dict__.pop("products", None)
 
 
@@ -192,12 +205,18 @@ def side_by_side(
     """  # noqa: D205
     ends = np.cumsum([0, *(part.shape[2] for part in parts)])
     cuts, block, hertz = blocks_of_time(records)
-    rows = np.empty((ends[-1], len(axes), len(block)))
+    shape = (int(ends[-1]), len(axes), len(block))
+    rows = np.empty(shape) if 8 * np.prod(shape) < LARGE else empty_on_disk(shape, least=1)
+    first = 0
     for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
         for k, axis in enumerate(axes):
             rows[low:high, k] = part[:, axis].T
-    for own in cuts:
-        rows[:, :, own] = dct(rows[:, :, own], axis=2, norm="ortho", type=2)
+        let_go(part)
+        if high - first >= AT_ONCE or high == ends[-1]:
+            for own in cuts:
+                rows[first:high, :, own] = dct(rows[first:high, :, own], axis=2, norm="ortho", type=2)
+            let_go(rows)
+            first = high
     return rows.transpose(2, 1, 0), block, hertz
 
 

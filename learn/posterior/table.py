@@ -9,11 +9,12 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.memory import empty_on_disk, let_go
 from wrenchgap.learn.data.blocks import LARGE_EVIDENCE, LEAST_EVIDENCE, contrast, evidence, significant
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms
 from wrenchgap.learn.identify.air import companions
-from wrenchgap.learn.identify.fit import Fit, Starts, fit, held_out
+from wrenchgap.learn.identify.fit import MANY, Fit, Starts, fit, held_out
 from wrenchgap.learn.identify.least_squares import Problem, left_by
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column, column
@@ -30,7 +31,7 @@ Progress = Callable[[float, str], None]
 class Candidate:
     """One effect tried on top of a model. `residual` (K, 6) is held out; `reduction` (6,) are fractions of rms that
     are gone relative to the model that it was tried on; `score` is the share of the given model's energy that is gone
-    in all. `companions` are tried with it as one (`learn.identify.air`).
+    in all. `companions` are tried with it as one (`learn.identify.air`). `fit` is without residual and derivatives.
     """  # noqa: D205
 
     name: str
@@ -141,9 +142,21 @@ def table(
             continue
         one, lines = found
         candidates.append(replace(one, fit=with_effects(on, one.fit, one.names)))
-        columns += [c for c in lines if np.any(c.jacobian)]
+        columns += [c.put_away() for c in lines if np.any(c.jacobian)]
+    on.data.forget()
     candidates.sort(key=lambda c: (bool(c.implausible), -c.score))
-    return Table(tuple(candidates), tuple(columns), failed)
+    return Table(_put_away(candidates), tuple(columns), failed)
+
+
+def _put_away(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """The same with their residuals in one array, which waits on disk where there are `MANY` samples."""
+    if not candidates or len(candidates[0].residual) < MANY:
+        return tuple(candidates)
+    kept = empty_on_disk((len(candidates), *candidates[0].residual.shape), least=1)
+    for c, own in zip(candidates, kept, strict=True):
+        own[:] = c.residual
+    let_go(kept)
+    return tuple(replace(c, residual=own) for c, own in zip(candidates, kept, strict=True))
 
 
 def with_effects(on: Ground, fitted: Fit, names: Sequence[str]) -> Fit:
@@ -179,7 +192,7 @@ def _candidate(on: Ground, added: tuple[str, ...], starts: Starts | None) -> tup
     return (
         Candidate(
             added[0],
-            replace(found, jacobian=np.empty((0, 6, 0))),
+            replace(found, residual=np.empty((0, 6)), jacobian=np.empty((0, 6, 0))),
             left,
             reduction(rms(on.given), rms(left)),
             1.0 - energy(left, weights) / max(energy(on.given, weights), 1e-30),

@@ -41,6 +41,21 @@ def test_what_is_short_or_on_disk_already_stays_where_it_is(tmp_path, monkeypatc
     assert np.shares_memory(memory.on_disk(kept[10:, 0]), kept)
 
 
+def test_one_array_is_let_go_and_others_stay(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    values = np.random.default_rng(1).standard_normal((1000, 6000))  # 48 MB, few rows
+    assert memory.on_disk(values) is values
+    kept, other = memory.on_disk(values, least=1000), memory.empty_on_disk(values.shape, least=1000)
+    other[:] = 1.0
+    assert np.array_equal(kept, values)
+    full = resident()
+    memory.let_go(kept[5:, 3])  # a view counts for the whole
+    assert 40e6 < full - resident() < 60e6
+    memory.let_go(values)  # which is no file
+    assert np.array_equal(kept, values)
+    assert (other == 1.0).all()
+
+
 def test_without_room_on_a_disk_it_stays_in_memory(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")

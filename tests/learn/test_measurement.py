@@ -239,6 +239,16 @@ def test_evaluator_computes_what_is_shared_once(record, start, monkeypatch):
     assert len(calls) == 9
 
 
+def test_evaluator_holds_the_directions_of_one_set_of_tilt_angles(record, start):
+    """Back and forth between two lags: arrays of angles that were not asked for last are free."""
+    evaluate = Evaluator(record)
+    models = [model_of(changed(start, "servo_lag", by)) for by in (0.0, 0.005)]
+    for model in (*models, *models):
+        evaluate(model)
+        acts = [act for act, _, _ in evaluate._rotors.values()] + [act for _, act in evaluate._nominal]
+        assert len({id(act.posture) for act in acts if act.posture._held}) == 1
+
+
 def test_evaluator_of_a_vehicle_without_rotors():
     record = prepare(samples(force=WEIGHT, wrench=(np.sin(T), 0, 0, 0, 0, np.cos(3 * T))), vehicle())
     evaluate = Evaluator(record)
