@@ -20,7 +20,7 @@ flown = wg.simulate(model, "multi_axis", duration=30.0, excitation=1.0, hide=["c
 with tempfile.TemporaryDirectory() as folder:
     path = wg.save_log(flown, Path(folder) / "flight.mcap")
     wg.inspect(path, model)
-    names = ("com_offset", "rotor_thrust", "rotor_drag", "asymmetric_motor_lag")
+    names = ("com_offset", "rotor_thrust", "rotor_drag", "axial_inflow", "servo_lag", "asymmetric_motor_lag")
     opened = wg.open_flights(path, model)
     wg.explain(opened, model, names=names, jobs=1)
     wg.learn_gp(opened, model)
