@@ -13,6 +13,9 @@ export MPLBACKEND = Agg
 # Bytecode is kept even where the environment forbids it: pytest rewrites 200 files otherwise, for 8 s in every worker.
 export PYTHONDONTWRITEBYTECODE =
 
+# One worker of pytest more than there are cores, four at most: tests of the page wait for the browser most of the time.
+WORKERS := $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2); echo $$((n < 4 ? n + 1 : 4)))
+
 .PHONY: help setup demo test readme slow check format bench golden fuzz faults paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
@@ -28,7 +31,7 @@ demo: setup ## fly a vehicle with a hidden effect, name it, learn the rest, show
 test: setup ## the everyday test suite
 	@bash scripts/install_browser.sh
 	@$(VENV) scripts/warm_kernels.py # compiled once, and not by every worker of pytest
-	$(VENV) -m pytest -m "not slow and not long" --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(TEST)
+	$(VENV) -m pytest -m "not slow and not long" --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(TEST)
 
 readme: setup ## the README's commands, run as written
 	$(VENV) -m pytest -m slow tests/test_readme.py

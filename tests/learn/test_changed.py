@@ -147,6 +147,7 @@ def test_healthy_flights_that_differ_as_vehicles_do_are_no_change(differing, aga
     assert found.odd == ()
 
 
+@pytest.mark.slow
 def test_a_mass_is_no_inertia_where_healthy_flights_differ_and_the_model_is_wrong(once, differing, against):
     """4.32 kg in place of 4.0 under 5 % less thrust than the model has: what is lost in all flights multiplies it."""
     from benchmarks.changed.fleet import Case

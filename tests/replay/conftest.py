@@ -20,8 +20,9 @@ Run = Callable[..., Result]
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """Run a command in an empty folder, in this process."""
+    """Run a command in an empty folder, in this process, on a wide terminal."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
     runner = CliRunner()
     return lambda *arguments: runner.invoke(app, [str(a) for a in arguments], prog_name="wrenchgap")
 

@@ -71,6 +71,7 @@ def judged(folder, later):
     assert (after < 0.5 * before).all()
 
 
+@pytest.mark.slow
 def test_commands_of_the_page_on_px4(run, flights, looked, small_processes, tmp_path):
     """From a log with CA_ROTOR* to model, checks, comparison, calibration, explanation, report and page."""
     write_ulog(flights[0], tmp_path / "flight.ulg")
