@@ -48,8 +48,8 @@ ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "
     "VECLIB_MAXIMUM_THREADS": "1"
 }
 GROWN = 1_500_000_000
-"""Bytes by which a worker may have grown when an item is done: the columns of a search and what its evaluators
-remember take some 600 MB. One that has grown more is replaced by a new process, which reads everything anew."""
+"""Bytes by which a worker may have grown when an item is done: columns of a long search and what its evaluators
+remember take some 300 MB. One that has grown more is replaced by a new process, which reads everything anew."""
 DIED = (
     "the work ended without a result: a process of it died (out of memory, or ended from outside); "
     "use shorter or fewer logs, or try again"
