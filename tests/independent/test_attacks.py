@@ -1,0 +1,17 @@
+"""Each attack of benchmarks/attacks keeps to its bound: the same program that makes the table of docs/reliability.md."""
+
+import pytest
+from benchmarks.attacks import areas
+
+
+def cases():
+    for area, attacks in areas().items():
+        for attack in attacks:
+            marks = [pytest.mark.slow] * attack.slow + [pytest.mark.browser] * attack.browser
+            yield pytest.param(attack, id=f"{area}: {attack.what}"[:150], marks=marks)
+
+
+@pytest.mark.parametrize("attack", cases())
+def test_bound_holds(attack, tmp_path):
+    outcome = attack.run(tmp_path)
+    assert outcome.held, outcome.happened
