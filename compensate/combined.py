@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from wrenchgap.compensate.compensator import REACH, Compensator, Result
 from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate.reach import reach_of
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order
@@ -33,14 +34,23 @@ from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
 
 
+JUMP = 4.0
+"""Torque, in authorities, beyond which a change of the rate is no motion: the vehicle itself makes one, from one limit to the
+other two; what hits it for a period is then not learnt, and the period after it is."""
+
+
 class Combined:
     """Steps like `Compensator`.
 
     feedforward   what is known; None: the observer alone
     bandwidth_hz  of the observer, k / (2 pi), at most 1 / (2 pi dt)
     lag, delay    with which the torque follows [s]: lag one number, or one for each axis (3,)
-    torque_max    (3,) largest estimate [Nm]; by default three times the largest mismatch that the process has seen,
-                  unbounded on axes where there is none
+    torque_max    (3,) largest estimate [Nm]; by default three times the largest mismatch that the process has seen, and
+                  half of the vehicle's authority, which is never exceeded, on axes where there is none
+
+    Asked for and commanded is what the vehicle can make (`compensate.reach`). The estimate is held, and nothing else is
+    remembered, over a period in which it cannot, over one without numbers, and over one whose change of rate would take
+    `JUMP` authorities: no vehicle turns like that, but a sensor that fails reads so.
     """
 
     def __init__(
@@ -64,7 +74,9 @@ class Combined:
             raise UsageError(f"combined: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more")
         self.inertia, self.dt, self.delay = vehicle.body.inertia, dt, delay
         self.gain, self.feedforward = 2.0 * math.pi * bandwidth_hz, feedforward
-        self.torque_max = _bounds(feedforward) if torque_max is None else np.asarray(torque_max, dtype=float)
+        self.reach = reach_of(vehicle)
+        most = _bounds(feedforward) if torque_max is None else np.asarray(torque_max, dtype=float)
+        self.torque_max = np.minimum(most, self.reach.correction_max[3:])
         self.reset()
 
     @property
@@ -100,28 +112,40 @@ class Combined:
             raise UsageError("an observer needs the state: step(wrench_des, state)")
         wrench, omega = np.array(wrench_des, dtype=float), state.omega_B[0]
         if not (np.isfinite(wrench).all() and np.isfinite(omega).all()):
-            self._integral = None  # what the vehicle does in this period is not known: the estimate is held
+            self._hold()
             raise UsageError(f"combined: desired wrench {wrench.tolist()} or rates {omega.tolist()} are not finite")
         self._observe(omega)
-        asked = wrench.copy()
-        asked[3:] -= self._estimate
+        observed = np.concatenate((np.zeros(3), self._estimate))
+        asked, limited = self.reach.nearest(wrench - observed)
         self._asked.append(asked[3:].copy())
         if self.feedforward is None:
-            correction = asked - wrench
-            return Result(asked, correction, correction, 0.0, 0.0, 0.0, 0, True)
-        made = self.feedforward.step(asked, state)
-        return replace(made, correction=made.wrench_cmd - wrench, optimum=made.optimum + asked - wrench)
+            made = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
+        else:
+            made = self.feedforward.step(asked, state)
+            made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
+        if limited or made.limited:
+            self._hold()
+        return replace(made, limited=limited or made.limited)
+
+    def _hold(self) -> None:
+        """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
+        self._integral = None
+        if self.feedforward is not None:
+            self.feedforward.reset()
 
     def _observe(self, omega: Array) -> None:
         """The estimate from the rate (3,), within its bounds."""
         momentum = self.inertia @ omega
-        if self._integral is None:
-            self._integral = momentum - self._estimate / self.gain
-        else:
-            self._integral += self.dt * (self._followed() - np.cross(omega, momentum) + self._estimate)
-        estimate = self.gain * (momentum - self._integral)
-        self._estimate = np.clip(estimate, -self.torque_max, self.torque_max)
-        self._integral = momentum - self._estimate / self.gain  # an integral beyond the bounds would wind up
+        if self._integral is not None:
+            turning = np.cross(omega, momentum)
+            estimate = self.gain * (momentum - self._integral - self.dt * (self._followed() - turning + self._estimate))
+            torque = self._estimate + (estimate - self._estimate) / (self.gain * self.dt)
+            if not np.all(np.abs(torque) <= JUMP * self.reach.authority[3:]):
+                self._integral = None
+                return
+            self._estimate = np.clip(estimate, -self.torque_max, self.torque_max)
+        # An integral beyond the bounds would wind up.
+        self._integral = momentum - self._estimate / self.gain
 
     def _followed(self) -> Array:
         """H(M_asked): the torque (3,) that the vehicle is believed to have made over the last period."""

@@ -24,11 +24,14 @@ from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser
 from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
+from wrenchgap.compensate.reach import Reach, reach_of
+from wrenchgap.compensate.step_row import EXPECTED, IMPLAUSIBLE, plausible
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch import Follows, Judged, KnowsItsData, MismatchModel, needs_state, output_indices
 from wrenchgap.plant.state import State
+from wrenchgap.plant.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from wrenchgap.compensate.fast import Plan, Stepper
@@ -51,7 +54,8 @@ class Settings:
 
     dt                period at which `step` is called [s]
     correction_max    (6,) largest absolute correction [N, Nm] beyond that of the physics; default three times the
-                      largest mismatch in the training data, unbounded for a model that does not know its data
+                      largest mismatch in the training data; for physics, and for a model that does not know its data, half
+                      of the vehicle's authority (`compensate.reach`)
     accept            J below which an optimum counts as a solution; default the paper's 1e-4 (0.01 Nm), or less for
                       a small vehicle: the square of 2 % of the largest mismatch in the training data
     regulariser       weight of the squared torque correction in the search
@@ -115,6 +119,8 @@ class Result:
     cost         J of `optimum`; nan where the search failed
     iterations   evaluations of the model in the search
     accepted     J is below the acceptance threshold
+    limited      the vehicle cannot make what was asked for, or what was found: wrench_cmd is the nearest wrench that it can
+                 make (`compensate.reach`), no longer desired plus correction, and nothing is remembered of the step
     trouble      empty, or one line on what went wrong
     solve_time   wall-clock time of the step [s]; the only field that differs between two equal runs
     """
@@ -127,6 +133,7 @@ class Result:
     cost: float
     iterations: int
     accepted: bool
+    limited: bool = False
     trouble: str = ""
     solve_time: float = field(default=0.0, compare=False)
 
@@ -135,7 +142,11 @@ class Compensator:
     """Corrects desired wrenches for a known mismatch, one after the other.
 
     Holds two things between steps: the last unfiltered optimum, where the next search starts, and the last filtered
-    correction. Equal sequences of desired wrenches give equal results.
+    correction. Equal sequences of desired wrenches give equal results. Behind a step that was limited, or whose input was
+    none, it holds what it does after `reset`.
+
+    vehicle   whose reach bounds commands and corrections; that of the physics by default. Without either only the
+              correction is bounded, and only for a model that knows its data or with `Settings.correction_max`
     """
 
     def __init__(
@@ -144,17 +155,21 @@ class Compensator:
         settings: Settings | None = None,
         *,
         physics: PhysicsMismatch | None = None,
+        vehicle: Vehicle | None = None,
     ) -> None:
         self.settings = settings or Settings()
         model = _judged(model, self.settings, physics)
         self.model, self.physics = model, physics
         if physics is not None and physics.outputs != model.outputs:
             raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
-        bound = _bounds(model, self.settings)
+        named = model if isinstance(model, PhysicsMismatch) else physics
+        vehicle = named.model.vehicle if vehicle is None and named is not None else vehicle
+        self.reach = None if vehicle is None else reach_of(vehicle)
+        bound = _bounds(model, self.settings, self.reach)
+        known = bound if self.reach is None else np.where(bound > 0, self.reach.correction_max, 0.0)
         accept, asked = _accept(model, self.settings), self.settings
         self._optimiser = Optimiser(-bound, bound, accept, asked.regulariser, asked.max_evaluations, asked.good_enough)
-        everywhere = np.where(bound > 0, np.inf, 0.0)
-        self._unbounded = replace(self._optimiser, lower=-everywhere, upper=everywhere)
+        self._of_physics = replace(self._optimiser, lower=-known, upper=known)
         self.uncertainty = default_filter(
             model,
             decay=math.exp(-asked.dt / asked.decay_time),
@@ -163,10 +178,10 @@ class Compensator:
             normalise=asked.normalise,
         )
         self.not_compiled: NotCompiled | None = None
-        self._fast = self._compiled(bound, accept)
+        self._fast = self._compiled(bound, known, accept)
         self.reset()
 
-    def _compiled(self, bound: Array, accept: float) -> Stepper | None:
+    def _compiled(self, bound: Array, known: Array, accept: float) -> Stepper | None:
         """Compiled steps; None where plain models are asked for, or where a model cannot be compiled.
 
         The latter is kept in `not_compiled`.
@@ -177,7 +192,7 @@ class Compensator:
         from wrenchgap.compensate.fast import Limits, Stepper, plan
         from wrenchgap.plant.tracing import Untraceable
 
-        limits = Limits(bound, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
+        limits = Limits(bound, known, self.reach, accept, asked.max_evaluations, asked.dt, asked.solver == "onboard")
         try:
             made = plan(self.model, self.physics, self.uncertainty, limits)
         except Untraceable as error:
@@ -185,7 +200,7 @@ class Compensator:
                 raise UsageError(f"compensate: solver onboard: {error}") from None
             self.not_compiled = NotCompiled(str(error))
             return None
-        return Stepper(made, self._optimiser, self._unbounded)
+        return Stepper(made, self._optimiser, self._of_physics, self.reach)
 
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
@@ -206,17 +221,26 @@ class Compensator:
         """Command for the desired wrench (6,) [N, Nm], in this state (N = 1) where the model needs it.
 
         Raises UsageError on anything but six finite numbers, or without a state that is needed. Trouble of the solver
-        or the model never raises: the optimum is then zero and `Result.trouble` says why.
+        or the model never raises, nor does a state that is none: the optimum is then zero and `Result.trouble` says why.
         """
         started = perf_counter()
-        wrench = _checked(wrench_des)
+        try:
+            wanted = _checked(wrench_des)
+        except UsageError:
+            self.reset()
+            raise
         if self._fast is not None:
-            return self._fast_step(self._fast, wrench, state, started)
+            return self._fast_step(self._fast, wanted, state, started)
+        wrench, limited = (wanted, False) if self.reach is None else self.reach.nearest(wanted)
+        if state is not None and self.needs_state and not plausible(state):
+            self.reset()
+            zero = np.zeros(len(AXES))
+            return Result(wrench, zero, zero, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
         here = [f.here(state) for f in self._following]
         model = self._model = Sum(*here) if len(here) > 1 else here[0]
         iterations = 0
         if len(here) > 1:
-            known = self._unbounded.solve(here[0], wrench, self._known)
+            known = self._of_physics.solve(here[0], wrench, self._known)
             self._known, iterations = known.correction, known.iterations
         optimum = self._optimiser.solve(model, wrench, self._optimum, self._known)
         with np.errstate(all="ignore"):
@@ -227,12 +251,17 @@ class Compensator:
         self._optimum = optimum.correction
         self._correction = self.uncertainty.filtered(optimum.correction - self._known, self._correction, beta)
         correction = self._known + self._correction
-        command = wrench + correction
-        for follower in self._following:
-            follower.sent(command)
+        command, cut = (wrench + correction, False) if self.reach is None else self.reach.nearest(wrench + correction)
+        limited = limited or cut
         found, cost, iterations = optimum.correction.copy(), optimum.cost, iterations + optimum.iterations
+        if limited or not math.isfinite(cost):
+            self.reset()
+            self._model = model
+        else:
+            for follower in self._following:
+                follower.sent(command)
         took = perf_counter() - started
-        return Result(command, correction, found, sigma, beta, cost, iterations, optimum.accepted, trouble, took)
+        return Result(command, correction, found, sigma, beta, cost, iterations, optimum.accepted, limited, trouble, took)
 
     def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
         if state is None and self.needs_state:
@@ -250,11 +279,11 @@ class Compensator:
         return self._fast
 
     def plain_rows(self, wrenches: Array, states: State | None) -> tuple[Array, dict[int, str]]:
-        """Results (K, 23 + 2 L) of consecutive steps as `compensate.compiled` orders them, and trouble by step."""
+        """Results (K, 24 + 2 L) of consecutive steps as `compensate.compiled` orders them, and trouble by step."""
         rows, trouble = [], dict[int, str]()
         for k, wrench in enumerate(wrenches):
             one = self.step(wrench, None if states is None else states.take(slice(k, k + 1)))
-            numbers_of = [one.sigma, one.beta, one.cost, one.iterations, one.accepted]
+            numbers_of = [one.sigma, one.beta, one.cost, one.iterations, one.accepted, one.limited]
             expected = [self.expected(wrench), self.expected(one.wrench_cmd)]
             rows.append(np.concatenate([one.wrench_cmd, one.correction, one.optimum, numbers_of, *expected]))
             if one.trouble:
@@ -282,12 +311,13 @@ class Compensator:
 
 def result_of(row: Array, trouble: str, took: float) -> Result:
     """A row of `compensate.compiled` as a result."""
-    sigma, beta, cost, evaluations, accepted = row[18:23].tolist()
+    sigma, beta, cost, evaluations, accepted, limited = row[18:EXPECTED].tolist()
     if not math.isfinite(sigma):
         trouble = trouble or "the model's standard deviation is not finite: correction withheld"
     if not math.isfinite(cost):
         trouble = trouble or "no correction: the mismatch model gave a value that is not finite"
-    return Result(row[:6], row[6:12], row[12:18], sigma, beta, cost, int(evaluations), accepted > 0.0, trouble, took)
+    said = (sigma, beta, cost, int(evaluations), accepted > 0.0, limited > 0.0, trouble, took)
+    return Result(row[:6], row[6:12], row[12:18], *said)
 
 
 def _judged(
@@ -327,11 +357,14 @@ def _accept(model: MismatchModel | Follows, settings: Settings) -> float:
     return min(ACCEPT, share) if share > 0 else ACCEPT
 
 
-def _bounds(model: MismatchModel | Follows, settings: Settings) -> Array:
+def _bounds(model: MismatchModel | Follows, settings: Settings, reach: Reach | None) -> Array:
     """Largest absolute correction (6,), zero where the model has no output."""
     rows = output_indices(model.outputs)
     bound = np.zeros(len(AXES))
-    bound[rows] = REACH * model.mismatch_max if isinstance(model, KnowsItsData) else np.inf
+    if isinstance(model, KnowsItsData):
+        bound[rows] = REACH * model.mismatch_max
+    else:
+        bound[rows] = np.inf if reach is None else reach.correction_max[rows]
     if settings.correction_max is not None:
         bound[rows] = np.array(settings.correction_max, dtype=float)[rows]
     return bound

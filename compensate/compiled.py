@@ -26,6 +26,20 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
+from wrenchgap.compensate.reach import SLACK
+from wrenchgap.compensate.step_row import (
+    ACCEPTED,
+    BETA,
+    COMMAND,
+    CORRECTED,
+    COST,
+    EVALUATIONS,
+    EXPECTED,
+    FOUND,
+    LIMITED,
+    SIGMA,
+    STATE_MAX,
+)
 from wrenchgap.plant.loop_kernels import value_of
 from wrenchgap.plant.tape import Program
 
@@ -64,8 +78,6 @@ OPTIMUM, CORRECTION, KNOWN, STAGE, FRESH, BEFORE, LATE, SENT, TILT = 0, 6, 12, 1
 """Where the memory of a compensation has what: three wrenches (6,); how many commands the process has seen (0, 1, 2);
 whether the actuators were never commanded; last input and output of the lag of `past`, and the command sent last (6,)
 each; then the physics' tilts and memory."""
-COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, EXPECTED = 0, 6, 12, 18, 19, 20, 21, 22, 23
-"""Where a row of results has what; the mismatch before (L,) and after (L,) comes last."""
 DONE, HANDED_BACK = 0, 1
 LINE = 8
 """Numbers of a line of the processor's cache: what begins with one is fetched in fewer pieces."""
@@ -169,6 +181,7 @@ def packed(given: tuple[Gate, Kernel, Lines, Lines, Room]) -> tuple[Packed, tupl
     sizes = [outputs, dims, points, kernel.triangular, *(getattr(gate, name) for name in SWITCHES)]
     for program in (lines, sent):
         sizes += [len(program.code), program.split, *map(len, (program.inputs, program.results, program.free))]
+    sizes += [len(gate.reach), len(gate.middle)]
     kinds = {"f": len(HEAD), "i": len(sizes)}
     parts: tuple[Any, ...] = given
     for part in parts:
@@ -710,6 +723,13 @@ class Gate(NamedTuple):
     b1: float
     has_process: bool
     has_physics: bool
+    known: Array  # (L,) bound of the correction of the physics where a process is on top of it
+    reach: Array  # (G, 6), low, high, middle, half, weak of a `reach.Reach`, the rows for a wrench in its units
+    low: Array
+    high: Array
+    middle: Array
+    half: Array
+    weak: Array
 
 
 class Room(NamedTuple):
@@ -942,8 +962,7 @@ def search(gate: Gate, kernel: Kernel, lines: Lines, room: Room, memory: Array, 
         room.low[i], room.high[i] = -gate.bound[i], gate.bound[i]
     if gate.has_process and gate.has_physics:
         for i in range(count):
-            room.low[i] = -np.inf if gate.bound[i] > 0.0 else 0.0
-            room.high[i] = -room.low[i]
+            room.low[i], room.high[i] = -gate.known[i], gate.known[i]
             room.warm[i] = memory[KNOWN + gate.rows[i]]
         cost, evaluations, ill = solve(gate, kernel, lines, room, wrench, room.warm, False)
         if not gate.lenient and (ill or not cost < gate.accept):
@@ -987,6 +1006,41 @@ def finish(
 
 
 @within
+def reached(gate: Gate, wrench: Array) -> bool:
+    """Whether the vehicle makes a wrench (6,) with no limit met, as `reach.Reach.inside` has it; False for nan."""
+    arms = len(gate.middle)
+    for g in range(arms):
+        lateral, vertical = 0.0, 0.0
+        for i in range(6):
+            lateral += gate.reach[2 * g, i] * wrench[i]
+            vertical += gate.reach[2 * g + 1, i] * wrench[i]
+        thrust = math.hypot(lateral, vertical)
+        if not thrust <= 1.0 + SLACK:
+            return False
+        turned = math.atan2(lateral, vertical) - gate.middle[g]
+        turned -= 2.0 * math.pi * math.floor(turned / (2.0 * math.pi) + 0.5)
+        if thrust > gate.weak[g] and abs(turned) > gate.half[g] + SLACK:
+            return False
+    for g in range(len(gate.low)):
+        value = 0.0
+        for i in range(6):
+            value += gate.reach[2 * arms + g, i] * wrench[i]
+        if not (value >= gate.low[g] - SLACK and value <= gate.high[g] + SLACK):
+            return False
+    return True
+
+
+@within
+def plausible(gate: Gate, state: Array) -> bool:
+    """Whether the numbers of a state (15,) are such as a flight can have; the voltage is not asked for."""
+    if gate.has_physics or gate.groups[0] or gate.groups[1] or gate.groups[2]:
+        for i in range(14):
+            if not abs(state[i]) <= STATE_MAX[i]:
+                return False
+    return True
+
+
+@within
 def gated(gate: Gate, std: Array, memory: Array, wrench: Array, out: Array) -> None:
     """sigma, beta and the correction that the gate lets through (`compensate.uncertainty`).
 
@@ -1013,6 +1067,7 @@ def gated(gate: Gate, std: Array, memory: Array, wrench: Array, out: Array) -> N
         out[CORRECTED + i] = memory[KNOWN + i] + kept
         out[COMMAND + i] = wrench[i] + out[CORRECTED + i]
     out[SIGMA], out[BETA] = sigma, beta
+    out[LIMITED] = 0.0 if reached(gate, out[COMMAND : COMMAND + 6]) else 1.0
 
 
 @compiled
@@ -1058,9 +1113,10 @@ def expected(
 HEAD = ("accept", "enough", "threshold", "kappa", "decay", "a", "b0", "b1")
 """Numbers of a gate with which the numbers of a `Packed` begin."""
 SWITCHES = ("most", "lenient", "has_process", "has_physics")
-SIZES = 18
+SIZES = 20
 """How many counts come before the arrays of counts: outputs, inputs of the process, points, whether the whitener is
-triangular; `SWITCHES`; lines, split, inputs, results and free inputs of the mismatch, and of what is sent."""
+triangular; `SWITCHES`; lines, split, inputs, results and free inputs of the mismatch, and of what is sent; limits of the
+reach, and arms that tilt."""
 
 
 class Packed(NamedTuple):
@@ -1106,9 +1162,16 @@ def _as_gate(numbers: Array, counts: NDArray[np.int64], at: int, n: int) -> tupl
     accept, enough, threshold, kappa = numbers[0], numbers[1], numbers[2], numbers[3]
     decay, a, b0, b1 = numbers[4], numbers[5], numbers[6], numbers[7]
     most, lenient, process, physics = counts[4], counts[5], counts[6], counts[7]
+    known, at = _flat(numbers, at, count)
+    reach, at = _square(numbers, at, counts[18], 6)
+    low, at = _flat(numbers, at, counts[18] - 2 * counts[19])
+    high, at = _flat(numbers, at, counts[18] - 2 * counts[19])
+    middle, at = _flat(numbers, at, counts[19])
+    half, at = _flat(numbers, at, counts[19])
+    weak, at = _flat(numbers, at, counts[19])
     gate = Gate(
         rows, bound, accept, enough, most, lenient, watched, offset, scale, threshold, kappa, decay, groups, a, b0, b1,
-        process, physics,
+        process, physics, known, reach, low, high, middle, half, weak,
     )  # fmt: skip
     return gate, at, n
 
@@ -1215,6 +1278,8 @@ def advance_together(
         last = min(first + BATCH, len(wrenches))
         done = first
         while done < last:
+            if not (reached(gate, wrenches[done]) and plausible(gate, states[done])):
+                break
             prepare(gate, lines, room, memory, wrenches[done], states[done])
             if search(gate, kernel, lines, room, memory, wrenches[done], out[done]) != DONE:
                 break
@@ -1243,6 +1308,8 @@ def advance_together(
             memory[STAGE] = max(memory[STAGE], 1.0)
             for i in range(6):
                 memory[SENT + i] = out[n, COMMAND + i]
+            if out[n, LIMITED] > 0.0:
+                return n + 1
         if done < last:
             return done
     return len(wrenches)
@@ -1257,6 +1324,8 @@ def _advance(
         return advance_together(gate, kernel, lines, room, memory, wrenches, states, out, expects)
     saved = room.saved
     for k in range(len(wrenches)):
+        if not (reached(gate, wrenches[k]) and plausible(gate, states[k])):
+            return k
         for i in range(len(memory)):
             saved[i] = memory[i]
         prepare(gate, lines, room, memory, wrenches[k], states[k])
@@ -1265,6 +1334,8 @@ def _advance(
                 memory[i] = saved[i]
             return k
         finish(gate, kernel, lines, sent, room, memory, wrenches[k], out[k], expects)
+        if out[k, LIMITED] > 0.0:
+            return k + 1
     return len(wrenches)
 
 
@@ -1273,9 +1344,10 @@ def advance(
     numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent_code: NDArray[np.int32], memory: Array,
     wrenches: Array, states: Array, out: Array, expects: bool,
 ) -> int:  # fmt: skip
-    """Steps through wrenches (K, 6) with states (K, 15) until the end, or the first that is handed back.
+    """Steps through wrenches (K, 6) with states (K, 15) until the end, the first that is handed back, or behind the first
+    whose command the vehicle cannot make (LIMITED).
 
-    Returns how many were done; `out` (K, 23 + 2 L) has their results, with the mismatch expected of desired and sent
+    Returns how many were done; `out` (K, 24 + 2 L) has their results, with the mismatch expected of desired and sent
     command where `expects`. The memory is as it was before a step that is handed back.
     """
     gate, kernel, lines, sent, room = opened(numbers, counts, code, sent_code)

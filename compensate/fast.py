@@ -14,7 +14,6 @@ import numpy as np
 
 from wrenchgap.compensate import compiled as step
 from wrenchgap.compensate.compiled import (
-    EXPECTED,
     TILT,
     Gate,
     Kernel,
@@ -28,11 +27,14 @@ from wrenchgap.compensate.compiled import (
     packed,
     prepare,
     residual,
+    search,
     steepen,
 )
 from wrenchgap.compensate.optimiser import Optimiser, Optimum
 from wrenchgap.compensate.physics import PhysicsMismatch
-from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, state_row, trace
+from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, trace
+from wrenchgap.compensate.reach import Reach
+from wrenchgap.compensate.step_row import BETA, COST, EXPECTED, IMPLAUSIBLE, LIMITED, SIGMA, state_row
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -64,6 +66,8 @@ class Limits:
     """What of a compensation's settings the search needs; see `compensate.compensator.Settings`."""
 
     bound: Array
+    known: Array
+    reach: Reach | None
     accept: float
     most: int
     dt: float
@@ -93,6 +97,7 @@ def _gate(
 ) -> Gate:
     rows = output_indices(model.outputs)
     groups = () if expansion is None else expansion.input_groups
+    none, reach = np.zeros(0), limits.reach
     a = math.exp(-limits.dt / PAST_SECONDS)
     q = (1.0 - a) * PAST_SECONDS / limits.dt
     return Gate(
@@ -114,15 +119,22 @@ def _gate(
         b1=1.0 - q,
         has_process=expansion is not None,
         has_physics=physics,
+        known=np.array(limits.known[rows]),
+        reach=np.zeros((0, len(AXES))) if reach is None else reach.rows / reach.authority,
+        low=none if reach is None else reach.low.copy(),
+        high=none if reach is None else reach.high.copy(),
+        middle=none if reach is None else reach.middle.copy(),
+        half=none if reach is None else reach.half.copy(),
+        weak=none if reach is None else reach.weak.copy(),
     )
 
 
 class Stepper:
     """Steps a `Plan`, one period or many at once; `memory` is all that it keeps between steps."""
 
-    def __init__(self, made: Plan, optimiser: Optimiser, unbounded: Optimiser) -> None:
-        self.plan = made
-        self._optimisers = (replace(unbounded), replace(optimiser))
+    def __init__(self, made: Plan, optimiser: Optimiser, known: Optimiser, reach: Reach | None) -> None:
+        self.plan, self._reach = made, reach
+        self._optimisers = (replace(known), replace(optimiser))
         gate, expansion, physics = made.gate, made.expansion, made.physics
         count = len(gate.rows)
         nothing = straight_line((), np.zeros(count), np.zeros((count, len(AXES))), np.zeros(count))
@@ -155,13 +167,15 @@ class Stepper:
             self._state[0] = state_row(state)
             self._check_voltage(self._state)
         self.trouble = ""
-        if advance(*self._packed, self.memory, self._wrench, self._state, self._row, False) == 0:
-            self._hand_over(self._wrench[0], self._state[0], self._row[0], False)
         row: Array = self._row[0]
+        if advance(*self._packed, self.memory, self._wrench, self._state, self._row, False) == 0:
+            self._hand_over(self._wrench[0], self._state[0], row, False)
+        if row[LIMITED] > 0.0 or not math.isfinite(row[COST]):
+            self._limit(row, False)
         return row
 
     def many(self, wrenches: Array, states: Array, out: Array) -> dict[int, str]:
-        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 23 + 2 L); trouble by step.
+        """Consecutive steps, with the mismatch expected before and after, into `out` (K, 24 + 2 L); trouble by step.
 
         `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `physics_program.STATE` has them.
         """
@@ -169,14 +183,17 @@ class Stepper:
         self._check_voltage(states)
         wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")
         while done < len(wrenches):
-            done += advance(*self._packed, self.memory, wrenches[done:], states[done:], out[done:], True)
-            if done < len(wrenches):
-                self.trouble = ""
+            made = advance(*self._packed, self.memory, wrenches[done:], states[done:], out[done:], True)
+            done += made
+            self.trouble = ""
+            if not made or (done < len(wrenches) and not out[done - 1, LIMITED] > 0.0):
                 self._hand_over(wrenches[done], states[done], out[done], True)
-                if self.trouble:
-                    trouble[done] = self.trouble
                 done += 1
-        sigma = out[:, step.SIGMA]
+            if out[done - 1, LIMITED] > 0.0 or not math.isfinite(out[done - 1, COST]):
+                self._limit(out[done - 1], True)
+            if self.trouble:
+                trouble[done - 1] = self.trouble
+        sigma = out[:, SIGMA]
         if not math.isfinite(sigma.sum()):
             for k in np.flatnonzero(~np.isfinite(sigma)).tolist():
                 trouble.setdefault(k, WITHHELD)
@@ -194,11 +211,22 @@ class Stepper:
         if physics is not None and physics.needs_voltage and not np.isfinite(states[:, -1]).all():
             raise UsageError("compensate: effect battery_sag needs the voltage, and the state has none")
 
-    def _hand_over(self, wrench: Array, state: Array, out: Array, expects: bool) -> None:
-        """One step whose optima L-BFGS finds."""
+    def _hand_over(self, wanted: Array, state: Array, out: Array, expects: bool) -> None:
+        """One step whose optima L-BFGS finds, or whose demand or state is none that a vehicle can have."""
         gate, kernel, lines, sent, room = self._given
         memory, evaluations, known = self.memory, 0, None
+        wrench, limited = (wanted, False) if self._reach is None else self._reach.nearest(wanted)
+        if not step.plausible(gate, state):
+            self.trouble = IMPLAUSIBLE
+            out[:] = 0.0
+            out[: len(AXES)], out[BETA], out[COST], out[LIMITED] = wrench, 1.0, np.nan, limited
+            return
         prepare(gate, lines, room, memory, wrench, state)
+        if gate.lenient:
+            search(gate, kernel, lines, room, memory, wrench, out)
+            finish(gate, kernel, lines, sent, room, memory, wrench, out, expects)
+            out[LIMITED] = max(out[LIMITED], limited)
+            return
         if gate.has_process and gate.has_physics:
             physics = self._optimisers[0].solve(_Linear(self._given, False), wrench, memory[step.KNOWN : step.STAGE])
             known, evaluations = physics.correction, physics.iterations
@@ -207,8 +235,17 @@ class Stepper:
         found: Optimum = self._optimisers[1].solve(_Linear(self._given, gate.has_process), wrench, start, known)
         self.trouble = found.trouble
         memory[step.OPTIMUM : step.CORRECTION] = found.correction
-        out[step.COST : step.EXPECTED] = found.cost, evaluations + found.iterations, found.accepted
+        out[COST : LIMITED] = found.cost, evaluations + found.iterations, found.accepted
         finish(gate, kernel, lines, sent, room, memory, wrench, out, expects)
+        out[LIMITED] = max(out[LIMITED], limited)
+
+    def _limit(self, out: Array, expects: bool) -> None:
+        """The nearest command that the vehicle can make, behind which nothing is remembered."""
+        if self._reach is not None:
+            out[: len(AXES)], _ = self._reach.nearest(out[: len(AXES)])
+        if expects:
+            out[EXPECTED + len(self.plan.gate.rows) :] = self.expected(out[: len(AXES)])
+        self.reset()
 
 
 class _Linear:
@@ -251,8 +288,8 @@ def warm() -> None:
     gate = UncertaintyFilter(np.ones(1, dtype=bool), np.zeros(1), np.ones(1), math.inf, 1.0, 0.9)
     line = LinearMismatch((AXES[-1],), np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
     bound = np.ones(len(AXES))
-    made = plan(line, None, gate, Limits(bound, 1e-4, MOST, 0.01, True))
-    stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound))
+    made = plan(line, None, gate, Limits(bound, bound, None, 1e-4, MOST, 0.01, True))
+    stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound), None)
     stepper.one(np.zeros(len(AXES)), None)
     stepper.expected(np.zeros(len(AXES)))
     stepper._hand_over(np.zeros(len(AXES)), np.zeros(len(STATE)), stepper._row[0], False)

@@ -39,13 +39,6 @@ STATE = (
 """Names of the state's numbers, in their order."""
 
 
-def state_row(state: State) -> Array:
-    """The first of the states as `STATE`; nan for a voltage that is not known."""
-    voltage = [math.nan] if state.voltage is None else state.voltage[:1]
-    parts = (state.position_E[0], state.quat_EB[0], state.velocity_E[0], state.omega_B[0], state.time[:1], voltage)
-    return np.concatenate(parts)
-
-
 def rows_of(states: State) -> Array:
     """States (K, 15) as `STATE`."""
     voltage = np.full(len(states.time), np.nan) if states.voltage is None else states.voltage
@@ -150,7 +143,7 @@ class _Tracer:
         tilt, speed = Traced.of(np.zeros(len(arms))), Traced.of(np.zeros(len(rotors)))
         weak: dict[int, Any] = {}
         column = 0
-        for arm, group in self.allocation._groups:
+        for arm, group in self.allocation.groups:
             thrust = unknowns[column]
             if arms.tilts[arm]:
                 lateral, vertical = unknowns[column], unknowns[column + 1]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.compensate.compensator import Compensator
 from wrenchgap.compensate.physics_program import STATE, rows_of
+from wrenchgap.compensate.step_row import EXPECTED, LIMITED
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 
@@ -34,6 +35,7 @@ class Run:
     cost: Array
     iterations: NDArray[np.int64]
     accepted: NDArray[np.bool_]
+    limited: NDArray[np.bool_]
     before: Array
     after: Array
     solve_time: Array
@@ -46,7 +48,7 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
     Raises UsageError where the states are needed and None.
     """
     outputs = len(compensator.model.outputs)
-    rows = np.empty((len(wrenches), 23 + 2 * outputs))
+    rows = np.empty((len(wrenches), EXPECTED + 2 * outputs))
     took, trouble = np.empty(len(wrenches)), dict[int, str]()
     numbers = np.zeros((len(wrenches), len(STATE))) if states is None else rows_of(states)
     compiled = compensator.steps_compiled(states is not None)
@@ -68,8 +70,9 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
         cost=rows[:, 20],
         iterations=rows[:, 21].astype(int),
         accepted=rows[:, 22] > 0.0,
-        before=rows[:, 23 : 23 + outputs],
-        after=rows[:, 23 + outputs :],
+        limited=rows[:, LIMITED] > 0.0,
+        before=rows[:, EXPECTED : EXPECTED + outputs],
+        after=rows[:, EXPECTED + outputs :],
         solve_time=took,
         trouble=trouble,
     )

@@ -68,7 +68,7 @@ class Allocation:
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
         arms, rotors = vehicle.geometry()
-        self.matrix, self._groups = _columns(arms, rotors)
+        self.matrix, self.groups = _columns(arms, rotors)
         self.inverse: Array = np.asarray(np.linalg.pinv(self.matrix, rcond=1e-9), dtype=np.float64)
         self.hold_thrust = min(HOLD_THRUST, HOLD_SHARE * vehicle.body.mass * GRAVITY / len(arms))
         self.rank = int(np.linalg.matrix_rank(self.matrix, tol=1e-9))
@@ -118,7 +118,7 @@ class Allocation:
         unknowns = wrench_B @ self.inverse.T
         thrust_over_cf = np.zeros((len(wrench_B), len(rotors)))
         column = 0
-        for arm, group in self._groups:
+        for arm, group in self.groups:
             if arms.tilts[arm]:
                 lat, ver = unknowns[:, column], unknowns[:, column + 1]
                 column += 2

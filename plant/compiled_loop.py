@@ -255,7 +255,7 @@ def _allocator(believed: Vehicle) -> tuple[Allocator, tuple[int, int]]:
     allocation = Allocation(believed)
     group_of, arm, column, strength = np.full(len(rotors), -1), [], [], []
     at = 0
-    for g, (own, members) in enumerate(allocation._groups):
+    for g, (own, members) in enumerate(allocation.groups):
         group_of[members] = g
         arm.append(own)
         column.append(at)

@@ -42,7 +42,7 @@ def compensator(
     expected = len(AXES) + len(columns(process.settings.inputs))
     if len(process.input_mean) != expected:
         raise FitError(f"GP: has {len(process.input_mean)} inputs, expected {expected}: the commanded wrench first")
-    return Compensator(process, settings, physics=physics(process, model, lead, without))
+    return Compensator(process, settings, physics=physics(process, model, lead, without), vehicle=model.vehicle)
 
 
 def combined(
@@ -146,7 +146,7 @@ def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple
     if process is not None and process.settings.mean == "zero" and not process.settings.inputs:
         inputs = process.input_mean + process.input_scale * process.inputs
         line = fit_linear(inputs, process.residuals * process.output_scale, outputs)
-        found.append(("a straight line through the GP's points", Compensator(line, Settings(dt=dt))))
+        found.append(("a straight line through the GP's points", Compensator(line, Settings(dt=dt), vehicle=model.vehicle)))
     return tuple(found)
 
 

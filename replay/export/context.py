@@ -9,6 +9,8 @@ import numpy as np
 from wrenchgap.compensate import Combined
 from wrenchgap.compensate.fast import ENOUGH, Plan
 from wrenchgap.compensate.physics_program import STATE
+from wrenchgap.compensate.reach import FAR, PULLS, ROUNDS, SLACK, Reach
+from wrenchgap.compensate.step_row import STATE_MAX
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.replay.compensation.compensators import Judged
@@ -21,6 +23,10 @@ STATE_FIELDS = (*_FIELDS, ("voltage", 14, 1))
 """Fields of a `wg_input` that hold the state, with their places in `STATE`."""
 
 
+VOLTAGE_MAX = 1e4
+"""Largest voltage of a battery [V]; see `compensate.step_row.STATE_MAX`."""
+
+
 def context(
     plan: Plan,
     pieces: Pieces,
@@ -28,6 +34,7 @@ def context(
     tables: list[tuple[str, Array, str]],
     observer: Combined | None,
     judged: Judged | None,
+    reach: Reach,
 ) -> dict[str, Any]:
     """What the templates ask for, of a plan with `effects`."""
     gate, expansion, physics = plan.gate, plan.expansion, plan.physics
@@ -52,7 +59,13 @@ def context(
         "groups": list(zip(groups, places, strict=False)),
         "lag": {name: repr(getattr(gate, name)) for name in ("a", "b0", "b1")},
         "unused": lambda field: "" if field in seen else "; not looked at",
-        "looked_at": [(field, count) for field, _, count in STATE_FIELDS if field in seen],
+        "looked_at": [
+            (field, count, repr(max((*STATE_MAX, VOLTAGE_MAX)[first : first + count])))
+            for field, first, count in STATE_FIELDS
+            if field in seen
+        ],
+        "reach": _reach(reach),
+        "correction_max": [f"{v:.4g}" for v in _correction_max(plan, observer)],
         "evaluations_max": alone + whole + 1,
         "fixed": _said(pieces.fixed),
         "moving": _said(pieces.moving),
@@ -71,9 +84,36 @@ def context(
         "decay": repr(gate.decay),
         "rows": ", ".join(str(int(k)) for k in gate.rows),
         "bound": ", ".join(literal(float(b)) for b in gate.bound),
+        "known_bound": ", ".join(literal(float(b)) for b in gate.known),
         "tables": [(name, _shape(name, values), note, _values(name, values)) for name, values, note in tables],
         "contents": " ".join(contents),
     }
+
+
+def _reach(reach: Reach) -> dict[str, Any]:
+    """Numbers of a reach as C."""
+
+    def row(values: Array) -> list[str]:
+        return [literal(float(v)) for v in values]
+
+    return {
+        "rows": [row(r) for r in reach.rows],
+        "solve": [row(r) for r in reach.solve],
+        "hover": row(reach.hover / reach.authority),
+        **{name: row(getattr(reach, name)) for name in ("authority", "low", "high", "middle", "half", "weak")},
+        "slack": repr(SLACK),
+        "far": repr(FAR),
+        "rounds": ROUNDS,
+        "pulls": PULLS,
+    }
+
+
+def _correction_max(plan: Plan, observer: Combined | None) -> Array:
+    """Largest correction (6,) of all parts together [N, Nm]."""
+    most, gate = np.zeros(len(AXES)), plan.gate
+    most[gate.rows] = gate.bound + (gate.known if gate.has_process and gate.has_physics else 0.0)
+    most[3:] += 0.0 if observer is None else observer.torque_max
+    return most
 
 
 def _seen(plan: Plan) -> set[str]:

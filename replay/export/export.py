@@ -14,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import Plan
 from wrenchgap.compensate.physics_program import untraceable
+from wrenchgap.compensate.reach import reach_of
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
@@ -122,12 +123,12 @@ def export(
     in_loop = None if watched is None else judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
-    pieces, tables = _pieces(plan), tables_of(plan)
+    pieces, tables, reach = _pieces(plan), tables_of(plan), reach_of(kept.vehicle)
     price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(v)) for _, v, _ in tables))
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
     said = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
-    said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched, in_loop) | _recorded(vectors)
+    said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched, in_loop, reach) | _recorded(vectors)
     outputs = tuple(AXES[k] for k in plan.gate.rows)
     refused = () if process is None or asked.despite_verdict else process.refused
     corrected = _corrected(outputs, refused, effects, observed=watched is not None)
@@ -197,7 +198,7 @@ def _parts(
     if alone and process is not None and refused and process.settings.mean != "physics":
         count = len(process.outputs)
         idle = LinearMismatch(process.outputs, np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
-        made = Compensator(idle, settings).plan
+        made = Compensator(idle, settings, vehicle=model.vehicle).plan
         assert made is not None
         return None, Plan(None, None, made.gate._replace(has_process=False))
     loop = _loop(process, model, settings, lead, without)
@@ -250,7 +251,7 @@ def _loop(
             return Compensator(physics, settings)
     assert process is not None
     if needed and not model.effects:
-        return Compensator(process, settings)  # everything was left out, as asked
+        return Compensator(process, settings, vehicle=model.vehicle)  # everything was left out, as asked
     return compensator(process, model, settings, lead=lead, without=without)
 
 

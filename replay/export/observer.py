@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchgap.compensate import Combined, Compensator
+from wrenchgap.compensate.combined import JUMP
 from wrenchgap.compensate.compensator import REACH
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
@@ -92,6 +93,7 @@ def observer_context(made: Combined, judged: Judged) -> dict[str, Any]:
         "gain": repr(made.gain),
         "inertia": [[literal(float(v)) for v in row] for row in made.inertia],
         "most": ", ".join(literal(float(v)) for v in made.torque_max),
+        "jump": ", ".join(literal(float(JUMP * v)) for v in made.reach.authority[3:]),
         "asked": remembered(made),
         "whole": int(back),
         "part": repr(back - int(back)),

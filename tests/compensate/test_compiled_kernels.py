@@ -137,7 +137,7 @@ def test_sigma_that_is_no_number_is_not_hidden_by_an_output_that_has_one():
     """As `UncertaintyFilter.sigma`, the maximum of which is nan where one is: the correction is withheld."""
     plain = UncertaintyFilter(np.ones(3, dtype=bool), np.zeros(3), np.ones(3), threshold=1.0, kappa=2.0, decay=0.9)
     bound = np.ones(6)
-    gate = plan(process(5), None, plain, Limits(bound, 1e-4, 30, 0.01, False)).gate
+    gate = plan(process(5), None, plain, Limits(bound, bound, None, 1e-4, 30, 0.01, False)).gate
     for std in (np.array([0.1, np.nan, 0.2]), np.array([0.1, 0.3, 0.2])):
         out = np.zeros(29)
         compiled.gated(gate, std, np.zeros(compiled.TILT), np.zeros(6), out)
