@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from wrenchgap.compensate.compensator import REACH, Compensator, Result
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.reach import reach_of
+from wrenchgap.compensate.step_row import IMPLAUSIBLE, plausible
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order
@@ -85,6 +86,12 @@ class Combined:
         return self.gain / (2.0 * math.pi)
 
     @property
+    def correction_max(self) -> Array:
+        """Largest correction (6,) by feed-forward and estimate [N, Nm]."""
+        ahead = np.zeros(len(AXES)) if self.feedforward is None else self.feedforward.correction_max
+        return ahead + np.concatenate((np.zeros(3), self.torque_max))
+
+    @property
     def not_compiled(self) -> NotCompiled | None:
         """Of the feed-forward."""
         return None if self.feedforward is None else self.feedforward.not_compiled
@@ -114,16 +121,21 @@ class Combined:
         if not (np.isfinite(wrench).all() and np.isfinite(omega).all()):
             self._hold()
             raise UsageError(f"combined: desired wrench {wrench.tolist()} or rates {omega.tolist()} are not finite")
-        self._observe(omega)
+        known = plausible(state)
+        if known:
+            self._observe(omega)
         observed = np.concatenate((np.zeros(3), self._estimate))
         asked, limited = self.reach.nearest(wrench - observed)
+        if not known:
+            self._hold()
+            return Result(asked, -observed, -observed, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
         self._asked.append(asked[3:].copy())
         if self.feedforward is None:
             made = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
         else:
             made = self.feedforward.step(asked, state)
             made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
-        if limited or made.limited:
+        if limited or made.limited or not math.isfinite(made.cost):
             self._hold()
         return replace(made, limited=limited or made.limited)
 
@@ -131,7 +143,7 @@ class Combined:
         """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
         self._integral = None
         if self.feedforward is not None:
-            self.feedforward.reset()
+            self.feedforward.forget()
 
     def _observe(self, omega: Array) -> None:
         """The estimate from the rate (3,), within its bounds."""

@@ -204,12 +204,16 @@ class Compensator:
 
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
+        self.forget()
+        self._model: MismatchModel | None = None
+        self._stepped = False
+
+    def forget(self) -> None:
+        """As `reset`, but that `expected` still answers as at the last step."""
         self._optimum = np.zeros(len(AXES))
         self._correction = np.zeros(len(AXES))  # less that of the physics
         self._known = np.zeros(len(AXES))  # correction of the physics alone
-        self._model: MismatchModel | None = None
         self._following = [m.follow(self.settings.dt) if isinstance(m, Follows) else Fixed(m) for m in self._parts]
-        self._stepped = False
         if self._fast is not None:
             self._fast.reset()
 
@@ -227,13 +231,13 @@ class Compensator:
         try:
             wanted = _checked(wrench_des)
         except UsageError:
-            self.reset()
+            self.forget()
             raise
         if self._fast is not None:
             return self._fast_step(self._fast, wanted, state, started)
         wrench, limited = (wanted, False) if self.reach is None else self.reach.nearest(wanted)
         if state is not None and self.needs_state and not plausible(state):
-            self.reset()
+            self.forget()
             zero = np.zeros(len(AXES))
             return Result(wrench, zero, zero, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
         here = [f.here(state) for f in self._following]
@@ -255,8 +259,7 @@ class Compensator:
         limited = limited or cut
         found, cost, iterations = optimum.correction.copy(), optimum.cost, iterations + optimum.iterations
         if limited or not math.isfinite(cost):
-            self.reset()
-            self._model = model
+            self.forget()
         else:
             for follower in self._following:
                 follower.sent(command)
@@ -289,6 +292,12 @@ class Compensator:
             if one.trouble:
                 trouble[k] = one.trouble
         return np.array(rows), trouble
+
+    @property
+    def correction_max(self) -> Array:
+        """Largest correction (6,) by all parts [N, Nm]; infinite where neither data nor a vehicle bound it."""
+        known = 0.0 if self.physics is None else self._of_physics.upper
+        return np.asarray(self._optimiser.upper + known)
 
     @property
     def plan(self) -> Plan | None:

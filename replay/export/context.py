@@ -65,7 +65,7 @@ def context(
             if field in seen
         ],
         "reach": _reach(reach),
-        "correction_max": [f"{v:.4g}" for v in _correction_max(plan, observer)],
+        "correction_max": [f"{v:.4g}" for v in correction_max(plan, observer)],
         "evaluations_max": alone + whole + 1,
         "fixed": _said(pieces.fixed),
         "moving": _said(pieces.moving),
@@ -108,7 +108,7 @@ def _reach(reach: Reach) -> dict[str, Any]:
     }
 
 
-def _correction_max(plan: Plan, observer: Combined | None) -> Array:
+def correction_max(plan: Plan, observer: Combined | None) -> Array:
     """Largest correction (6,) of all parts together [N, Nm]."""
     most, gate = np.zeros(len(AXES)), plan.gate
     most[gate.rows] = gate.bound + (gate.known if gate.has_process and gate.has_physics else 0.0)

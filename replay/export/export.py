@@ -33,7 +33,7 @@ from wrenchgap.replay.compensation.compensators import (
     judged,
 )
 from wrenchgap.replay.export.c_lines import Printer
-from wrenchgap.replay.export.context import context, tables_of, words_of
+from wrenchgap.replay.export.context import context, correction_max, tables_of, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
 from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
 from wrenchgap.replay.export.vectors import Vectors, recorded
@@ -68,6 +68,7 @@ class Export(Result):
     caveats    what `learn` warned of
     precision  "double" or "float", of the build unless it says otherwise
     observer_hz, observer_max   bandwidth of the observer and largest estimate (3,) [Nm]; None and () without one
+    correction_max  largest correction (6,) of all parts together [N, Nm]
     judged          that observer in the attitude loop of the model, None without one
     """
 
@@ -87,6 +88,7 @@ class Export(Result):
     corrected: str = ""
     observer_hz: float | None = None
     observer_max: tuple[float, ...] = ()
+    correction_max: tuple[float, ...] = ()
     judged: Judged | None = None
 
 
@@ -148,6 +150,7 @@ def export(
         corrected=corrected,
         observer_hz=None if watched is None else watched.bandwidth_hz,
         observer_max=() if watched is None else tuple(watched.torque_max.tolist()),
+        correction_max=tuple(correction_max(plan, watched).tolist()),
         judged=in_loop,
     )
 

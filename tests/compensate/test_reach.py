@@ -1,0 +1,170 @@
+"""What a vehicle can do, against what its allocation makes, and the nearest wrench, against scipy's SLSQP."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import wrenchgap as wg
+from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
+from wrenchgap.compensate.reach import FAR, NEAR, SHARE, THRUST_TO_WEIGHT, reach_of
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.state import State
+from wrenchgap.plant.vehicle import GRAVITY
+from wrenchgap.plant.wrench_model import about_origin
+
+NAMES = ("tilt_hexarotor", "voliro_x", "crazyflie", "asymmetric_quadrotor", "variable_tilt_hexacopter")
+REST = State(np.zeros(1), np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+
+
+def demands(reach, count=60, seed=0):
+    rng = np.random.default_rng(seed)
+    size = rng.choice([0.05, 0.3, 1.0, 20.0], size=(count, 1))
+    return size * rng.normal(size=(count, 6)) * reach.authority
+
+
+def limited_by_the_allocation(vehicle, wrench):
+    _, said = Allocation(vehicle).allocate(about_origin(vehicle.body, wrench[None]))
+    return said.rotor_speed > 0 or said.tilt_range > 0
+
+
+@pytest.mark.parametrize("name", NAMES[:4])
+def test_inside_is_what_the_allocation_makes_without_a_limit(name):
+    vehicle = wg.load_model(name).vehicle
+    reach = reach_of(vehicle)
+    made = Allocation(vehicle)
+    told = 0
+    for wrench in demands(reach):
+        wanted = made.achievable(about_origin(vehicle.body, wrench[None]))[0]
+        wanted[3:] -= np.cross(vehicle.body.com_B, wanted[:3])  # about the centre of mass again
+        if np.any(np.abs(wanted) > 0.999 * reach.authority):
+            continue
+        told += 1
+        assert reach.inside(wanted) is not limited_by_the_allocation(vehicle, wanted)
+    assert told > 20
+
+
+def test_authority_of_a_star_of_tilting_arms_in_closed_form():
+    """Six arms of radius L with 2 c_f Omega^2 each: all up m g; all along their tangents, T L about z plus drag of none
+    (the two rotors of an arm turn against each other)."""  # noqa: D205
+    vehicle = wg.load_model("tilt_hexarotor").vehicle
+    thrust = 2 * 7.2e-6 * 1250.0**2
+    authority = reach_of(vehicle).authority
+    assert authority[2] == pytest.approx(6 * thrust)
+    assert authority[5] == pytest.approx(6 * thrust * 0.30)
+    assert authority[4] == pytest.approx(thrust * 0.30 * sum(abs(np.cos(k * np.pi / 3)) for k in range(6)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_nearest_wrench_is_reachable_and_none_is_nearer(name):
+    reach = reach_of(wg.load_model(name).vehicle)
+    d = len(reach.middle)
+    for wrench in demands(reach, 25, seed=4):
+        found, other = reach.nearest(wrench)
+        assert reach.inside(found)
+        assert other is not reach.inside(wrench)
+        wanted = np.clip(wrench / reach.authority, -FAR, FAR)
+
+        def limits(w):
+            x = reach.rows @ w
+            discs = 1 - np.sum(x[: 2 * d].reshape(d, 2) ** 2, axis=1)
+            return np.concatenate((discs, x[2 * d :] - reach.low, reach.high - x[2 * d :]))
+
+        best = minimize(
+            lambda w, wanted=wanted: 0.5 * np.sum((w - wanted) ** 2),
+            reach.hover / reach.authority,
+            jac=lambda w, wanted=wanted: w - wanted,
+            constraints=[{"type": "ineq", "fun": limits}],
+            method="SLSQP",
+            options={"maxiter": 500, "ftol": 1e-12},
+        )
+        assert np.linalg.norm(found / reach.authority - wanted) <= np.linalg.norm(best.x - wanted) + NEAR
+
+
+def test_a_limited_range_of_tilt_is_kept():
+    """A hexarotor whose arms tilt by 30 deg at most cannot push sideways with more than sin 30 deg of their thrust."""
+    model = wg.load_model("tilt_hexarotor").vehicle
+    arms, _ = model.geometry()
+    small = replace(model, arms=replace(arms, tilt_min=np.full(6, -np.pi / 6), tilt_max=np.full(6, np.pi / 6)))
+    reach = reach_of(small)
+    weight = model.body.mass * GRAVITY
+    assert reach.inside(np.array([0.2 * weight, 0, weight, 0, 0, 0]))
+    sideways = np.array([weight, 0, 0.2 * weight, 0, 0, 0])
+    assert not reach.inside(sideways)
+    found, _ = reach.nearest(sideways)
+    assert not limited_by_the_allocation(small, found)
+
+
+def test_a_vehicle_without_rotors_has_a_stated_authority():
+    vehicle = replace(wg.load_model("crazyflie").vehicle, arms=None, rotors=None)
+    reach = reach_of(vehicle)
+    weight = vehicle.body.mass * GRAVITY
+    assert reach.authority[:3] == pytest.approx(THRUST_TO_WEIGHT * weight)
+    lever = np.sqrt(np.linalg.eigvalsh(vehicle.body.inertia)[-1] / vehicle.body.mass)
+    assert reach.authority[3:] == pytest.approx(THRUST_TO_WEIGHT * weight * lever)
+    assert np.abs(reach.nearest(np.full(6, 1e300))[0]) == pytest.approx(reach.authority)
+
+
+def compensations():
+    model = wg.load_model("tilt_hexarotor")
+    moved = model.with_effects([make_effect(model.vehicle, "com_offset", [0.004, -0.007, 0.005])])
+    physics = PhysicsMismatch(moved.wrench_model, ("torque_x", "torque_y", "torque_z"))
+    return {
+        "newton": lambda: Compensator(physics, Settings(dt=0.005)),
+        "lbfgs": lambda: Compensator(physics, Settings(dt=0.005, solver="lbfgs")),
+        "observer": lambda: DisturbanceObserver(model.vehicle, 0.005),
+        "combined": lambda: Combined(model.vehicle, 0.005, 2.0, Compensator(physics, Settings(dt=0.005))),
+    }
+
+
+HOVER = np.array([0, 0, 39.2266, 0, 0, 0])
+GARBAGE = {
+    "saturating": ([8.08, -9.5, 26.5, -17.2, 17.8, 14.6], REST),
+    "huge": ([1e300] * 6, REST),
+    "not a number": ([np.nan, 0, 39.2, 0, 0, 0], REST),
+    "infinite": ([0, 0, np.inf, 0, 0, 0], REST),
+    "rates of 1e6 rad/s": (HOVER, replace(REST, omega_B=np.full((1, 3), 1e6))),
+    "velocity that is none": (HOVER, replace(REST, velocity_E=np.full((1, 3), np.nan))),
+}
+
+
+@pytest.mark.parametrize("kind", ["newton", "lbfgs", "observer", "combined"])
+@pytest.mark.parametrize("garbage", GARBAGE)
+def test_hover_after_garbage_is_hover_after_a_fresh_start(kind, garbage):
+    one, fresh = (compensations()[kind]() for _ in range(2))
+    wanted = fresh.step(HOVER, REST).wrench_cmd
+    wrench, state = GARBAGE[garbage]
+    try:
+        said = one.step(wrench, state)
+    except UsageError:
+        assert not np.isfinite(wrench).all()
+    else:
+        assert reach_of(wg.load_model("tilt_hexarotor").vehicle).inside(said.wrench_cmd)
+        assert said.limited or said.trouble
+        assert np.all(np.abs(said.correction) <= one.correction_max)
+    assert one.step(HOVER, REST).wrench_cmd == pytest.approx(wanted, abs=1e-6)
+
+
+def test_the_correction_of_effects_is_at_most_half_of_the_authority():
+    """A centre of mass 2 m off asks for 78 Nm, three times what the rotors have."""
+    model = wg.load_model("tilt_hexarotor")
+    broken = model.with_effects([make_effect(model.vehicle, "com_offset", [2.0, 0.0, 0.0])])
+    one = Compensator(PhysicsMismatch(broken.wrench_model, ("torque_x", "torque_y", "torque_z")), Settings(dt=0.005))
+    said = one.step(HOVER, REST)
+    authority = reach_of(model.vehicle).authority
+    assert not said.accepted
+    assert np.all(np.abs(said.correction[3:]) <= SHARE * authority[3:])
+    assert np.isfinite(one.correction_max).all()
+
+
+def test_an_observer_does_not_learn_a_rate_that_jumps():
+    """10 rad/s within 5 ms would take J omega / dt = 200 Nm: no vehicle, so the estimate stays."""
+    one = DisturbanceObserver(wg.load_model("tilt_hexarotor").vehicle, 0.005)
+    for _ in range(3):
+        one.step(HOVER, REST)
+    one.step(HOVER, replace(REST, omega_B=np.full((1, 3), 10.0)))
+    assert one.estimate == pytest.approx(np.zeros(3), abs=1e-12)
+    assert one.step(HOVER, REST).wrench_cmd == pytest.approx(HOVER, abs=1e-9)
