@@ -77,7 +77,7 @@ screenshots: setup ## renew the viewer's pictures in docs/images (needs Chromium
 	$(VENV) scripts/screenshots.py
 
 lock: setup ## renew requirements.lock: newest versions that suit Python 3.11 and later
-	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \
+	$(VENV) -m uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev --generate-hashes \
 	  --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 
 wheel: setup ## build the wheel and try it in a new environment outside the repository

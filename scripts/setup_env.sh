@@ -6,7 +6,6 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-PIP_VERSION=26.3 # --build-constraint needs 25.3 or newer
 ENV=$PWD/.venv
 STAMP=$ENV/wrenchgap-setup
 
@@ -63,7 +62,7 @@ ensure_venv_module() {
 }
 
 fingerprint() {
-  { cat requirements.lock pyproject.toml scripts/setup_env.sh && echo "$ENV" && "$1" -VV; } | sha256sum | cut -d' ' -f1
+  { cat requirements.lock scripts/pip.lock pyproject.toml scripts/setup_env.sh && echo "$ENV" && "$1" -VV; } | sha256sum | cut -d' ' -f1
 }
 
 python=$(find_python)
@@ -82,8 +81,9 @@ rm -f "$STAMP"
 
 pip() { "$ENV/bin/python" -m pip --disable-pip-version-check -qq "$@" </dev/null; }
 say "installing the pinned versions of requirements.lock (a few minutes the first time)"
-pip install "pip==$PIP_VERSION"
-pip install --build-constraint requirements.lock -r requirements.lock
+# What comes from the registry is what was locked, byte by byte: another file under the same name is refused.
+pip install --require-hashes -r scripts/pip.lock # --build-constraint needs 25.3 or newer
+pip install --require-hashes --build-constraint requirements.lock -r requirements.lock
 pip install --build-constraint requirements.lock --no-deps -e .
 echo "$wanted" >"$STAMP"
 say "done in $((SECONDS - started)) s"

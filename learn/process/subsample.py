@@ -118,10 +118,76 @@ def _check(inputs: Array, count: int, method: str, scale: str) -> None:
 
 
 def _fasterpam(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
-    """FasterPAM (Schubert and Rousseeuw 2021); one thread and a seed, so that it repeats."""
-    import kmedoids
+    """Medoids by FasterPAM from a start that `_spread_out` draws; the same seed gives the same."""
+    if count == 1:
+        return np.array([np.argmin(distance.sum(axis=1))])
+    medoids = _spread_out(distance, count, seed)
+    _swap(distance, medoids)
+    return medoids
 
-    return np.asarray(kmedoids.fasterpam(distance, count, random_state=seed, n_cpu=1).medoids, dtype=np.intp)
+
+@njit(cache=True)
+def _swap(distance: NDArray[np.float32], medoids: Indices) -> None:
+    """Exchange medoids (K,), in place, until no exchange of one lowers the sum of distances to the nearest.
+
+    FasterPAM (Schubert and Rousseeuw, Information Systems 101, 2021): every point in turn is tried in the place of all
+    medoids at once, by what it gains where it is the nearest, and what the loss of each medoid costs; the best exchange
+    is made at once where it gains. `distance` (N, N) is symmetric.
+    """
+    points, count = len(distance), len(medoids)
+    first, second = np.full(points, -1), np.full(points, -1)
+    loss, change = np.zeros(count), np.zeros(count)
+    _nearest_two(distance, medoids, -1, first, second, loss)
+    tried, c = 0, 0
+    while tried < points:
+        row, gain = distance[c], 0.0
+        change[:] = loss
+        for o in range(points):
+            near, after = distance[medoids[first[o]], o], distance[medoids[second[o]], o]
+            if row[o] < near:
+                gain += row[o] - near
+                change[first[o]] += near - after
+            elif row[o] < after:
+                change[first[o]] += row[o] - after
+        best = np.argmin(change)
+        tried += 1
+        if c != medoids[first[c]] and change[best] + gain < -1e-9 * abs(gain):
+            medoids[best] = c
+            _nearest_two(distance, medoids, best, first, second, loss)
+            tried = 0
+        c = (c + 1) % points
+
+
+@njit(cache=True)
+def _nearest_two(
+    distance: NDArray[np.float32],
+    medoids: Indices,
+    changed: int,
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+    loss: Array,
+) -> None:
+    """Places of the nearest and the next medoid of every point (N,), and what the loss of each medoid (K,) costs.
+
+    `changed` is the place of the one medoid that is another since the last time; -1 for all of them.
+    """
+    loss[:] = 0.0
+    for o in range(len(first)):
+        a, b = first[o], second[o]
+        if changed < 0 or changed == a or changed == b:
+            a, b = -1, -1
+            for m in range(len(medoids)):
+                d = distance[medoids[m], o]
+                if a < 0 or d < distance[medoids[a], o]:
+                    a, b = m, a
+                elif b < 0 or d < distance[medoids[b], o]:
+                    b = m
+        elif distance[medoids[changed], o] < distance[medoids[a], o]:
+            a, b = changed, a
+        elif distance[medoids[changed], o] < distance[medoids[b], o]:
+            b = changed
+        first[o], second[o] = a, b
+        loss[a] += distance[medoids[b], o] - distance[medoids[a], o]
 
 
 def _pyclustering(distance: NDArray[np.float32], count: int, seed: int) -> Indices:

@@ -15,7 +15,7 @@ from wrenchgap.plant.model_file import dumps, next_version, tool_version
 from wrenchgap.replay.present.documents import sha256
 from wrenchgap.replay.report.contents import Report
 
-PACKAGES = ("numpy", "scipy", "GPy", "matplotlib", "mcap", "rosbags", "tomlkit", "kmedoids")
+PACKAGES = ("numpy", "scipy", "GPy", "matplotlib", "mcap", "rosbags", "tomlkit", "pyclustering")
 """Packages whose versions may change numbers."""
 FITTED = "fitted.toml"
 """What the fitted model is called in commands and in the page."""
