@@ -40,11 +40,12 @@ slow: setup ## tests of minutes: README, notebook, documentation, every kind of 
 	@$(VENV) scripts/warm_kernels.py
 	$(VENV) -m pytest -m slow --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
-check: setup ## format, lint, types, layers
+check: setup ## format, lint, types, layers, licences
 	$(VENV) -m ruff format --check .
 	$(VENV) -m ruff check .
 	$(VENV) -m mypy
 	$(VENV) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
+	$(VENV) scripts/licences.py
 
 format: setup ## rewrite the sources in the house format
 	$(VENV) -m ruff format .

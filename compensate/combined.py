@@ -34,10 +34,9 @@ from wrenchgap.plant.mismatch import KnowsItsData, output_indices
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
 
-
 JUMP = 4.0
-"""Torque, in authorities, beyond which a change of the rate is no motion: the vehicle itself makes one, from one limit to the
-other two; what hits it for a period is then not learnt, and the period after it is."""
+"""Torque, in authorities, beyond which a change of the rate is no motion: the vehicle itself makes one, from one
+limit to the other two; what hits it for a period is then not learnt, and the period after it is."""
 
 
 class Combined:
@@ -85,11 +84,14 @@ class Combined:
         """Of the observer."""
         return self.gain / (2.0 * math.pi)
 
+    without_observer = ""
+    """See `Compensator`: there is one."""
+
     @property
     def correction_max(self) -> Array:
         """Largest correction (6,) by feed-forward and estimate [N, Nm]."""
         ahead = np.zeros(len(AXES)) if self.feedforward is None else self.feedforward.correction_max
-        return ahead + np.concatenate((np.zeros(3), self.torque_max))
+        return np.asarray(ahead + np.concatenate((np.zeros(3), self.torque_max)))
 
     @property
     def not_compiled(self) -> NotCompiled | None:

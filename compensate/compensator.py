@@ -54,8 +54,8 @@ class Settings:
 
     dt                period at which `step` is called [s]
     correction_max    (6,) largest absolute correction [N, Nm] beyond that of the physics; default three times the
-                      largest mismatch in the training data; for physics, and for a model that does not know its data, half
-                      of the vehicle's authority (`compensate.reach`)
+                      largest mismatch in the training data; for physics, and for a model that does not know its data,
+                      half of the vehicle's authority (`compensate.reach`)
     accept            J below which an optimum counts as a solution; default the paper's 1e-4 (0.01 Nm), or less for
                       a small vehicle: the square of 2 % of the largest mismatch in the training data
     regulariser       weight of the squared torque correction in the search
@@ -119,7 +119,8 @@ class Result:
     cost         J of `optimum`; nan where the search failed
     iterations   evaluations of the model in the search
     accepted     J is below the acceptance threshold
-    limited      the vehicle cannot make what was asked for, or what was found: wrench_cmd is the nearest wrench that it can
+    limited      the vehicle cannot make what was asked for, or what was found: wrench_cmd is the nearest wrench that
+                 it can
                  make (`compensate.reach`), no longer desired plus correction, and nothing is remembered of the step
     trouble      empty, or one line on what went wrong
     solve_time   wall-clock time of the step [s]; the only field that differs between two equal runs
@@ -142,8 +143,8 @@ class Compensator:
     """Corrects desired wrenches for a known mismatch, one after the other.
 
     Holds two things between steps: the last unfiltered optimum, where the next search starts, and the last filtered
-    correction. Equal sequences of desired wrenches give equal results. Behind a step that was limited, or whose input was
-    none, it holds what it does after `reset`.
+    correction. Equal sequences of desired wrenches give equal results. Behind a step that was limited, or whose input
+    was none, it holds what it does after `reset`.
 
     vehicle   whose reach bounds commands and corrections; that of the physics by default. Without either only the
               correction is bounded, and only for a model that knows its data or with `Settings.correction_max`
@@ -178,6 +179,8 @@ class Compensator:
             normalise=asked.normalise,
         )
         self.not_compiled: NotCompiled | None = None
+        self.without_observer = ""
+        """Why there is no observer, where one was asked for."""
         self._fast = self._compiled(bound, known, accept)
         self.reset()
 
@@ -225,7 +228,8 @@ class Compensator:
         """Command for the desired wrench (6,) [N, Nm], in this state (N = 1) where the model needs it.
 
         Raises UsageError on anything but six finite numbers, or without a state that is needed. Trouble of the solver
-        or the model never raises, nor does a state that is none: the optimum is then zero and `Result.trouble` says why.
+        or the model never raises, nor does a state that is none: the optimum is then zero and `Result.trouble` says
+        why.
         """
         started = perf_counter()
         try:
@@ -264,7 +268,9 @@ class Compensator:
             for follower in self._following:
                 follower.sent(command)
         took = perf_counter() - started
-        return Result(command, correction, found, sigma, beta, cost, iterations, optimum.accepted, limited, trouble, took)
+        return Result(
+            command, correction, found, sigma, beta, cost, iterations, optimum.accepted, limited, trouble, took
+        )
 
     def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
         if state is None and self.needs_state:

@@ -24,8 +24,6 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from wrenchgap.flight.flight import Array
-from wrenchgap.plant.expansion import Expansion
 from wrenchgap.compensate.reach import SLACK
 from wrenchgap.compensate.step_row import (
     ACCEPTED,
@@ -40,6 +38,8 @@ from wrenchgap.compensate.step_row import (
     SIGMA,
     STATE_MAX,
 )
+from wrenchgap.flight.flight import Array
+from wrenchgap.plant.expansion import Expansion
 from wrenchgap.plant.loop_kernels import value_of
 from wrenchgap.plant.tape import Program
 
@@ -1115,8 +1115,8 @@ HEAD = ("accept", "enough", "threshold", "kappa", "decay", "a", "b0", "b1")
 SWITCHES = ("most", "lenient", "has_process", "has_physics")
 SIZES = 20
 """How many counts come before the arrays of counts: outputs, inputs of the process, points, whether the whitener is
-triangular; `SWITCHES`; lines, split, inputs, results and free inputs of the mismatch, and of what is sent; limits of the
-reach, and arms that tilt."""
+triangular; `SWITCHES`; lines, split, inputs, results and free inputs of the mismatch, and of what is sent; limits of
+the reach, and arms that tilt."""
 
 
 class Packed(NamedTuple):
@@ -1344,8 +1344,9 @@ def advance(
     numbers: Array, counts: NDArray[np.int64], code: NDArray[np.int32], sent_code: NDArray[np.int32], memory: Array,
     wrenches: Array, states: Array, out: Array, expects: bool,
 ) -> int:  # fmt: skip
-    """Steps through wrenches (K, 6) with states (K, 15) until the end, the first that is handed back, or behind the first
-    whose command the vehicle cannot make (LIMITED).
+    """Steps through wrenches (K, 6) with states (K, 15) until the end, or one that is not done as it is.
+
+    That is the first that is handed back, or the first whose command the vehicle cannot make (LIMITED), which is done.
 
     Returns how many were done; `out` (K, 24 + 2 L) has their results, with the mismatch expected of desired and sent
     command where `expects`. The memory is as it was before a step that is handed back.

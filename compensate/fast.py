@@ -235,7 +235,7 @@ class Stepper:
         found: Optimum = self._optimisers[1].solve(_Linear(self._given, gate.has_process), wrench, start, known)
         self.trouble = found.trouble
         memory[step.OPTIMUM : step.CORRECTION] = found.correction
-        out[COST : LIMITED] = found.cost, evaluations + found.iterations, found.accepted
+        out[COST:LIMITED] = found.cost, evaluations + found.iterations, found.accepted
         finish(gate, kernel, lines, sent, room, memory, wrench, out, expects)
         out[LIMITED] = max(out[LIMITED], limited)
 

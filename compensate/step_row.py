@@ -9,12 +9,24 @@ import numpy as np
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 
-COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, LIMITED, EXPECTED = 0, 6, 12, 18, 19, 20, 21, 22, 23, 24
-"""Places in a row of results; the mismatch expected before (L,) and after (L,) comes last. LIMITED: the vehicle cannot make
-what was asked for, or what was found."""
+COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, LIMITED, EXPECTED = (
+    0,
+    6,
+    12,
+    18,
+    19,
+    20,
+    21,
+    22,
+    23,
+    24,
+)
+"""Places in a row of results; the mismatch expected before (L,) and after (L,) comes last. LIMITED: the vehicle
+cannot make what was asked for, or what was found."""
 STATE_MAX = (1e8, 1e8, 1e8, 2.0, 2.0, 2.0, 2.0, 1e3, 1e3, 1e3, 1e3, 1e3, 1e3, 1e10)
 """Largest numbers that the state of a flight can have: position in E [m] (with room for geocentric ones), quaternion,
-velocity [m/s], body rates [rad/s], time [s] (with room for that of the day). What is beyond is a fault, not a flight."""
+velocity [m/s], body rates [rad/s], time [s] (with room for that of the day). What is beyond is a fault, not a
+flight."""
 IMPLAUSIBLE = "the state is not finite, or none that a flight can have: no correction"
 
 

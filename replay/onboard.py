@@ -7,7 +7,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from wrenchgap.compensate import Combined, Settings
+from wrenchgap.compensate import Combined, Compensator, Settings
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process.gp import GaussianProcess
@@ -25,11 +25,14 @@ def combined(
     settings: Settings | None = None,
     *,
     lead: float | None = None,
-) -> Combined:
+) -> Combined | Compensator:
     """Feed-forward and observer in one object for your own loop: `compensator`, and an observer of what it leaves.
 
     The observer's bandwidth is that of the training log (docs/do-no-harm.md). `settings` are by default those of the
-    model's control rate. Raises FitError for a GP without a bandwidth, and for another vehicle's.
+    model's control rate. Where the training log gives no bandwidth, because nothing is left for an observer to
+    remove, or because none keeps the loop's margin, this is `compensator` without one, and `without_observer` says
+    why. Raises
+    FitError for another vehicle's GP.
     """
     known, process = model_of(model), gp.gp if isinstance(gp, Learnt) else gp
     return combined_of(process, known, settings or Settings(dt=1.0 / known.controller.rate_hz), lead=lead)

@@ -68,6 +68,26 @@ class Divergence:
         )
 
 
+def _upset(model: Any) -> dict[str, Any]:
+    """Commands for demands of which many cannot be reached, with hover in between; the centre of mass is 5 mm off."""
+    import wrenchgap as wg
+    from wrenchgap.compensate.reach import reach_of
+    from wrenchgap.plant.model import make_effect
+    from wrenchgap.plant.state import State
+
+    authority, rng = reach_of(model.vehicle).authority, np.random.default_rng(5)
+    moved = model.with_effects([make_effect(model.vehicle, "com_offset", [0.005, -0.002, 0.0])])
+    loop = wg.compensate.Compensator(wg.compensate.PhysicsMismatch(moved.wrench_model, AXES[3:]))
+    rest = State(np.zeros(1), np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+    hover = np.array([0, 0, 9.81 * model.vehicle.body.mass, 0, 0, 0])
+    rows = []
+    for size in np.tile([0.2, 1.0, 3.0, 1e6, 1e300], 3):
+        for wanted in (hover + size * rng.normal(size=6) * authority, hover):
+            made = loop.step(wanted, rest)
+            rows.append([*made.wrench_cmd.tolist(), float(made.limited)])
+    return _rounded({"wrench_cmd_and_limited": rows})
+
+
 def results(name: str) -> dict[str, Any]:
     """Of one case, the series of a replay and the numbers of compare."""
     import wrenchgap as wg
@@ -79,6 +99,7 @@ def results(name: str) -> dict[str, Any]:
     (opened,) = wg.open_flights([flight], model)
     replayed = wg.replay_compensation(opened, model, _process(_input(flight), model.vehicle.name))
     return {
+        "upset": _upset(model),
         "replay": _series(replayed),
         "compare": _rounded(wg.compare([opened], model).to_json()["models"]),
     }
@@ -145,6 +166,8 @@ def divergence(name: str, golden: dict[str, Any], now: dict[str, Any]) -> Diverg
     series = sorted(_diverging(name, golden["replay"], now["replay"]), key=lambda found: found.sample or 0)
     if series:
         return series[0]
+    for where, old, new in differences(golden["upset"], now["upset"], TOLERANCE_OF_REPLAY):
+        return Divergence(name, f"upset{where}", old, new)
     for where, old, new in differences(golden["compare"], now["compare"], TOLERANCE):
         return Divergence(name, f"compare{where}", old, new)
     return None

@@ -84,6 +84,6 @@ say "installing the pinned versions of requirements.lock (a few minutes the firs
 # What comes from the registry is what was locked, byte by byte: another file under the same name is refused.
 pip install --require-hashes -r scripts/pip.lock # --build-constraint needs 25.3 or newer
 pip install --require-hashes --build-constraint requirements.lock -r requirements.lock
-pip install --build-constraint requirements.lock --no-deps -e .
+pip install --no-build-isolation --no-deps -e . # hatchling is among what was locked
 echo "$wanted" >"$STAMP"
 say "done in $((SECONDS - started)) s"

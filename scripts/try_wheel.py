@@ -7,6 +7,7 @@ name, and nothing comes from the repository.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -50,12 +51,14 @@ def main() -> None:
     pip = ("-m", "pip", "-qq", "--disable-pip-version-check")
     with tempfile.TemporaryDirectory(prefix="wrenchgap-wheel-") as folder:
         outside = Path(folder)
-        run(sys.executable, *pip, "wheel", "--no-deps", "--build-constraint", LOCK, "-w", outside, ROOT, cwd=outside)
+        pinned = outside / "constraints.txt"  # a hash of a constraint asks for one of the wheel, too
+        pinned.write_text("\n".join(re.findall(r"^\S+==[^\\\n]*", LOCK.read_text(), re.MULTILINE)) + "\n")
+        run(sys.executable, *pip, "wheel", "--no-deps", "--build-constraint", pinned, "-w", outside, ROOT, cwd=outside)
         (wheel,) = outside.glob("wrenchgap-*.whl")
         venv.create(outside / "env", with_pip=True)
         python = outside / "env" / "bin" / "python"
         run(python, *pip, "install", f"pip=={version('pip')}", cwd=outside)
-        run(python, *pip, "install", "--build-constraint", LOCK, "--constraint", LOCK, wheel, cwd=outside)
+        run(python, *pip, "install", "--build-constraint", pinned, "--constraint", pinned, wheel, cwd=outside)
         run(outside / "env" / "bin" / "wrenchgap", "--help", cwd=outside)
         run(python, "-c", USE, cwd=outside)
         (ROOT / "dist").mkdir(exist_ok=True)

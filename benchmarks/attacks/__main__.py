@@ -46,7 +46,9 @@ def table(rows: list[Row]) -> str:
     for area in dict.fromkeys(row["area"] for row in rows):
         lines += [f"### {area}", "", "| attack | what happens | bound | held |", "|---|---|---|---|"]
         lines += [
-            f"| {cell(row['attack'])} | {cell(row['happened'])} | {cell(row['bound'])} | {'yes' if row['held'] else '**no**'} |"
+            "| "
+            + " | ".join([*(cell(row[k]) for k in ("attack", "happened", "bound")), "yes" if row["held"] else "**no**"])
+            + " |"
             for row in rows
             if row["area"] == area
         ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -126,9 +125,9 @@ def _c(precision: str, draws: int) -> Callable[[Path], Outcome]:
         worst = np.max(said, axis=0)
         return Outcome(
             bool(held),
-            f"{len(CASES)} exports, {len(CASES) * count:,} draws, {100 * np.mean([s[3] for s in said]):.0f} % refused: command "
-            f"{worst[0]:.6f} and correction {worst[1]:.6f} of their bounds at most, {worst[4]:.0f} limited by the "
-            f"allocation, after a refused one {worst[2]:.1g} from a fresh start",
+            f"{len(CASES)} exports, {len(CASES) * count:,} draws, {100 * np.mean([s[3] for s in said]):.0f} % refused: "
+            f"command {worst[0]:.6f} and correction {worst[1]:.6f} of their bounds at most, "
+            f"{worst[4]:.0f} limited by the allocation, after a refused one {worst[2]:.1g} from a fresh start",
         )
 
     return run
@@ -179,8 +178,8 @@ def _python(draws: int) -> Callable[[Path], Outcome]:
         held = worst[0] <= 1 + OVERSHOOT and worst[1] <= 1 + OVERSHOOT and worst[2] <= 1e-6 and cut == 0
         return Outcome(
             bool(held),
-            f"{total:,} draws, {100 * refused / total:.0f} % refused: command {worst[0]:.6f} and correction {worst[1]:.6f} of their "
-            f"bounds at most, {cut} limited by the allocation, after a refused one {worst[2]:.1g} from a fresh start",
+            f"{total:,} draws, {100 * refused / total:.0f} % refused: command {worst[0]:.6f} and correction "
+            f"{worst[1]:.6f} of their bounds at most, {cut} limited by the allocation, after a refused one {worst[2]:.1g} from a fresh start",
         )
 
     return run
@@ -212,18 +211,24 @@ def _latched(_: Path) -> Outcome:
     wrench = ", ".join(f"{v:.1f}" for v in said.wrench_cmd)
     return Outcome(
         said.limited and off <= 1e-6 and reach_of(model.vehicle).inside(said.wrench_cmd),
-        f"answered with the nearest reachable wrench, ({wrench}); hover afterwards as from a fresh start to {off:.1g} Nm",
+        f"answered with the nearest reachable wrench, ({wrench}); hover afterwards as from a fresh start "
+        f"to {off:.1g} Nm",
     )
 
 
 BOUND = (
-    "finite, inside the vehicle's reach, correction within its stated bound; after a demand or state that is refused the "
-    "next ordinary command is that of a fresh start (with the observer's estimate) within 1e-6"
+    "finite, inside the vehicle's reach, correction within its stated bound; after a demand or state that is refused "
+    "the next ordinary command is that of a fresh start (with the observer's estimate) within 1e-6"
 )
 ATTACKS = (
     Attack("a demand that saturates the rotors, then hover, compensated by `com_offset`", BOUND, _latched),
-    Attack("exported C, double, under address and undefined-behaviour sanitisers: saturated, upset, huge, tiny, denormal "
-           "and non-finite demands and states", BOUND, _c("double", DRAWS // 2), slow=True),  # fmt: skip
+    Attack(
+        "exported C, double, under address and undefined-behaviour sanitisers: saturated, upset, huge, tiny, denormal "
+        "and non-finite demands and states",
+        BOUND,
+        _c("double", DRAWS // 2),
+        slow=True,
+    ),
     Attack("the same in single precision", BOUND, _c("float", DRAWS // 2), slow=True),
     Attack("the same in Python, by `step`", BOUND, _python(6_000), slow=True),
 )

@@ -149,7 +149,7 @@ def _swap(distance: NDArray[np.float32], medoids: Indices) -> None:
                 change[first[o]] += near - after
             elif row[o] < after:
                 change[first[o]] += row[o] - after
-        best = np.argmin(change)
+        best = int(np.argmin(change))
         tried += 1
         if c != medoids[first[c]] and change[best] + gain < -1e-9 * abs(gain):
             medoids[best] = c
@@ -174,7 +174,7 @@ def _nearest_two(
     loss[:] = 0.0
     for o in range(len(first)):
         a, b = first[o], second[o]
-        if changed < 0 or changed == a or changed == b:
+        if changed < 0 or changed in (a, b):
             a, b = -1, -1
             for m in range(len(medoids)):
                 d = distance[medoids[m], o]

@@ -47,22 +47,28 @@ def compensator(
 
 def combined(
     process: GaussianProcess, model: Model, settings: Settings | None = None, *, lead: float | None = None
-) -> Combined:
+) -> Combined | Compensator:
     """`compensator`, and an observer of what it leaves, of the bandwidth that training log and attitude loop support.
 
     The observer is told the lag that the training log showed, and a delay that has a name (`learn.identify.observing`).
-    Where nothing of the process is to be compensated, effects and observer, or the observer alone. Raises FitError for
-    a process without a bandwidth (`no_bandwidth` says why).
+    Where nothing of the process is to be compensated, effects and observer, or the observer alone. Where the process
+    has no bandwidth for an observer, the compensation without one, whose `without_observer` says why. Raises FitError
+    where neither process nor observer is to be compensated with.
     """
     hz, asked = process.provenance.observer_hz, settings or Settings()
-    if hz is None:
-        raise FitError(f"GP: has no bandwidth for an observer: {no_bandwidth(process)}")
     nothing = set(process.refused) == set(process.outputs) and not asked.despite_verdict
     alone = nothing and process.settings.mean != "physics"
-    known = None if alone else compensator(process, model, asked, lead=lead)
+    if hz is None:
+        why = no_bandwidth(process)
+        if alone:
+            raise FitError(f"GP: nothing of it is to be compensated, and it has no bandwidth for an observer: {why}")
+        known = compensator(process, model, asked, lead=lead)
+        known.without_observer = why
+        return known
+    ahead = None if alone else compensator(process, model, asked, lead=lead)
     hz = min(hz, 1.0 / (2.0 * math.pi * asked.dt))
     lag = process.provenance.observer_lag
-    return Combined(model.vehicle, asked.dt, hz, known, lag=lag, delay=named_delay(model))
+    return Combined(model.vehicle, asked.dt, hz, ahead, lag=lag, delay=named_delay(model))
 
 
 @dataclass(frozen=True)
@@ -146,7 +152,9 @@ def baselines(process: GaussianProcess | None, model: Model, dt: float) -> tuple
     if process is not None and process.settings.mean == "zero" and not process.settings.inputs:
         inputs = process.input_mean + process.input_scale * process.inputs
         line = fit_linear(inputs, process.residuals * process.output_scale, outputs)
-        found.append(("a straight line through the GP's points", Compensator(line, Settings(dt=dt), vehicle=model.vehicle)))
+        found.append(
+            ("a straight line through the GP's points", Compensator(line, Settings(dt=dt), vehicle=model.vehicle))
+        )
     return tuple(found)
 
 

@@ -130,7 +130,11 @@ def export(
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
     said = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
-    said |= _names(process, kept, names) | context(plan, pieces, effects, tables, watched, in_loop, reach) | _recorded(vectors)
+    said |= (
+        _names(process, kept, names)
+        | context(plan, pieces, effects, tables, watched, in_loop, reach)
+        | _recorded(vectors)
+    )
     outputs = tuple(AXES[k] for k in plan.gate.rows)
     refused = () if process is None or asked.despite_verdict else process.refused
     corrected = _corrected(outputs, refused, effects, observed=watched is not None)

@@ -49,7 +49,7 @@ def test_inside_is_what_the_allocation_makes_without_a_limit(name):
 
 def test_authority_of_a_star_of_tilting_arms_in_closed_form():
     """Six arms of radius L with 2 c_f Omega^2 each: all up m g; all along their tangents, T L about z plus drag of none
-    (the two rotors of an arm turn against each other)."""  # noqa: D205
+    (the two rotors of an arm turn against each other)."""
     vehicle = wg.load_model("tilt_hexarotor").vehicle
     thrust = 2 * 7.2e-6 * 1250.0**2
     authority = reach_of(vehicle).authority

@@ -1,6 +1,8 @@
-"""Each attack of benchmarks/attacks keeps to its bound: the same program that makes the table of docs/reliability.md."""
+"""Each attack of benchmarks/attacks keeps to its bound: the same program that makes the table of
+docs/reliability.md."""
 
 import pytest
+
 from benchmarks.attacks import areas
 
 

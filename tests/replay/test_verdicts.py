@@ -1,6 +1,7 @@
 """From flights to a verdict for each output, and a compensation that obeys it."""
 
 import json
+import re
 import zipfile
 from dataclasses import replace
 
@@ -163,6 +164,9 @@ def test_combined_of_a_refused_process_is_the_observer_alone(slow):
         without = replace(gp.provenance, observer_hz=None, **more)
         with pytest.raises(FitError, match=f"no bandwidth for an observer.*{why}"):
             compensating.combined(replace(gp, provenance=without), MODEL)
+        alone = compensating.combined(replace(gp, provenance=without), MODEL, Settings(despite_verdict=True))
+        assert isinstance(alone, Compensator)
+        assert re.search(why, alone.without_observer)
 
 
 def test_verdicts_survive_the_file_and_older_files_have_none(slow, tmp_path):
