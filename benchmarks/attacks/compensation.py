@@ -179,7 +179,8 @@ def _python(draws: int) -> Callable[[Path], Outcome]:
         return Outcome(
             bool(held),
             f"{total:,} draws, {100 * refused / total:.0f} % refused: command {worst[0]:.6f} and correction "
-            f"{worst[1]:.6f} of their bounds at most, {cut} limited by the allocation, after a refused one {worst[2]:.1g} from a fresh start",
+            f"{worst[1]:.6f} of their bounds at most, {cut} limited by the allocation, after a refused one "
+            f"{worst[2]:.1g} from a fresh start",
         )
 
     return run
