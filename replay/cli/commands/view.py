@@ -58,7 +58,8 @@ def view(
     with uncollected():
         from wrenchgap.flight import cache
         from wrenchgap.replay.session.log_session import LogSession
-        from wrenchgap.viewer.page import Page, exposed
+        from wrenchgap.viewer.gate import exposed
+        from wrenchgap.viewer.page import Page
         from wrenchgap.viewer.view_state import read
 
     run, opening = Run(quiet=quiet), None if saved is None else read(saved)
