@@ -21,7 +21,7 @@ from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.host import WAITING, Host
 from wrenchgap.viewer.panel import Panel, Part
 from wrenchgap.viewer.panels import PANELS
 from wrenchgap.viewer.panels.export import Caption, ExportPanel
@@ -56,6 +56,7 @@ class Page(Host):
         self.view = ViewState(zoom=ZOOMS[0], speed="1")
         self.scene = session.scene(session.flights[0])
         self._jobs = []
+        self._waiting = threading.BoundedSemaphore(WAITING)
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)
@@ -70,7 +71,12 @@ class Page(Host):
     @property
     def url(self) -> str:
         """The link to it, for a browser on this machine: whoever has it may drive the page."""
-        return self.gate.url(self.server.get_port())
+        return self.gate.url(self.port)
+
+    @property
+    def port(self) -> int:
+        """On which it listens."""
+        return int(self.server.get_port())
 
     def open(self, name: str) -> None:
         """Show another flight from its start; switches, plots, range and speed stay."""
