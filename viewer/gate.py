@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-ANYWHERE = ("", "0.0.0.0", "::")  # noqa: S104 - to recognise them
+ANYWHERE = ("", "0.0.0.0", "::")
 """Addresses that stand for all of a machine's."""
 TOKEN_BYTES = 32
 """Nobody guesses 256 bits."""
@@ -45,7 +45,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Gate:
-    """Whether a request may pass, for a page that listens on `host`. `scripts` are the CSP sources of its own scripts."""
+    """Whether a request may pass, for a page that listens on `host`; `scripts` are its own, as sources of a CSP."""
 
     host: str
     scripts: tuple[str, ...] = ()

@@ -93,9 +93,21 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
 """The messages that mean something to this page, and what their fields hold. viser knows a dozen more."""
 
 
+INPUTS = (
+    viser.GuiButtonHandle,
+    viser.GuiCheckboxHandle,
+    viser.GuiTextHandle,
+    viser.GuiDropdownHandle,
+    viser.GuiButtonGroupHandle,
+    viser.GuiSliderHandle,
+    viser.GuiNumberHandle,
+)
+"""Kinds of controls that this page has for its users; viser would take a value for its progress bars as well."""
+
+
 def fits(control: Any, value: Any) -> bool:
     """Whether a control that a client sees could have sent this value."""
-    if control is None or control.disabled or not control.visible:
+    if not isinstance(control, INPUTS) or control.disabled or not control.visible:
         return False
     match control:
         case viser.GuiButtonHandle():

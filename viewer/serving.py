@@ -8,6 +8,7 @@ viser that starts otherwise, or keeps its controls elsewhere, is not served at a
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import hashlib
 import io
@@ -23,7 +24,6 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-import asyncio
 import numpy as np
 import viser
 import zstandard
@@ -162,7 +162,7 @@ def _guarded(gate: Gate, controls: Callable[[str], Any]) -> Iterator[list[bool]]
 
 
 def _checked(gate: Gate, answer: Callable[..., Response | None]) -> Callable[..., Response | None]:
-    """viser's answer to a request, if that passes the gate; None lets a websocket open."""
+    """Viser's answer to a request, if that passes the gate; None lets a websocket open."""
 
     def process(connection: websockets.ServerConnection, request: Request) -> Response | None:
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")

@@ -20,7 +20,7 @@ from wrenchgap.viewer.inbox import LARGEST_NUMBER
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"
-CHANNELS = 100
+MOST_CHANNELS = 100
 """Channels that are plotted at once, at most: each is a chart in every browser."""
 Point = tuple[float, float, float]
 
@@ -100,8 +100,8 @@ class _Entries:
 
     def texts(self, name: str) -> tuple[str, ...]:
         value = self._content.get(name) or []
-        good = isinstance(value, list) and len(value) <= CHANNELS and all(isinstance(item, str) for item in value)
-        return tuple(self._checked(name, value, good, f"a list of at most {CHANNELS} texts"))
+        good = isinstance(value, list) and len(value) <= MOST_CHANNELS and all(isinstance(item, str) for item in value)
+        return tuple(self._checked(name, value, good, f"a list of at most {MOST_CHANNELS} texts"))
 
     def truth(self, name: str, default: bool) -> bool:
         value = self._content.get(name, default)

@@ -15,8 +15,8 @@ from wrenchgap.plant.state import Actuation
 from wrenchgap.plant.vehicle import Body, Vehicle
 from wrenchgap.viewer.gate import exposed
 from wrenchgap.viewer.page import Page
-from wrenchgap.viewer.serving import serve
 from wrenchgap.viewer.scene import Scene, Stretch
+from wrenchgap.viewer.serving import serve
 from wrenchgap.viewer.session import Capabilities
 from wrenchgap.viewer.vehicle_shape import arm_pose
 

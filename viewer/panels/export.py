@@ -128,4 +128,3 @@ class ExportPanel(Panel):
     def _pasted(self, event: Any) -> None:
         if event.client_id is not None and self.text.value.strip().endswith("}"):
             self.host.restore(parse(self.text.value, "view as text"), event.client)
-

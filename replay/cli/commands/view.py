@@ -111,8 +111,12 @@ def view(
     if opening is not None:
         page.restore(opening)
     if exposed(host):
-        words = f"the page listens on {host}: whoever has its link and reaches this machine can drive it, and nothing on "
-        run.notes([f"{words}the way is encrypted; `ssh -L {page.port}:localhost:{page.port}` needs no --host."], "warning")
+        words = (
+            f"the page listens on {host}: whoever has its link and reaches this machine can drive it, and nothing on "
+        )
+        run.notes(
+            [f"{words}the way is encrypted; `ssh -L {page.port}:localhost:{page.port}` needs no --host."], "warning"
+        )
     run.line(f"{', '.join(session.flights)}: {page.url}   (Ctrl-C to stop)")
     if host in ANYWHERE:
         run.line(f"from other machines: {page.gate.url(page.port, gethostname())}")
