@@ -407,7 +407,7 @@ def large_uploads(folder: Path) -> Outcome:
         lives = alive(page)
     return Outcome(
         kept <= 4_000_000 and closed and lives,
-        f"{kept / 1e6:.1f} MB kept of 160 sent; the large message ends its sender; {grown:.0f} MB more, his own included",
+        f"{kept / 1e6:.1f} MB kept of 160 sent; the large message ends its sender; {grown:.0f} MB more, his included",
     )
 
 
