@@ -245,8 +245,15 @@ class Effects(Protocol):
     def redo(self) -> None:
         """Do again what was taken back."""
 
-    def save(self, name: str, *, overwrite: bool = False) -> str:
+    @property
+    def saves(self) -> bool:
+        """Whether the session has a folder to save into."""
+
+    def save(self, name: str) -> str:
         """Write the model with its history into the session's folder; what was written, in words."""
+
+    def model_text(self, name: str) -> str:
+        """The same as text, for a session that has no folder. Raises UsageError for a bad name, as `save` does."""
 
     def save_trajectory(self, found: NextFlight, name: str) -> str:
         """Write a designed flight as a trajectory file into the session's folder; what was written, in words."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import re
 import threading
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -9,6 +11,9 @@ from typing import Any, TypeVar
 from wrenchgap.flight.errors import WrenchgapError
 
 T = TypeVar("T")
+FOLDERS = re.compile(r"(?<![\w./])(?:[A-Za-z]:)?(?:[/\\][^/\\\s:'\"]+)+[/\\](?=[^/\\\s:'\"]+\.\w)")
+"""The folders of an absolute path of a file; names of topics have no suffix."""
+_log = logging.getLogger(__name__)
 Report = Callable[[float, str], None]
 """Says how far a job is: its share done, 0 to 1, and what it does at present."""
 
@@ -69,7 +74,11 @@ def start(
 
 
 def told(error: Exception) -> str:
-    """An error in one line for a user."""
+    """An error in one line for whoever sees the page: files by their name, and only the kind of an internal one.
+
+    What an internal error says stands in the terminal: it may hold paths and values that are not a visitor's.
+    """
     if isinstance(error, WrenchgapError):
-        return str(error)
-    return f"internal error ({type(error).__name__}: {error}); the page goes on, please report it"
+        return FOLDERS.sub("", str(error))
+    _log.error("%s", WrenchgapError(f"the page goes on after an internal error, please report it: {error!r}"))
+    return f"internal error ({type(error).__name__}); the page goes on, the terminal says more; please report it"

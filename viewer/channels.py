@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import CHANNELS, Plot, channel_plot
 from wrenchgap.viewer.session import ReadChannels
-from wrenchgap.viewer.view_state import ViewState
+from wrenchgap.viewer.view_state import MOST_CHANNELS, ViewState
 
 LISTED = 400
 """Names that the list offers at once, at most; the filter narrows it down."""
@@ -95,6 +96,8 @@ class ChannelPicker:
 
     def _act(self, what: str) -> None:
         name, names = self.choice.value, self.names
+        if what == "add" and len(names) >= MOST_CHANNELS:
+            raise UsageError(f"{MOST_CHANNELS} channels are plotted already; remove one first")
         if what == "add" and name not in names and name != NONE:
             names = (*names, name)
         elif what == "remove":

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from threading import BoundedSemaphore
 from typing import Any, Literal, Protocol, TypeVar
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.background import Job, Report, start, told
 from wrenchgap.viewer.cursor import Cursor
@@ -14,6 +16,10 @@ from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.view_state import ViewState
 
 T = TypeVar("T")
+WAITING = 16
+"""Callbacks that wait for the page at most: viser calls them on 32 threads, and a flood of them must not take all."""
+JOBS = 8
+"""Pieces of work beside the page that may run, or still be ending, at once."""
 Kind = Literal["info", "warning", "error"]
 Callback = Callable[[Any], None]
 KINDS: dict[Kind, str] = {"info": "blue", "warning": "yellow", "error": "red"}
@@ -36,6 +42,7 @@ class Host(Protocol):
     cursor: Cursor
     view: ViewState
     _jobs: list[Job]
+    _waiting: BoundedSemaphore
 
     def show(self, view: ViewState) -> None:
         """Let this be seen instead, as far as the flight has it: every part follows."""
@@ -68,14 +75,21 @@ class Host(Protocol):
         handle.on_trigger(self.guarded(lambda _: act()))
 
     def guarded(self, callback: Callback) -> Callback:
-        """`callback` under the page's lock; what it raises is told to the user and does not end the page."""
+        """`callback` under the page's lock; what it raises is told to who caused it and does not end the page.
+
+        What comes while too much waits is dropped: a click then does nothing, and a slider has a later value to give.
+        """
 
         def run(event: Any) -> None:
+            if not self._waiting.acquire(blocking=False):
+                return
             try:
                 with self.lock, self.server.atomic():
                     callback(event)
             except Exception as error:  # the boundary between the page and whatever a user may do
-                self.fail(error)
+                self.fail(error, getattr(event, "client", None))
+            finally:
+                self._waiting.release()
 
         return run
 
@@ -95,11 +109,26 @@ class Host(Protocol):
         self._jobs = [j for j in self._jobs if j.is_alive()] + [job]
         return job
 
-    def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0) -> None:
-        """Tell all clients something, in a corner of the page."""
-        for client in self.server.get_clients().values():
-            client.add_notification("wrenchgap", text, color=KINDS[kind], auto_close_seconds=seconds)
+    @property
+    def crowded(self) -> bool:
+        """Whether so much work runs beside the page, or is still ending, that more must wait."""
+        return sum(job.is_alive() for job in self._jobs) >= JOBS
 
-    def fail(self, error: Exception) -> None:
-        """Tell all clients what went wrong."""
-        self.notify(told(error), "error", 15.0)
+    def make_room(self) -> None:
+        """Raise UsageError while it is crowded: what a user asks for then, he asks for again."""
+        if self.crowded:
+            raise UsageError("earlier work is still ending; try again in a moment")
+
+    def notify(self, text: str, kind: Kind = "info", seconds: float = 8.0, client: Any = None) -> None:
+        """Tell a client something, or all of them, in a corner of the page."""
+        for one in self.server.get_clients().values() if client is None else [client]:
+            one.add_notification("wrenchgap", text, color=KINDS[kind], auto_close_seconds=seconds)
+
+    def fail(self, error: Exception, client: Any = None) -> None:
+        """Tell a client, or all of them, what went wrong."""
+        self.notify(told(error), "error", 15.0, client)
+
+
+def download(client: Any, name: str, content: bytes) -> None:
+    """Let the browser of one client save a file; nobody else gets it."""
+    client.send_file_download(name, content, save_immediately=True)

@@ -32,6 +32,7 @@ class JobControls:
 
     def start(self, function: Callable[[background.Report], T], on_done: Callable[[T], None]) -> None:
         """Run it beside the page; what was running is cancelled, the last one asked for wins."""
+        self.host.make_room()
         self.cancel()
         self._showing(True)
         self._progress(0.0, "starting")

@@ -1,6 +1,6 @@
 """A page in the browser: a flight in 3D, plots over one time, and panels that ask what the model lacks.
 
-page = Page(session)           # serves http://127.0.0.1:8080
+page = Page(session)           # serves page.url: http://127.0.0.1:8080/ and a token
 page.cursor.go(12.5)
 page.stop()
 
@@ -9,25 +9,19 @@ All clients see one state: controls, cursor and scene are the server's, only the
 
 from __future__ import annotations
 
-import io
-import logging
-import socket
 import threading
 from collections.abc import Sequence
-from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import viser
 
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.camera import Cameras
 from wrenchgap.viewer.channels import ChannelPicker
 from wrenchgap.viewer.cursor import Cursor
-from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.host import WAITING, Host
 from wrenchgap.viewer.panel import Panel, Part
 from wrenchgap.viewer.panels import PANELS
 from wrenchgap.viewer.panels.export import Caption, ExportPanel
@@ -37,13 +31,11 @@ from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.plots import GROUPS, plots_of
 from wrenchgap.viewer.scene import Motion, Scene
 from wrenchgap.viewer.scene_drawing import Drawing
+from wrenchgap.viewer.serving import serve
 from wrenchgap.viewer.session import Session
 from wrenchgap.viewer.transport import ZOOMS, Transport
 from wrenchgap.viewer.view_state import ViewState
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-PORTS = 20
-"""Ports that are tried, one after the other."""
 CONTROLS, PLOTS = 350, 505
 """Widths of the panels on the right and on the left [px]."""
 ENDING = 2.0
@@ -57,13 +49,14 @@ class Page(Host):
         self, session: Session, host: str = "127.0.0.1", port: int = 8080, panels: Sequence[type[Panel]] = PANELS
     ) -> None:
         self.session = session
-        self.server = serve(host, port)
+        self.server, self.gate = serve(host, port)
         self.gui = self.server.gui
         self.lock = threading.RLock()
         self.cursor = Cursor(self.lock)
         self.view = ViewState(zoom=ZOOMS[0], speed="1")
         self.scene = session.scene(session.flights[0])
         self._jobs = []
+        self._waiting = threading.BoundedSemaphore(WAITING)
         with self.lock, self.server.atomic():
             self.drawing = Drawing(self.server.scene, session.vehicle)
             self.cameras = Cameras(self.server, self.drawing.size)
@@ -77,8 +70,13 @@ class Page(Host):
 
     @property
     def url(self) -> str:
-        """Where to find it."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        """The link to it, for a browser on this machine: whoever has it may drive the page."""
+        return self.gate.url(self.port)
+
+    @property
+    def port(self) -> int:
+        """On which it listens."""
+        return int(self.server.get_port())
 
     def open(self, name: str) -> None:
         """Show another flight from its start; switches, plots, range and speed stay."""
@@ -224,39 +222,3 @@ class Page(Host):
         """The last client has gone: nobody watches, so nothing plays."""
         if not self.server.get_clients():
             self.transport.playing(False)
-
-
-def exposed(host: str) -> bool:
-    """Whether other machines could reach a page that is bound to this address."""
-    return host not in LOOPBACK
-
-
-def free_port(host: str, port: int) -> int:
-    """`port`, or the next one of a few that nobody listens on; any free one for 0. Raises UsageError without one.
-
-    Asked beforehand, because viser waits for ever on an address that cannot be had.
-    """
-    reason = ""
-    for candidate in [port] if port == 0 else range(port, min(port + PORTS, 65536)):
-        try:
-            family, *_, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
-            with socket.socket(family, socket.SOCK_STREAM) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind(address)
-                return int(probe.getsockname()[1])
-        except OSError as error:
-            reason = error.strerror or str(error)
-    raise UsageError(f"--host {host} --port {port}: cannot listen there: {reason}; choose others")
-
-
-def _no_handshakes(record: logging.LogRecord) -> bool:
-    """What is no GET, e.g. `curl -I` or a port scan, is refused by websockets, which says so with two tracebacks."""
-    return record.getMessage() != "opening handshake failed"
-
-
-def serve(host: str, port: int) -> Any:
-    """A viser server on this host and port, or the next free one."""
-    port = free_port(host, port)
-    logging.getLogger("websockets.server").addFilter(_no_handshakes)
-    with redirect_stdout(io.StringIO()):  # viser announces itself
-        return viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)

@@ -58,7 +58,7 @@ class Panel(Part):
         if self._looking is not None:
             self._looking.cancel()
             self._looking = None
-        if not beside:
+        if not beside or self.host.crowded:
             show(of())
             return
 

@@ -86,7 +86,10 @@ class EffectSliders:
         """A client moved a slider; when the page did, the model is there already."""
         if event.client_id is None:
             return
-        handle, factor = self.handles[effect, parameter]
+        found = self.handles.get((effect, parameter))
+        if found is None:  # removed meanwhile
+            return
+        handle, factor = found
         self._wanted[effect, parameter] = float(handle.value) / factor
         self.host.guarded(lambda _: self._apply(effect, parameter))(event)
 

@@ -10,16 +10,18 @@ What a document lacks stays as it is. The camera is relative to the body where `
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer.inbox import LARGEST_NUMBER
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"
+MOST_CHANNELS = 100
+"""Channels that are plotted at once, at most: each is a chart in every browser."""
 Point = tuple[float, float, float]
 
 
@@ -98,8 +100,8 @@ class _Entries:
 
     def texts(self, name: str) -> tuple[str, ...]:
         value = self._content.get(name) or []
-        good = isinstance(value, list) and all(isinstance(item, str) for item in value)
-        return tuple(self._checked(name, value, good, "a list of texts"))
+        good = isinstance(value, list) and len(value) <= MOST_CHANNELS and all(isinstance(item, str) for item in value)
+        return tuple(self._checked(name, value, good, f"a list of at most {MOST_CHANNELS} texts"))
 
     def truth(self, name: str, default: bool) -> bool:
         value = self._content.get(name, default)
@@ -154,4 +156,4 @@ class _Entries:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER

@@ -18,8 +18,8 @@ from wrenchgap.plant.model_file import tool_version
 from wrenchgap.plant.wrench_model import Provenance
 from wrenchgap.replay.present import panels
 from wrenchgap.replay.present.addition import verdict
-from wrenchgap.replay.present.documents import atomic, claim
 from wrenchgap.replay.present.untried import not_tried
+from wrenchgap.replay.session.saving import SaveFolder, file_name
 from wrenchgap.replay.session.working_model import Revision, WorkingModel
 from wrenchgap.viewer.analysis import ModelState, NextFlight, Ranking, Report, Staircase
 
@@ -32,7 +32,7 @@ NEXT_SECONDS = 30.0
 class SessionEffects:
     """Implements `viewer.analysis.Effects` on a working model."""
 
-    def __init__(self, working: WorkingModel, folder: Path) -> None:
+    def __init__(self, working: WorkingModel, folder: SaveFolder | None) -> None:
         self.working, self.folder = working, folder
         self.undo, self.redo = working.undo, working.redo
         self._steps: dict[str, Steps] = {}
@@ -115,40 +115,50 @@ class SessionEffects:
             words = f"set {effect} by hand"
             working.change(Revision(model, words, working.revisions[-1].order), instead=working.undoable == words)
 
-    def save(self, name: str, *, overwrite: bool = False) -> str:
+    @property
+    def saves(self) -> bool:
+        """Whether there is a folder to save into."""
+        return self.folder is not None
+
+    def save(self, name: str) -> str:
         """Write the model with its history, one version for every change; what was written, in words."""
-        working, path = self.working, self._place(name)
-        with working.lock:
-            if path.exists() and not overwrite:
-                raise UsageError(f"{path}: exists already; choose another name or tick 'overwrite'")
-            first, *later = working.revisions
-            versioned = first.model
-            for one in later:
-                versioned = model_file.next_version(
-                    versioned,
-                    replace(one.model, history=versioned.history),
-                    command=f"wrenchgap view: {one.words}",
-                    path=path,
-                    flights=one.flights,
-                    trial=one.trial,
-                )
-            saved = model_file.save(versioned, path, force=overwrite)
-            working.was_saved(saved)
-            return f"{path}: written" + (f", version {saved.history[-1].number}" if saved.history else "")
+        folder = self._folder()
+        with self.working.lock:
+            versioned = self._versioned(folder.place(name))
+            text = model_file.dumps(versioned)
+            saved = replace(versioned, path=folder.write(name, text), text=text)
+            self.working.was_saved(saved)
+            return f"{name}: written" + (f", version {saved.history[-1].number}" if saved.history else "")
+
+    def model_text(self, name: str) -> str:
+        """What `save` would write into a file of this name."""
+        with self.working.lock:
+            return model_file.dumps(self._versioned(Path(file_name(name))))
 
     def save_trajectory(self, found: NextFlight, name: str) -> str:
-        """Write a designed flight as a trajectory file; never over another one."""
-        path = self._place(name)
-        claim({"file": path}, force=False)
-        with atomic(path) as partial:
-            partial.write_text(found.text, encoding="utf-8")
-        return f"{path}: written; fly it, or `wrenchgap simulate -t {path}`"
+        """Write a designed flight as a trajectory file; what was written, in words."""
+        self._folder().write(name, found.text)
+        return f"{name}: written; fly it, or `wrenchgap simulate -t {name}`"
 
-    def _place(self, name: str) -> Path:
-        """Where a file of this name goes: into the session's folder and nowhere else, whoever sees the page."""
-        if Path(name).name != name or not name.endswith(".toml") or name.startswith("."):
-            raise UsageError(f"{name or 'file'}: expected a name that ends in .toml; it is written to {self.folder}")
-        return self.folder / name
+    def _folder(self) -> SaveFolder:
+        if self.folder is None:
+            raise UsageError("this page writes no files; start it with --save-to FOLDER")
+        return self.folder
+
+    def _versioned(self, path: Path) -> Model:
+        """The current model with a version in its history for every change, the last as written to `path`."""
+        first, *later = self.working.revisions
+        versioned = first.model
+        for one in later:
+            versioned = model_file.next_version(
+                versioned,
+                replace(one.model, history=versioned.history),
+                command=f"wrenchgap view: {one.words}",
+                path=path,
+                flights=one.flights,
+                trial=one.trial,
+            )
+        return versioned
 
     def _staircases(self, flight: str) -> tuple[Staircase, ...]:
         working = self.working

@@ -25,6 +25,7 @@ from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.session.compensation import SessionCompensation
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.failure import SessionFailures
+from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.replay.session.scene import Prediction, predicted, recorded
 from wrenchgap.replay.session.working_model import WorkingModel
 from wrenchgap.viewer.scene import Scene, Stretch
@@ -44,7 +45,7 @@ class LogSession:
 
     `load` reads logs as `flight.load` does. `against` are other models whose predictions are shown beside; `gp_name` is
     what the GP is called on the page.
-    Models and trajectories that are saved on the page go into `folder`, by default where the command was started.
+    Models and trajectories that are saved on the page go into `folder`; without one the page offers them as downloads.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class LogSession:
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
-        folder: Path | None = None,
+        folder: SaveFolder | None = None,
         cutoff_hz: float | None = None,
     ) -> None:
         cutoff = cutoff_hz or (CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ)
@@ -82,7 +83,7 @@ class LogSession:
         self._against = found[len(found) - len(against) :]
         self._notes = (*self.working.notes, *notes)
         self.failures = SessionFailures(self.working)
-        self.effects = SessionEffects(self.working, folder or Path.cwd())
+        self.effects = SessionEffects(self.working, folder)
         self.compensations = SessionCompensation(self.working, gp_name)
         self.comparisons = self._comparisons() if len(self.flights) > 1 else None
         self.capabilities = Capabilities(

@@ -10,6 +10,7 @@ from wrenchgap.learn.changed.changed import changed
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import comparisons
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.saving import SaveFolder
 
 MODEL = model_file.load("tilt_hexarotor")
 TRUTH = (-0.004, 0.007, -0.005)
@@ -22,7 +23,7 @@ def session(logs, tmp_path, monkeypatch):
     quick = partial(changed, names=("com_offset", "mass", "rotor_thrust"), jobs=1)
     monkeypatch.setattr(comparisons.changing, "changed", quick)
     monkeypatch.setattr(comparisons, "apart", lambda work, report: work(report))
-    return LogSession([logs.ideal, logs.train], MODEL, folder=tmp_path)
+    return LogSession([logs.ideal, logs.train], MODEL, folder=SaveFolder(tmp_path))
 
 
 def compared(session):

@@ -1,7 +1,5 @@
 """Effects in a session of the viewer: the error falls where it should, and every change can be undone."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from wrenchgap.learn.identify.fit import fit, with_fit
 from wrenchgap.plant import model_file
 from wrenchgap.replay.session import effects as session_effects
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.saving import SaveFolder
 
 MODEL = model_file.load("tilt_hexarotor")
 TRUTH = (-0.004, 0.007, -0.005)
@@ -19,7 +18,7 @@ TRUTH = (-0.004, 0.007, -0.005)
 
 @pytest.fixture
 def session(logs, tmp_path):
-    return LogSession([logs.train, logs.test], MODEL, folder=tmp_path)
+    return LogSession([logs.train, logs.test], MODEL, folder=SaveFolder(tmp_path))
 
 
 def rms(staircase):
@@ -155,17 +154,20 @@ def test_saved_model_says_what_was_done_and_is_never_overwritten_unasked(session
     assert not model_file.changed_since(read)
     text = path.read_text()
     session.effects.undo()
-    with pytest.raises(UsageError, match="exists already"):
-        session.effects.save(path.name)
-    assert path.read_text() == text
-    session.effects.save(path.name, overwrite=True)
+    (tmp_path / "mine.toml").write_text(text)
+    with pytest.raises(UsageError, match="exists already and was not written by this page"):
+        session.effects.save("mine.toml")
+    assert (tmp_path / "mine.toml").read_text() == text
+    assert model_file.loads(session.effects.model_text(path.name)).history[-1].number == 3
+    session.effects.save(path.name)  # its own
     assert [e.name for e in model_file.load(path).effects] == ["com_offset", "inertia"]
 
 
 @pytest.mark.parametrize("name", ["", "model.txt", ".toml", "../model.toml", "/tmp/model.toml", "nowhere/model.toml"])
 def test_a_page_writes_into_its_own_folder_only(session, tmp_path, name):
-    with pytest.raises(UsageError, match=re.escape(str(tmp_path))):
-        session.effects.save(name, overwrite=True)
+    for attempt in (session.effects.save, session.effects.model_text):
+        with pytest.raises(UsageError, match=r"expected a file name that ends in \.toml"):
+            attempt(name)
     assert list(tmp_path.iterdir()) == []
 
 

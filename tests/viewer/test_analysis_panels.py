@@ -11,7 +11,9 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.plant.model_file import loads
 from wrenchgap.replay.session.log_session import LogSession
+from wrenchgap.replay.session.saving import SaveFolder
 from wrenchgap.viewer import panel as panels
 from wrenchgap.viewer.analysis import VIEWS, NextFlight, Ranking
 from wrenchgap.viewer.page import Page
@@ -69,7 +71,7 @@ def work(eventually):
 def listening(page):
     """The page, with the errors that it tells kept in `told`."""
     page.told = []
-    page.fail = page.told.append
+    page.fail = lambda error, client=None: page.told.append(error)
     return page
 
 
@@ -261,20 +263,35 @@ def test_what_cannot_be_done_is_said_and_changes_nothing(page, effects):
     assert effects.stairs.content == before
 
 
-def test_the_model_is_saved_and_not_overwritten_unasked(page, effects, tmp_path):
-    page.session.effects.folder = tmp_path
+def test_the_model_is_saved_and_no_file_but_its_own_is_replaced(page, effects, tmp_path, monkeypatch):
+    monkeypatch.setattr(page.session.effects, "folder", SaveFolder(tmp_path))
+    (tmp_path / "mine.toml").write_text("")
     effects.add("com_offset")
     assert "not saved" in effects.stairs.content
     move(effects.path, "fitted.toml")
     press(effects.save)
     assert "not saved" not in effects.stairs.content
     effects.add("inertia")
+    move(effects.path, "mine.toml")
     press(effects.save)
     assert "exists already" in str(page.told[-1])
-    move(effects.overwrite, True)
+    move(effects.path, "fitted.toml")
     press(effects.save)
     assert [e.name for e in wg.load_model(tmp_path / "fitted.toml").effects] == ["com_offset", "inertia"]
-    assert effects.overwrite.value is False  # the next one is asked for again
+    assert (tmp_path / "mine.toml").read_text() == ""
+
+
+def test_without_a_folder_the_model_goes_to_the_client_that_asks(page, effects):
+    effects.add("com_offset")
+    sent = []
+    client = SimpleNamespace(send_file_download=lambda name, content, **how: sent.append((name, content)))
+    effects.path.value = "fitted.toml"
+    for callback in effects.save._impl.update_cb:
+        callback(SimpleNamespace(client=client, client_id=1, target=effects.save))
+    ((name, content),) = sent
+    assert name == "fitted.toml"
+    assert [e.name for e in loads(content.decode()).effects] == ["com_offset"]
+    assert effects.save.label == "Download model"
 
 
 def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, work):
@@ -332,10 +349,11 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     assert asked == [(("servo_lag", "command_delay"), "train")]
     assert "separates them" in effects.plan.content
     assert NEXT in page.drawing._curves
-    page.session.effects.folder = tmp_path
+    monkeypatch.setattr(page.session.effects, "folder", SaveFolder(tmp_path))
     move(effects.plan_path, "next.toml")
     press(effects.plan_save)
     assert (tmp_path / "next.toml").read_text() == "x = 1\n"
+    (tmp_path / "next.toml").write_text("changed by hand\n")
     press(effects.plan_save)
     assert "exists already" in str(page.told[-1])
     press(effects.plan_clear)

@@ -32,7 +32,7 @@ def test_it_serves_the_page_and_no_files_and_ends_on_ctrl_c(flown, tmp_path):
     )
     try:
         assert process.stdout is not None
-        url = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
+        url = re.search(r"http://127\.0\.0\.1:\d+/[\w-]{43}", process.stdout.readline())
         assert url is not None
         with urllib.request.urlopen(url.group(), timeout=10) as answer:
             assert b"<html" in answer.read(2000).lower()

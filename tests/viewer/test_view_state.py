@@ -52,7 +52,7 @@ def test_what_is_saved_is_what_is_opened(view):
         ({"camera": {"position": [0, 0, 1], "look_at": [0, 0, 1]}}, "position and look_at"),
         ({"shown": {"force": 1}}, "shown.force is 1, expected true or false"),
         ({"shown": {"factors": [1.0, 0.0, 1.0]}}, "three positive numbers"),
-        ({"channels": "all"}, "a list of texts"),
+        ({"channels": "all"}, "a list of at most"),
         ({"colour": "red"}, "unknown entry 'colour'"),
         ({"schema": "wrenchgap.compare/1"}, "expected 'wrenchgap.view/1'"),
     ],

@@ -13,8 +13,10 @@ from wrenchgap.flight import so3
 from wrenchgap.plant import model_file
 from wrenchgap.plant.state import Actuation
 from wrenchgap.plant.vehicle import Body, Vehicle
-from wrenchgap.viewer.page import Page, exposed, serve
+from wrenchgap.viewer.gate import exposed
+from wrenchgap.viewer.page import Page
 from wrenchgap.viewer.scene import Scene, Stretch
+from wrenchgap.viewer.serving import serve
 from wrenchgap.viewer.session import Capabilities
 from wrenchgap.viewer.vehicle_shape import arm_pose
 
@@ -229,7 +231,7 @@ def test_port_that_is_taken_gives_the_next_one(show):
 
 def test_what_is_no_get_is_refused_without_a_word_on_the_console(capfd, caplog):
     """`curl -I` asks for the head of the page alone."""
-    server = serve("127.0.0.1", 0)
+    server, _ = serve("127.0.0.1", 0)
     try:
         with socket.create_connection((server.get_host(), server.get_port()), timeout=10.0) as line:
             line.sendall(b"HEAD / HTTP/1.1\r\nHost: x\r\n\r\n")

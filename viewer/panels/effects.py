@@ -8,7 +8,7 @@ from typing import Any
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer import markup
 from wrenchgap.viewer.analysis import Effects, ModelState, NextFlight, Ranking, Staircase
-from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.host import Host, download
 from wrenchgap.viewer.html_links import Links
 from wrenchgap.viewer.job_controls import JobControls
 from wrenchgap.viewer.panel import Panel, is_long
@@ -23,6 +23,8 @@ VERDICTS = {
 }
 MOST = 12
 """Candidates that are listed."""
+SAVES = "Written into the folder of --save-to, never over a file that this page did not write."
+DOWNLOADS = "Downloaded by the browser; start the page with --save-to FOLDER to write it there."
 NEXT = "next flight"
 """Name of the designed trajectory in the scene."""
 PATH = (120, 60, 190)
@@ -83,19 +85,18 @@ class EffectsPanel(Panel):
             self.design = JobControls(host, "Find the flight that separates them", self._tell_named_apart, hint)
             self.plan = gui.add_html("")
             self.plan_path = gui.add_text("file", "separate.toml", visible=False)
-            self.plan_save = gui.add_button("Save the trajectory", visible=False, color="gray")
-            self.plan_save.on_click(host.guarded(lambda _: self._save_plan()))
+            words = f"{'Save' if self.effects.saves else 'Download'} the trajectory"
+            self.plan_save = gui.add_button(words, visible=False, color="gray")
+            self.plan_save.on_click(host.guarded(self._save_plan))
             self.plan_clear = gui.add_button("Take it out of the scene", visible=False, color="gray")
             self.plan_clear.on_click(host.guarded(lambda _: self._draw_plan(None)))
 
     def _save(self) -> None:
         host, gui = self.host, self.host.gui
         with gui.add_folder("Save the model"):
-            hint = "Written into the folder in which the page was started."
-            self.path = gui.add_text("file", "fitted.toml", hint=hint)
-            self.overwrite = gui.add_checkbox("overwrite", False, hint="Replace the file if it is there.")
-            self.save = gui.add_button("Save model")
-            self.save.on_click(host.guarded(lambda _: self._saved()))
+            self.path = gui.add_text("file", "fitted.toml", hint=SAVES if self.effects.saves else DOWNLOADS)
+            self.save = gui.add_button("Save model" if self.effects.saves else "Download model")
+            self.save.on_click(host.guarded(self._saved))
 
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model. The errors on a long flight are worked out beside the page at first."""
@@ -145,7 +146,8 @@ class EffectsPanel(Panel):
 
     def tell_apart(self, names: tuple[str, ...]) -> None:
         """Search for the flight that tells these effects apart."""
-        if len(set(names)) < 2:
+        names = tuple(dict.fromkeys(names))
+        if len(names) < 2:
             raise UsageError("name at least two effects, e.g. servo_lag, command_delay")
         flight = self.host.scene.name
         self.pair.value = ", ".join(names)
@@ -181,12 +183,20 @@ class EffectsPanel(Panel):
         self.plan_path.visible = self.plan_save.visible = plan is not None and plan.separable
         self.plan_clear.visible = plan is not None
 
-    def _save_plan(self) -> None:
-        if self.designed is not None:
-            self.host.notify(self.effects.save_trajectory(self.designed, self.plan_path.value.strip()))
+    def _save_plan(self, event: Any) -> None:
+        name = self.plan_path.value.strip()
+        if self.designed is None:
+            return
+        if self.effects.saves:
+            self.host.notify(self.effects.save_trajectory(self.designed, name))
+        else:
+            download(event.client, name, self.designed.text.encode())
 
-    def _saved(self) -> None:
-        words = self.effects.save(self.path.value.strip(), overwrite=self.overwrite.value)
-        self.overwrite.value = False
+    def _saved(self, event: Any) -> None:
+        name = self.path.value.strip()
+        if not self.effects.saves:
+            download(event.client, name, self.effects.model_text(name).encode())
+            return
+        words = self.effects.save(name)
         self.host.refresh()
         self.host.notify(words)

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from threading import Lock
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer.background import Job
 from wrenchgap.viewer.colours import Colour
 from wrenchgap.viewer.export_formats import png, table
-from wrenchgap.viewer.host import Host
+from wrenchgap.viewer.host import Host, download
+from wrenchgap.viewer.inbox import LARGEST_UPLOAD
 from wrenchgap.viewer.panel import Panel
 from wrenchgap.viewer.plot_board import Board
 from wrenchgap.viewer.view_state import parse
 
 RENDER_SECONDS = 30.0
 """A client that has not rendered by then does not any more."""
-LARGEST_VIEW = 1_000_000
-"""Bytes of a saved view, at most."""
 REPORT = "HTML report"
 Caption = tuple[Sequence[tuple[str, Colour]], Sequence[str]]
 """Rows of the legend, and sentences below it."""
@@ -31,6 +31,7 @@ class ExportPanel(Panel):
         self._board, self._caption, self._write = board, caption, host.session.capabilities.report
         gui, guarded = host.gui, host.guarded
         self._job: Job | None = None
+        self._rendering = Lock()
         with host.tab("Export"):
             with gui.add_folder("download"):
                 self.png = gui.add_button("PNG of the view")
@@ -51,20 +52,28 @@ class ExportPanel(Panel):
                 self.text.on_update(guarded(self._pasted))
 
     def _picture(self, event: Any) -> None:
-        """Not under the page's lock: the client that renders may need the page meanwhile."""
+        """Not under the page's lock: the client that renders may need the page meanwhile. One at a time."""
+        if not self._rendering.acquire(blocking=False):
+            return
+        try:
+            self._pictured(event)
+        finally:
+            self._rendering.release()
+
+    def _pictured(self, event: Any) -> None:
         client = event.client
         try:
             height, width = client.camera.image_height, client.camera.image_width
             render = client.get_render(height, width, transport_format="png", timeout=RENDER_SECONDS)
         except (RuntimeError, TimeoutError) as error:
-            self.host.notify(f"The browser gave no picture: {error}", "error")
+            self.host.notify(f"The browser gave no picture: {error}", "error", client=client)
             return
 
         def send(_: Any) -> None:
             scene, time = self.host.scene, self.host.cursor.time
             rows, words = self._caption()
             image = png(render, rows, [f"{scene.name}, {time:.2f} s", *words])
-            _download(client, f"{scene.name}_{time:.2f}s.png", image)
+            download(client, f"{scene.name}_{time:.2f}s.png", image)
 
         self.host.guarded(send)(event)
 
@@ -72,7 +81,7 @@ class ExportPanel(Panel):
         plots = [chart.plot for chart in self._board.charts.values()]
         view = self._board.view
         name = f"{self.host.scene.name}_{view.start:.2f}-{view.stop:.2f}s.csv"
-        _download(event.client, name, table(plots, view.start, view.stop).encode())
+        download(event.client, name, table(plots, view.start, view.stop).encode())
 
     def _report(self, event: Any) -> None:
         """Write the report beside the page; a second click gives it up."""
@@ -83,6 +92,7 @@ class ExportPanel(Panel):
         flight, client, write = self.host.scene.name, event.client, self._write
         if write is None:
             return
+        self.host.make_room()
         self.report.label = "give the report up"
         self.progress.visible = self.doing.visible = True
 
@@ -91,7 +101,7 @@ class ExportPanel(Panel):
 
         def done(text: str) -> None:
             self._idle()
-            _download(client, f"{flight}_report.html", text.encode())
+            download(client, f"{flight}_report.html", text.encode())
 
         def failed(error: Exception) -> None:
             self._idle()
@@ -107,18 +117,14 @@ class ExportPanel(Panel):
     def _save(self, event: Any) -> None:
         view = self.host.view_of(event.client)
         self.text.value = view.to_text()
-        _download(event.client, f"{view.flight}_{view.time:.2f}s.view.json", view.to_text().encode())
+        download(event.client, f"{view.flight}_{view.time:.2f}s.view.json", view.to_text().encode())
 
     def _uploaded(self, event: Any) -> None:
         content = self.open.value.content
-        if len(content) > LARGEST_VIEW:
+        if len(content) > LARGEST_UPLOAD:
             raise UsageError(f"{self.open.value.name}: {len(content)} bytes; a saved view has a few hundred")
         self.host.restore(parse(content.decode(errors="replace"), self.open.value.name), event.client)
 
     def _pasted(self, event: Any) -> None:
         if event.client_id is not None and self.text.value.strip().endswith("}"):
             self.host.restore(parse(self.text.value, "view as text"), event.client)
-
-
-def _download(client: Any, name: str, content: bytes) -> None:
-    client.send_file_download(name, content, save_immediately=True)

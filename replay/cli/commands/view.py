@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from socket import gethostname
 from typing import Annotated
 
 import typer
 
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
 
@@ -16,6 +20,17 @@ SavedView = Annotated[
     typer.Option("--view", metavar="FILE", help="Open a view that was saved on the page; of another log as well."),
 ]
 Host = Annotated[str, typer.Option(help="Address to listen on; the default is this machine only.")]
+SaveTo = Annotated[
+    Path | None,
+    typer.Option(
+        "--save-to",
+        metavar="FOLDER",
+        help="Folder into which the page may write models and trajectories; without it the browser downloads them.",
+    ),
+]
+Replace = Annotated[
+    bool, typer.Option("--force", help="With --save-to: the page may replace files that it did not write.")
+]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; the next free one if taken.")]
 OwnCutoff = Annotated[
     float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass, in Hz; default: the GP's, or 8.")
@@ -31,6 +46,8 @@ def view(
     saved: SavedView = None,
     host: Host = "127.0.0.1",
     port: Port = 8080,
+    save_to: SaveTo = None,
+    force: Replace = False,
     browser: Browser = False,
     topic: o.Topics = None,
     shift: o.Shift = None,
@@ -51,16 +68,20 @@ def view(
     """
     # Long because typer reads the options from the signature, one a line.
     import threading
-    import webbrowser
 
     from wrenchgap._lazy import uncollected
 
     with uncollected():
         from wrenchgap.flight import cache
         from wrenchgap.replay.session.log_session import LogSession
-        from wrenchgap.viewer.page import Page, exposed
+        from wrenchgap.replay.session.saving import SaveFolder
+        from wrenchgap.viewer.gate import ANYWHERE, exposed
+        from wrenchgap.viewer.page import Page
         from wrenchgap.viewer.view_state import read
 
+    if force and save_to is None:
+        raise UsageError("--force: the page writes no files; name a folder for them, --save-to FOLDER")
+    folder = None if save_to is None else SaveFolder(save_to, force=force)
     run, opening = Run(quiet=quiet), None if saved is None else read(saved)
     base, others, reading = (
         run.model(model),
@@ -83,17 +104,41 @@ def view(
             cutoff_hz=None if cutoff is None else o.parse_cutoff(cutoff),
             against=others,
             gp_name="GP" if gp is None else gp.name,
+            folder=folder,
         )
         report(0.8, "starting the page")
         page = Page(session, host, port)
     if opening is not None:
         page.restore(opening)
     if exposed(host):
-        run.notes([f"the page listens on {host}: everybody who reaches this machine can use it."], "warning")
+        words = (
+            f"the page listens on {host}: whoever has its link and reaches this machine can drive it, and nothing on "
+        )
+        run.notes(
+            [f"{words}the way is encrypted; `ssh -L {page.port}:localhost:{page.port}` needs no --host."], "warning"
+        )
     run.line(f"{', '.join(session.flights)}: {page.url}   (Ctrl-C to stop)")
-    if browser:
-        webbrowser.open(page.url)
-    try:
-        threading.Event().wait()
-    finally:
-        page.stop()
+    if host in ANYWHERE:
+        run.line(f"from other machines: {page.gate.url(page.port, gethostname())}")
+    with opened(page.url) if browser else nullcontext():
+        try:
+            threading.Event().wait()
+        finally:
+            page.stop()
+
+
+@contextmanager
+def opened(url: str) -> Iterator[None]:
+    """The default browser at `url`, by way of a file that only this user reads, as Jupyter does it.
+
+    What a browser is started with, every user of the machine sees in the list of processes.
+    """
+    import html
+    import tempfile
+    import webbrowser
+
+    with tempfile.NamedTemporaryFile("w", prefix="wrenchgap-", suffix=".html", encoding="utf-8") as redirect:
+        redirect.write(f'<!doctype html><meta http-equiv="refresh" content="0;url={html.escape(url)}">')
+        redirect.flush()
+        webbrowser.open(Path(redirect.name).as_uri())
+        yield

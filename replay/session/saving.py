@@ -1,0 +1,69 @@
+"""Where the page may write: the one folder that the user named when he started it, and no file but its own."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from wrenchgap.flight.atomic import atomic, check_writable
+from wrenchgap.flight.errors import UsageError
+
+NAME = re.compile(r"(?!(?:con|prn|aux|nul|com\d|lpt\d)\.)[a-z0-9][a-z0-9._-]{0,99}\.toml", re.IGNORECASE | re.ASCII)
+"""What a file may be called: a name on every system, no device on Windows, nothing hidden, no way out of the folder."""
+SHOWN = 40
+"""Characters of a refused name that are repeated."""
+Identity = tuple[int, int, int, int]
+
+
+def file_name(name: str) -> str:
+    """`name`, as a client gave it. Raises UsageError for anything but the plain name of a TOML file."""
+    if NAME.fullmatch(name) is None:
+        said = name if len(name) <= SHOWN else f"{name[:SHOWN]}..."
+        raise UsageError(
+            f"{said or 'no name'}: expected a file name that ends in .toml, of letters, digits and ._-, at most 100 "
+            "before it; the page names no folders"
+        )
+    return name
+
+
+class SaveFolder:
+    """A folder into which a page writes. What lies there is replaced where the page wrote it, else only with `force`.
+
+    Raises UsageError for what is no folder, or one that cannot be written to.
+    """
+
+    def __init__(self, folder: Path, *, force: bool = False) -> None:
+        if not folder.is_dir():
+            raise UsageError(f"--save-to {folder}: is no folder; make it first, or name another")
+        check_writable(folder, "--save-to")
+        self.folder, self.force = folder.resolve(), force
+        self._written: dict[Path, Identity] = {}
+
+    def write(self, name: str, text: str) -> Path:
+        """Write a file of this name. Raises UsageError for a bad name, and for what the page must not replace."""
+        path = self.place(name)
+        with atomic(path) as partial:
+            partial.write_text(text, encoding="utf-8")
+        self._written[path] = _identity(path)
+        return path
+
+    def place(self, name: str) -> Path:
+        """Where a file of this name would be written."""
+        path = self.folder / file_name(name)
+        if not os.path.lexists(path):
+            return path
+        if path.is_symlink() or not path.is_file():
+            raise UsageError(f"{name}: is no ordinary file but a link, a folder or a device; choose another name")
+        if not self.force and self._written.get(path) != _identity(path):
+            raise UsageError(
+                f"{name}: exists already and was not written by this page; choose another name, or start the page with "
+                "--force"
+            )
+        return path
+
+
+def _identity(path: Path) -> Identity:
+    """Which file it is, and in which state: another one under its name, or a change from elsewhere, differs."""
+    found = path.lstat()
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

@@ -1,0 +1,65 @@
+"""viser behind the gate: what is served is guarded, and a viser that is built otherwise is not served at all."""
+
+import re
+import urllib.error
+import urllib.request
+
+import pytest
+import viser
+from websockets.asyncio import server as websockets
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer import serving
+from wrenchgap.viewer.serving import own_scripts, serve
+
+
+@pytest.fixture(autouse=True)
+def websockets_serve():
+    """Is what it was when a server has started, or could not."""
+    before = websockets.serve
+    yield
+    assert websockets.serve is before
+
+
+def test_the_link_opens_the_page_and_nothing_else_does():
+    server, gate = serve("127.0.0.1", 0)
+    try:
+        with urllib.request.urlopen(gate.url(server.get_port()), timeout=10) as answer:
+            assert b"<html" in answer.read(2000)
+            assert answer.headers["Referrer-Policy"] == "no-referrer"
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}/", timeout=10)
+    finally:
+        server.stop()
+
+
+def test_a_viser_that_serves_in_another_way_is_refused(monkeypatch):
+    """As a release does that imports `serve` by its name."""
+    monkeypatch.setattr(viser.infra.WebsockServer, "start", lambda self: setattr(self, "_stop_event", None))
+    monkeypatch.setattr(viser.ViserServer, "__init__", lambda self, **options: setattr(self, "gui", None))
+    monkeypatch.setattr(viser.ViserServer, "stop", lambda self: None)
+    with pytest.raises(UsageError, match=r"viser .*cannot be guarded.*viser>=1\.1"):
+        serve("127.0.0.1", 0)
+
+
+def test_a_page_of_viser_that_is_not_one_script_is_refused(monkeypatch, tmp_path):
+    page = tmp_path / "client" / "build" / "index.html"
+    page.parent.mkdir(parents=True)
+    page.write_text("<html><script src='other.js'></script></html>")
+    monkeypatch.setattr(viser, "__file__", str(tmp_path / "__init__.py"))
+    own_scripts.cache_clear()
+    with pytest.raises(UsageError, match="one script"):
+        own_scripts()
+    own_scripts.cache_clear()
+
+
+def test_viser_has_what_is_taken_from_its_private_parts():
+    """Fails when a release of viser moves it: read `viewer/serving.py` again before the range of versions grows."""
+    server, _ = serve("127.0.0.1", 0)
+    try:
+        button = server.gui.add_button("x")
+        assert server.gui._gui_input_handle_from_uuid[button._impl.uuid] is button
+    finally:
+        server.stop()
+    assert re.match(r"1\.1\.", viser.__version__), serving.SUPPORTED
+    assert len(own_scripts()) == 2

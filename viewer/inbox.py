@@ -1,0 +1,187 @@
+"""What a client may send: every message is checked before viser acts on it, and what does not fit is dropped.
+
+viser's client is a program that runs at whoever has the link, so what arrives is whatever he likes: viser would set any
+attribute of a control to any value, keep uploads of any size, and open a tunnel to a public server when asked. Here a
+message has a known type with exactly its fields, a control is one that is seen and gets a value that it offers.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+import viser
+
+RATE, BURST = 200.0, 400.0
+"""Messages of one client [1/s], and so many at once: dragging a slider and turning the camera make 70 a second."""
+LARGEST_MESSAGE = 2**24
+"""Bytes: a picture of the scene on a 4K screen has 2 to 8 million."""
+LARGEST_UPLOAD = 1_000_000
+"""Bytes: a saved view has some hundreds."""
+UPLOADS = 4
+"""Of one client under way at once."""
+LONGEST_TEXT = 100_000
+"""Characters in a field: a saved view with a hundred channels has ten thousand."""
+LARGEST_NUMBER = 1e12
+"""A time [s], a place [m]: whatever is beyond was made up; clocks that count from 1970 are at 2e9."""
+MOST_PIXELS = 40_000_000
+"""Of a picture that a client renders: 8K has 33 million."""
+PNG = b"\x89PNG\r\n\x1a\n"
+
+Check = Callable[[Any], bool]
+
+
+def _number(value: Any) -> bool:
+    """Finite and of this world; not a number compares as neither."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+
+
+def _count(most: int) -> Check:
+    return lambda value: isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= most
+
+
+def _text(most: int) -> Check:
+    return lambda value: isinstance(value, str) and len(value) <= most
+
+
+def _vector(size: int) -> Check:
+    return lambda value: isinstance(value, list) and len(value) == size and all(map(_number, value))
+
+
+def _picture(value: Any) -> bool:
+    """A PNG of one frame that is not too large to unpack, or empty, which says that there is none."""
+    if not isinstance(value, bytes) or (value and (len(value) < 24 or not value.startswith(PNG))):
+        return False
+    width, height = int.from_bytes(value[16:20], "big"), int.from_bytes(value[20:24], "big")
+    return width * height <= MOST_PIXELS and b"acTL" not in value[: value.find(b"IDAT")]
+
+
+_name, _size = _text(256), _count(16384)
+FIELDS: Mapping[str, Mapping[str, Check]] = {
+    "GuiUpdateMessage": {"uuid": _name, "updates": lambda value: isinstance(value, dict) and set(value) == {"value"}},
+    "CommandTriggerMessage": {"uuid": _name},
+    "ViewerCameraMessage": {
+        "wxyz": _vector(4),
+        "position": _vector(3),
+        "fov": _number,
+        "near": _number,
+        "far": _number,
+        "image_height": _size,
+        "image_width": _size,
+        "look_at": _vector(3),
+        "up_direction": _vector(3),
+    },
+    "GetRenderResponseMessage": {"payload": _picture, "render_uuid": _name},
+    "FileTransferStartUpload": {
+        "source_component_uuid": _name,
+        "transfer_uuid": _name,
+        "filename": _name,
+        "mime_type": _name,
+        "part_count": _count(16),
+        "size_bytes": _count(LARGEST_UPLOAD),
+    },
+    "FileTransferPart": {
+        "source_component_uuid": _name,
+        "transfer_uuid": _name,
+        "part_index": _count(16),
+        "content": lambda value: isinstance(value, bytes) and len(value) <= LARGEST_UPLOAD,
+    },
+}
+"""The messages that mean something to this page, and what their fields hold. viser knows a dozen more."""
+
+
+INPUTS = (
+    viser.GuiButtonHandle,
+    viser.GuiCheckboxHandle,
+    viser.GuiTextHandle,
+    viser.GuiDropdownHandle,
+    viser.GuiButtonGroupHandle,
+    viser.GuiSliderHandle,
+    viser.GuiNumberHandle,
+)
+"""Kinds of controls that this page has for its users; viser would take a value for its progress bars as well."""
+
+
+def fits(control: Any, value: Any) -> bool:
+    """Whether a control that a client sees could have sent this value."""
+    if not isinstance(control, INPUTS) or control.disabled or not control.visible:
+        return False
+    match control:
+        case viser.GuiButtonHandle():
+            return value is True
+        case viser.GuiCheckboxHandle():
+            return isinstance(value, bool)
+        case viser.GuiTextHandle():
+            return _text(LONGEST_TEXT)(value)
+        case viser.GuiDropdownHandle() | viser.GuiButtonGroupHandle():
+            return isinstance(value, str) and value in control.options
+        case viser.GuiSliderHandle() | viser.GuiNumberHandle():
+            low = -math.inf if control.min is None else control.min
+            high = math.inf if control.max is None else control.max
+            slack = 1e-9 * max(abs(bound) if math.isfinite(bound) else 0.0 for bound in (low, high))
+            return _number(value) and low - slack <= value <= high + slack
+    return False
+
+
+class Inbox:
+    """The messages of one client. `control` finds a control by its id, None where there is none."""
+
+    def __init__(self, control: Callable[[str], Any], clock: Callable[[], float] = time.monotonic) -> None:
+        self._control, self._clock = control, clock
+        self._allowance, self._at = BURST, clock()
+        self._uploads: dict[str, int] = {}
+
+    def wait(self) -> float:
+        """Count a message; how long to leave the next ones unread [s], so that a flood stays with its sender."""
+        now = self._clock()
+        self._allowance = min(BURST, self._allowance + RATE * (now - self._at)) - 1.0
+        self._at = now
+        return max(0.0, -self._allowance / RATE)
+
+    def admits(self, raw: bytes | str) -> bool:
+        """Whether a message is one of those that the page knows, and has what it should."""
+        if isinstance(raw, str):
+            return False
+        try:
+            message = msgspec.msgpack.decode(raw)
+        except (msgspec.MsgspecError, RecursionError, ValueError):
+            return False
+        kind = message.pop("type", None) if isinstance(message, dict) else None
+        fields = FIELDS.get(kind) if isinstance(kind, str) else None
+        if fields is None or set(message) != set(fields):
+            return False
+        if not all(check(message[name]) for name, check in fields.items()):
+            return False
+        match kind:
+            case "GuiUpdateMessage":
+                return fits(self._control(message["uuid"]), message["updates"]["value"])
+            case "FileTransferStartUpload":
+                return self._begins(message)
+            case "FileTransferPart":
+                return self._goes_on(message)
+        return True
+
+    def _begins(self, message: dict[str, Any]) -> bool:
+        """An upload to a button for it; not more at a time than a hand starts."""
+        button, transfer = self._control(message["source_component_uuid"]), message["transfer_uuid"]
+        if not isinstance(button, viser.GuiUploadButtonHandle) or transfer in self._uploads:
+            return False
+        if len(self._uploads) >= UPLOADS or button.disabled or not button.visible:
+            return False
+        if message["part_count"] > 0:
+            self._uploads[transfer] = message["size_bytes"]
+        return True
+
+    def _goes_on(self, message: dict[str, Any]) -> bool:
+        """A part of an upload that began, and of no more bytes than it said."""
+        transfer = message["transfer_uuid"]
+        rest = self._uploads.get(transfer, 0) - len(message["content"])
+        if transfer not in self._uploads or rest < 0:
+            return False
+        self._uploads[transfer] = rest
+        if rest == 0:
+            del self._uploads[transfer]
+        return True

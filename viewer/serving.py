@@ -1,0 +1,188 @@
+"""viser's server behind our gate, and all that this takes from viser's private parts.
+
+viser 1.1 has no hook for who may connect or what a client may send. It serves through `websockets`, which has both:
+`process_request` and `create_connection`. So while viser's server starts, its call of `serve` gets them from here. A
+viser that starts otherwise, or keeps its controls elsewhere, is not served at all
+(docs/decisions/0033-who-drives-the-page.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import hashlib
+import io
+import logging
+import re
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
+from functools import cache
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import viser
+import zstandard
+from websockets.asyncio import server as websockets
+from websockets.http11 import Request, Response
+
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer.gate import Gate, Refusal
+from wrenchgap.viewer.inbox import LARGEST_MESSAGE, Inbox
+
+PORTS = 20
+"""Ports that are tried, one after the other."""
+CLIENTS = 32
+"""Pages open at a time: each costs the server a copy of everything that is drawn."""
+QUEUED = 4
+"""Messages of one client that wait to be read."""
+SUPPORTED = "viser>=1.1,<1.2"
+DIGITS = "".join(chr(c) for c in range(0x21, 0x7F) if chr(c) not in "\"&<>'`")
+"""In which viser's page packs its own script."""
+
+_starting = threading.Lock()
+
+
+def serve(host: str, port: int) -> tuple[Any, Gate]:
+    """A viser server on this host and port, or the next free one, and the gate that it is behind.
+
+    Raises UsageError where it cannot listen, and for a viser that cannot be guarded.
+    """
+    port = free_port(host, port)
+    logging.getLogger("websockets.server").addFilter(_no_handshakes)
+    gate, found = Gate(host, own_scripts()), _Controls()
+    with _starting, _guarded(gate, found) as guarded, redirect_stdout(io.StringIO()):  # viser announces itself
+        server = viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)
+    controls = getattr(server.gui, "_gui_input_handle_from_uuid", None)
+    if not guarded or not isinstance(controls, dict):
+        server.stop()
+        raise UsageError(f"viser {viser.__version__}: its page cannot be guarded; install {SUPPORTED!r}")
+    found.by_id = controls
+    return server, gate
+
+
+def free_port(host: str, port: int) -> int:
+    """`port`, or the next one of a few that nobody listens on; any free one for 0. Raises UsageError without one.
+
+    Asked beforehand, because viser waits for ever on an address that cannot be had.
+    """
+    reason = ""
+    for candidate in [port] if port == 0 else range(port, min(port + PORTS, 65536)):
+        try:
+            family, *_, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, socket.SOCK_STREAM) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+                return int(probe.getsockname()[1])
+        except OSError as error:
+            reason = error.strerror or str(error)
+    raise UsageError(f"--host {host} --port {port}: cannot listen there: {reason}; choose others")
+
+
+@cache
+def own_scripts() -> tuple[str, ...]:
+    """The two scripts of viser's page as CSP sources: the loader that is seen, and the client that it unpacks.
+
+    No other script runs on the page then, whatever a name in a log holds. Raises UsageError for another kind of page.
+    """
+    page = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
+    found = re.search(r'<script data-p="([^"]+)" data-ss="(\d+)" data-cs="(\d+)">(.*?)</script>', page, re.DOTALL)
+    if found is None or page.count("<script") != 1:
+        raise UsageError(f"viser {viser.__version__}: its page is not one script; install {SUPPORTED!r}")
+    packed, styles, loader = found[1], int(found[2]), found[4]
+    whole = zstandard.ZstdDecompressor().decompress(_unpacked(packed), max_output_size=styles + int(found[3]))
+    return tuple(
+        f"'sha256-{base64.b64encode(hashlib.sha256(code).digest()).decode()}'"
+        for code in (loader.encode(), whole[styles:])
+    )
+
+
+def _unpacked(text: str) -> bytes:
+    """Five digits to the base 88 are four bytes; of fewer digits at the end, one less."""
+    digits = np.zeros(128, dtype=np.int64)
+    digits[[ord(c) for c in DIGITS]] = np.arange(len(DIGITS))
+    rest = len(text) % 5
+    values = digits[np.frombuffer(text.encode("ascii"), dtype=np.uint8)]
+    whole = values[: len(values) - rest].reshape(-1, 5) @ (88 ** np.arange(4, -1, -1))
+    last = int(values[len(values) - rest :] @ (88 ** np.arange(rest - 1, -1, -1))) if rest else 0
+    return whole.astype(">u4").tobytes() + (last.to_bytes(rest - 1, "big") if rest else b"")
+
+
+class _Controls:
+    """The controls of a page by id, once there is one."""
+
+    by_id: dict[str, Any] | None = None
+
+    def __call__(self, uuid: str) -> Any:
+        return None if self.by_id is None else self.by_id.get(uuid)
+
+
+class _Connection(websockets.ServerConnection):
+    """One client, of whose messages viser gets those that its inbox admits."""
+
+    def __init__(self, *given: Any, inbox: Inbox, **options: Any) -> None:
+        super().__init__(*given, **options)
+        self._inbox = inbox
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        while True:
+            raw = await super().recv(decode)
+            await asyncio.sleep(self._inbox.wait())
+            if self._inbox.admits(raw):
+                return raw
+
+
+@contextmanager
+def _guarded(gate: Gate, controls: Callable[[str], Any]) -> Iterator[list[bool]]:
+    """While this lasts, a server that viser starts is behind the gate; the list gets an entry when one was."""
+    original, guarded = websockets.serve, []
+
+    def serving(handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
+        if not handler.__module__.startswith("viser."):
+            return original(handler, *where, process_request=process_request, **options)
+        guarded.append(True)
+        options |= {
+            "process_request": _checked(gate, process_request),
+            "create_connection": lambda *given, **more: _Connection(*given, inbox=Inbox(controls), **more),
+            "max_size": LARGEST_MESSAGE,
+            "max_queue": QUEUED,
+            "server_header": None,
+        }
+        return original(handler, *where, **options)
+
+    websockets.serve = serving  # type: ignore[assignment, misc]
+    try:
+        yield guarded
+    finally:
+        websockets.serve = original  # type: ignore[misc]
+
+
+def _checked(gate: Gate, answer: Callable[..., Response | None]) -> Callable[..., Response | None]:
+    """Viser's answer to a request, if that passes the gate; None lets a websocket open."""
+
+    def process(connection: websockets.ServerConnection, request: Request) -> Response | None:
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        passed = gate.passes(request.path, hosts, origins, connection.local_address[1])
+        if not isinstance(passed, Refusal) and len(connection.server.connections) >= CLIENTS:
+            passed = Refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"{CLIENTS} pages are open; close one first.")
+        if isinstance(passed, Refusal):
+            response: Response | None = connection.respond(passed.status, f"{passed.words}\n")
+            headers = gate.headers("")
+        else:
+            response = answer(connection, replace(request, path=passed))
+            headers = gate.headers(hosts[0])
+        if response is not None:
+            for name, value in headers.items():
+                response.headers[name] = value
+        return response
+
+    return process
+
+
+def _no_handshakes(record: logging.LogRecord) -> bool:
+    """What is no GET, e.g. `curl -I` or a port scan, is refused by websockets, which says so with two tracebacks."""
+    return record.getMessage() != "opening handshake failed"
