@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader
 
+from wrenchgap.flight.escaping import html_templates
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.viewer.analysis import Candidate, Value
 from wrenchgap.viewer.sliders import finer
@@ -38,13 +39,7 @@ def banner(warnings: Sequence[str]) -> str:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = html_templates(FileSystemLoader(TEMPLATES))
     filters = (number, percent, norms, by_axis, value_text, about)
     made.filters.update({function.__name__: function for function in filters})
     return made

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.escaping import json_text
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"
@@ -44,7 +45,7 @@ class ViewState:
         content = asdict(self)
         content["shown"]["hidden"] = sorted(self.shown.hidden)
         content["camera"] = self.camera and dict(zip(("position", "look_at"), self.camera, strict=True))
-        return json.dumps({"schema": SCHEMA, **content}, ensure_ascii=False)
+        return json_text({"schema": SCHEMA, **content})
 
 
 def read(path: Path) -> ViewState:

@@ -12,7 +12,7 @@ from wrenchgap.compensate.physics_program import STATE
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.replay.compensation.compensators import Judged
-from wrenchgap.replay.export.c_lines import Code, Printer, literal
+from wrenchgap.replay.export.c_lines import Code, Own, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
 from wrenchgap.replay.export.observer import observer_context
 
@@ -71,7 +71,7 @@ def context(
         "decay": repr(gate.decay),
         "rows": ", ".join(str(int(k)) for k in gate.rows),
         "bound": ", ".join(literal(float(b)) for b in gate.bound),
-        "tables": [(name, _shape(name, values), note, _values(name, values)) for name, values, note in tables],
+        "tables": [(name, _shape(name, values), note, Own(_values(name, values))) for name, values, note in tables],
         "contents": " ".join(contents),
     }
 
