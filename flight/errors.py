@@ -6,7 +6,7 @@ one line and exits with code 2; a library user catches `WrenchgapError`.
 
 from __future__ import annotations
 
-from wrenchgap.flight.escaping import printable
+from wrenchgap._escaping import printable
 
 
 class WrenchgapError(Exception):

@@ -35,6 +35,8 @@ from wrenchgap.flight.flight import AXES
 
 LONGEST = 80
 """Characters of a found value that an error repeats."""
+LONGEST_NAME = 200
+"""Characters of a name: as many as a column of a table may have."""
 
 
 def expected(words: str) -> WrapValidator:
@@ -69,7 +71,7 @@ def _axes(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _name(text: str) -> str:
-    if not text.strip() or not text.isprintable():
+    if not text.strip() or not text.isprintable() or len(text) > LONGEST_NAME:
         raise broken("")
     return text.strip()
 
@@ -81,7 +83,12 @@ NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not neg
 Integer = Annotated[int, expected("a whole number")]
 Flag = Annotated[bool, Field(strict=True), expected("true or false")]
 Text = Annotated[str, Field(strict=True), expected("text")]
-Name = Annotated[str, Field(strict=True), AfterValidator(_name), expected("a name: printable text, not empty")]
+Name = Annotated[
+    str,
+    Field(strict=True),
+    AfterValidator(_name),
+    expected(f"a name: printable text of one line, not empty, of {LONGEST_NAME} characters at most"),
+]
 Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers")]
 Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrenchgap.flight.escaping import csv_cell
+from wrenchgap._escaping import csv_cell
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.colours import Colour
 from wrenchgap.viewer.plots import Plot

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, FileSystemLoader
 
-from wrenchgap.flight.escaping import html_templates
+from wrenchgap._escaping import html_templates
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.viewer.analysis import Candidate, Value
 from wrenchgap.viewer.sliders import finer

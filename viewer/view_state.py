@@ -16,8 +16,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.escaping import json_text
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
 SCHEMA = "wrenchgap.view/1"

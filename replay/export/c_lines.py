@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
-from wrenchgap.flight.escaping import c_comment
+from wrenchgap._escaping import c_comment
 from wrenchgap.plant.tape import ARITY, Op, Program
 
 FREE_OF_CHARGE = (Op.INPUT, Op.CONSTANT)
@@ -56,6 +56,7 @@ _SLOPE = {
 }
 """Tangents of operations with one argument: of its tangent t, its value a, and the result v."""
 _SLOPE_COST = {Op.NEG: "other", Op.SQRT: "divide", Op.SIN: "trig", Op.COS: "trig", Op.LOG: "divide"}
+
 
 class Own(str):
     """A text that was made here, with no name of anybody's in it: templates write it as it is."""

@@ -11,11 +11,11 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from wrenchgap._escaping import build_text, c_comment, markdown, printable
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import Plan
 from wrenchgap.compensate.physics_program import untraceable
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.flight.escaping import build_text, c_comment, markdown, printable
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.process.gp import GaussianProcess

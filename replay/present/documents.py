@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
 from wrenchgap.flight.atomic import atomic as atomic
 from wrenchgap.flight.atomic import check_writable
-from wrenchgap.flight.escaping import csv_cell, json_text
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader
 
-from wrenchgap.flight.escaping import html_templates
+from wrenchgap._escaping import html_templates
 from wrenchgap.replay.present import explanation, staircase
 from wrenchgap.replay.present.checks import raised, warnings
 from wrenchgap.replay.present.documents import atomic, claim

@@ -44,7 +44,7 @@ _SEVERAL_LINES = _Printable({ord("\n"): "\n", ord("\t"): "\t"})
 
 
 def printable(text: object, *, lines: bool = False) -> str:
-    """Text without control characters, marks of direction, lone surrogates and line breaks; these may stay in `lines`."""
+    """Text without control characters, marks of direction and lone surrogates; line breaks stay where `lines`."""
     return str(text).translate(_SEVERAL_LINES if lines else _PRINTABLE)
 
 
@@ -86,7 +86,7 @@ def figure_text(text: str) -> str:
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
-    """A document of JSON: strict, in readable Unicode, what is not printable as \\uXXXX, a lone surrogate as U+FFFD."""
+    """A document of JSON: strict; what is not printable as its number, lone surrogates as U+FFFD, the rest readable."""
     text = json.dumps(value, indent=indent, allow_nan=False, ensure_ascii=False)
     text = re.sub(r"[\ud800-\udfff]", UNKNOWN, text)
     if text.replace("\n", "").isprintable():
