@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from jinja2 import BaseLoader, Environment
 
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
-LONGEST_IN_FIGURE = 300
-"""Characters of a line in a figure: about what one of 15 inches holds; a longer one leaves no room for the axes."""
 FORMULAE = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """Begin what a spreadsheet computes, the full-width forms too."""
 
@@ -79,10 +77,10 @@ def markdown(text: str) -> str:
     return re.sub(r"(?i)(www)\.", r"\1&#46;", out)
 
 
-def figure_text(text: str) -> str:
-    """A text of a figure: no control character, no line that leaves no room for what is drawn."""
+def figure_text(text: str, most: int) -> str:
+    """A text of a figure: no control character, no line of more than `most` characters."""
     lines = printable(text, lines=True).split("\n")
-    return "\n".join(one if len(one) <= LONGEST_IN_FIGURE else f"{one[: LONGEST_IN_FIGURE - 3]}..." for one in lines)
+    return "\n".join(one if len(one) <= most else f"{one[: most - 3]}..." for one in lines)
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
