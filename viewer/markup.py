@@ -27,6 +27,11 @@ def render(template: str, **values: Any) -> str:
     return _environment().get_template(f"{template}.html").render(**values)
 
 
+def sentences(*lines: str, look: str = "") -> str:
+    """Sentences as HTML; the page shows no Markdown, where viser takes HTML in a name for its own."""
+    return render("sentences", lines=lines, look=look)
+
+
 def style() -> str:
     """The style sheet of all of them, as HTML."""
     return f"<style>{(TEMPLATES / 'page.css').read_text(encoding='utf-8')}</style>"
