@@ -12,7 +12,7 @@ import difflib
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import MISSING, fields
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
@@ -182,6 +182,36 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
         reason = "that is no name of a file"
     name = str(path) if str(path).isprintable() else repr(str(path))
     raise error(f"{name}: cannot be read {words}: {reason}{remedy}")
+
+
+def inside(folder: Path, name: str, where: str) -> Path:
+    """Where the name of a file leads that a file in `folder` gives under the key `where`; there may be none.
+
+    Raises ModelError for all but ordinary files in that folder or below, also after links were followed: who reads a
+    model of somebody else's opens nothing else of his machine.
+    """
+    said = f"{where}: {_shortened(repr(name))}"
+    try:
+        path = (folder / name).resolve()
+        ordinary = path.is_file() or not path.exists()
+    except (OSError, ValueError, RuntimeError):  # a zero byte, too long, links in a circle
+        raise ModelError(f"{said} is no name of a file") from None
+    asked, windows = PurePosixPath(name), PureWindowsPath(name)
+    absolute = asked.is_absolute() or windows.is_absolute() or bool(windows.drive) or "://" in name
+    if absolute or ".." in (*asked.parts, *windows.parts) or not path.is_relative_to(folder.resolve()):
+        raise ModelError(f"{said} is not in the folder of the file that names it; copy it there")
+    if not ordinary:
+        raise ModelError(f"{said} is no ordinary file")
+    return path
+
+
+def beside(folder: Path, name: str, ending: str, where: str) -> Path:
+    """A file that is there, `inside`, and ends as it should."""
+    path = inside(folder, name, where)
+    if not path.is_file() or path.suffix.lower() != ending:
+        said = f"{where}: {_shortened(repr(name))}"
+        raise ModelError(f"{said}: no such {ending} file in the folder of the file that names it")
+    return path
 
 
 def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:
