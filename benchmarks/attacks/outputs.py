@@ -61,6 +61,7 @@ NASTY = (
     "",
 )
 """Names that mean something to somebody."""
+VEHICLE = 'schema = 1\n[vehicle]\nname = "q"\nmass = 1.0\ninertia = [0.01, 0.01, 0.02]\n'
 COMMAND = (sys.executable, "-m", "wrenchgap")
 
 
@@ -111,8 +112,8 @@ def renamed(plain: Path, path: Path, names: Sequence[str] = NASTY) -> Path:
 
 
 def file_name(name: str) -> str:
-    """A name that a file can have."""
-    return os.fsdecode(os.fsencode(name.replace("\ud800", "\udcff").replace("/", "\N{FRACTION SLASH}"))[:180])
+    """Of a log."""
+    return f"{name}.mcap"
 
 
 def controls(output: bytes) -> list[str]:
@@ -122,8 +123,8 @@ def controls(output: bytes) -> list[str]:
 
 def terminal(folder: Path) -> Outcome:
     """Topics, types and a file of nasty names, printed."""
-    name = file_name("\x1b]0;pwned\x07 \u202e\x9b \udcff [bold]x[/] a\nb")
-    log = renamed(flown(folder), folder / f"{name}.mcap")
+    name = file_name("\x1b]0;pwned\x07 \u202e\x9b \udcff [bold]x a\nb")
+    log = renamed(flown(folder), folder / name)
     said = b""
     for asked in (("inspect", log.name, "-m", MODEL), ("inspect", log.name), ("compare", log.name, "-m", MODEL)):
         done = run(folder, *asked, expected=(0, 2, 3))
@@ -131,13 +132,14 @@ def terminal(folder: Path) -> Outcome:
     said += run(folder, "inspect", f"{name}.gone", "--unknown\x1b[31m", expected=(2,)).stderr
     found, forged = controls(said), b"\nok   everything" in said
     marked = b"[link=http://192.0.2.1]" in said
-    words = f"control characters: {' '.join(map(repr, found)) or 'none'}; markup printed as it is: {'yes' if marked else 'no'}"
-    return Outcome(not found and marked and not forged, words + ("; a line was forged" if forged else ""))
+    words = [f"control characters: {' '.join(map(repr, found)) or 'none'}"]
+    words += [f"markup {'printed as it is' if marked else 'obeyed'}", *(["a line was forged"] if forged else [])]
+    return Outcome(not found and marked and not forged, "; ".join(words))
 
 
 def tables(folder: Path) -> Outcome:
     """JSON and CSV of a flight and topics with nasty names."""
-    log = renamed(flown(folder), folder / f"{file_name('=cmd|calc!A1 \x1b \udcff')}.mcap")
+    log = renamed(flown(folder), folder / file_name("=cmd|calc!A1 \x1b \udcff"))
     run(folder, "compare", log.name, "-m", MODEL, "--csv", "out.csv", "--json", "out.json", "-q", expected=(0, 2, 3))
     run(folder, "inspect", log.name, "--json", "inspect.json", "-q", expected=(0, 3))
     texts = [(folder / name).read_text(encoding="utf-8") for name in ("out.json", "inspect.json")]
@@ -151,7 +153,7 @@ def tables(folder: Path) -> Outcome:
     negative = sum(cell.startswith("-") and float(cell) < 0.0 for row in rows[1:] for cell in row)
     whole = len({len(row) for row in rows}) == 1 and negative > 0 and rows[1][0].startswith("'=cmd")
     raw = [c for text in texts for c in text if c != "\n" and not c.isprintable()]
-    words = f"{kept} of {len(NASTY)} topics read back from JSON as they were; {formulae} cells of {len(rows)} rows a formula"
+    words = f"{kept} of {len(NASTY)} topics read back from JSON as they were; {formulae} cells a formula"
     return Outcome(kept == len(NASTY) and not formulae and whole and not raw, words)
 
 
@@ -248,7 +250,7 @@ def page(folder: Path) -> Outcome:
         def scene(self, *arguments: Any) -> Scene:
             return replace(super().scene(*arguments), notes=NASTY, warnings=NASTY)
 
-    log = renamed(flown(folder), folder / f"{file_name('<img src=x onerror=window.pwned=1>')}.mcap")
+    log = renamed(flown(folder), folder / file_name("<img src=x onerror=window.pwned=1>"))
     model = model_file.load(MODEL)
     session = Noted([log], replace(model, vehicle=replace(model.vehicle, name=SCRIPTS[0])))
     shown = Page(session, port=0)
@@ -272,35 +274,58 @@ def report(folder: Path) -> Outcome:
     """The report of a log of a nasty name."""
     log = renamed(
         flown(folder, 12, "--excitation", "1", "--hide", "com_offset=x:-0.004,y:0.007,z:0"),
-        folder / f"{file_name('<img src=x onerror=window.pwned=1>$x$')}.mcap",
+        folder / file_name("<img src=x onerror=window.pwned=1>$x$"),
     )
     run(folder, "report", log.name, "-m", MODEL, "-o", "report.html", "-q", expected=(0, 2))
     return looked_at((folder / "report.html").as_uri(), lambda tab: None)
 
 
+TOLD = """
+import sys
+from wrenchgap.flight.errors import WrenchgapError
+{imports}
+for line in sys.stdin.read().split(chr(0)):
+    try:
+        {call}
+        print("taken")
+    except WrenchgapError as error:
+        print("refused:", error)
+"""
+
+
+def told(folder: Path, imports: str, call: str, texts: Sequence[str]) -> list[str]:
+    """What one process says of each of these texts, a line each; it is given 30 s."""
+    code, given = TOLD.format(imports=imports, call=call), "\0".join(texts)
+    asked = [sys.executable, "-c", code]
+    done = subprocess.run(asked, cwd=folder, input=given, capture_output=True, text=True, check=True, timeout=30)
+    return done.stdout.splitlines()
+
+
 def opened(folder: Path) -> Outcome:
     """What is said of a model file whose bench table is somebody else's file."""
-    secret, inside = folder / "secret.csv", folder / "model"
+    secret, inside, content = folder / "secret.csv", folder / "model", "root:x:0:0:hunter2\n"
     inside.mkdir()
-    secret.write_text("root:x:0:0:hunter2\n", encoding="utf-8")
     (inside / "link.csv").symlink_to(secret)
-    (inside / "own.txt").write_text("root:x:0:0:hunter2\n", encoding="utf-8")
-    (inside / "own.csv").write_text("root:x:0:0:hunter2\n", encoding="utf-8")
     os.mkfifo(inside / "fifo.csv")
-    names = [str(secret), "../secret.csv", "link.csv", "own.txt", "own.csv", "fifo.csv", "/etc/passwd", "/dev/stdin"]
-    names += ["file:///etc/passwd", "s3://bucket/x.csv", "C:\\\\secret.csv", "a\\u0000b.csv"]
-    said, refused = "", 0
-    for name in names:
-        text = f'schema = 1\n[vehicle]\nname = "q"\nmass = 1.0\ninertia = [0.01, 0.01, 0.02]\n[command]\nunit = "pwm"\ntable = "{name}"\n'
-        (inside / "m.toml").write_text(text, encoding="utf-8")
-        done = subprocess.run(
-            [*COMMAND, "model", "show", "m.toml"], cwd=inside, capture_output=True, text=True, check=False, timeout=20
-        )
-        said += done.stdout + done.stderr
-        refused += done.returncode == 2 and done.stderr.count("\n") == 1
-    told = "hunter2" in said or "root:" in said
-    words = f"{refused} of {len(names)} refused in one line; content of the file {'printed' if told else 'nowhere'}"
-    return Outcome(refused == len(names) and not told, words)
+    for path in (secret, inside / "own.txt", inside / "own.csv"):
+        path.write_text(content, encoding="utf-8")
+    (inside / "cell.csv").write_text("command,thrust\n0,hunter2\n", encoding="utf-8")
+    names = [str(secret), "../secret.csv", "link.csv", "own.txt", "own.csv", "cell.csv", "fifo.csv", "/etc/passwd"]
+    names += ["/dev/stdin", "file:///etc/passwd", "s3://bucket/x.csv", "C:\\\\secret.csv", "a\\u0000b.csv"]
+    texts = [f'{VEHICLE}[command]\nunit = "pwm"\ntable = "{name}"\n' for name in names]
+    call = "loads(with_bench(line, pathlib.Path()))"
+    imports = "import pathlib\nfrom wrenchgap.plant.model_file import loads, with_bench"
+    lines = told(inside, imports, call, texts)
+    (inside / "m.toml").write_text(texts[7], encoding="utf-8")
+    lines.append("refused: " + run(inside, "model", "show", "m.toml", expected=(2,)).stderr.decode().strip())
+    refused, printed = (
+        sum(line.startswith("refused: ") for line in lines),
+        any("hunter2" in x or "root:" in x for x in lines),
+    )
+    words = (
+        f"{refused} of {len(names) + 1} refused in one line; content of the file {'printed' if printed else 'nowhere'}"
+    )
+    return Outcome(refused == len(lines) == len(names) + 1 and not printed, words)
 
 
 def described(folder: Path) -> Outcome:
@@ -312,39 +337,32 @@ def described(folder: Path) -> Outcome:
     (inside / "link.xml").symlink_to(outside)
     shape = '<asset><mesh name="m" file="{}"/></asset>'
     ways = [f'<include file="{name}"/>' for name in ("../outside.xml", str(outside), "link.xml")]
+    ways += [shape.format(name) for name in ("/etc/passwd", "../m.stl", "http://192.0.2.1/m.stl")]
     ways += [
-        shape.format("/etc/passwd"),
-        shape.format("../m.stl"),
         '<compiler meshdir="/etc"/>' + shape.format("passwd"),
+        f'<asset><model name="n" file="{outside}"/></asset>',
     ]
-    ways += [f'<asset><model name="n" file="{outside}"/></asset>', shape.format("http://192.0.2.1/m.stl")]
     texts = [f"<mujoco>{way}<worldbody>{body}</worldbody></mujoco>" for way in ways]
-    texts.append(f"<!DOCTYPE a [<!ENTITY b \"><include file='{outside}'/>\">]>{texts[0].replace(ways[0], '')}")
-    refused = 0
-    for text in texts:
-        (inside / "m.xml").write_text(text, encoding="utf-8")
-        done = run(inside, "model", "new", "--from", "m.xml", "-o", "m.toml", "--force", expected=(0, 2))
-        line = done.stderr.decode()
-        refused += (
-            done.returncode == 2 and line.count("\n") == 1 and ("folder of the file" in line or "DOCTYPE" in line)
-        )
-    return Outcome(refused == len(texts), f"{refused} of {len(texts)} refused in one line, before MuJoCo sees them")
+    hidden = f"<!DOCTYPE a [<!ENTITY b \"><include file='{outside}'/>\">]>"
+    texts.append(f"{hidden}<mujoco><worldbody>{body}</worldbody></mujoco>")
+    imports = "import pathlib\nfrom wrenchgap.plant.drafts.compiled import from_mjcf\npath = pathlib.Path('m.xml')"
+    lines = told(inside, imports, "path.write_text(line); from_mjcf(path)", texts)
+    refused = sum("folder of the file" in line or "DOCTYPE" in line for line in lines)
+    return Outcome(refused == len(lines) == len(texts), f"{refused} of {len(texts)} refused in one line")
 
 
 def listed(folder: Path) -> Outcome:
-    """A list of logs with addresses that stand for others: an index of fsspec may hold templates, which are code."""
-    index = {
-        "version": 1,
-        "gen": [{"key": "a.mcap", "url": "{{ cycler.__init__.__globals__.os.system('touch pwned') }}"}],
-    }
+    """A list of logs with addresses that stand for others: an index of fsspec may name any other."""
+    code = "{{ cycler.__init__.__globals__.os.system('touch pwned') }}"
+    index = {"version": 1, "gen": [{"key": "a.mcap", "url": code, "dimensions": {"i": {"stop": 2}}}]}
     (folder / "index.json").write_text(json.dumps(index), encoding="utf-8")
     lines = ["reference://::index.json", "simplecache::http://192.0.2.1/a.mcap", "reference://a.mcap"]
-    refused = 0
-    for line in lines:
-        (folder / "logs.txt").write_text(f"{line}\n", encoding="utf-8")
-        done = run(folder, "batch", "inspect", "logs.txt", "-o", "out", expected=(0, 1, 2))
-        refused += done.returncode == 2 and b"no address of one store" in done.stderr
-    return Outcome(refused == len(lines) and not (folder / "pwned").exists(), f"{refused} of {len(lines)} refused")
+    imports = "import pathlib\nfrom wrenchgap.replay.batch.sources import found\npath = pathlib.Path('logs.txt')"
+    said = told(folder, imports, "path.write_text(line); found(['logs.txt'])", lines)
+    refused = sum("no address of one store" in line for line in said)
+    ran = (folder / "pwned").exists()
+    words = f"{refused} of {len(lines)} refused; code in the index {'run' if ran else 'not run'}"
+    return Outcome(refused == len(lines) and not ran, words)
 
 
 ATTACKS = (
@@ -352,7 +370,6 @@ ATTACKS = (
         "a vehicle, a model file and a command with names that end a comment, join lines, call make; `export`",
         "compiles with -Wall -Wextra -Werror; symbols, Makefile and CMakeLists.txt of an innocent name",
         exported,
-        slow=True,
     ),
     Attack(
         "topics, types and a file with escape sequences, C1 controls, bidi overrides, line breaks, rich's markup; "
@@ -385,13 +402,11 @@ ATTACKS = (
         "a model file whose `[command] table` is /etc/passwd, `../`, a link out, a device, an address",
         "opens .csv files in its own folder only, and repeats nothing of them",
         opened,
-        slow=True,
     ),
     Attack(
         "an MJCF that includes or names files outside its folder, or hides that in a DOCTYPE; `model new --from`",
         "refused in one line, nothing outside is opened",
         described,
-        slow=True,
     ),
     Attack(
         "a list of logs with chained addresses of fsspec (`reference://::index.json`); `batch`",

@@ -79,11 +79,11 @@ def _check_files(path: Path) -> None:
             where = f"{path.name}: <{element.tag} {key}>"
             names.append((where, name))
             if element.tag.lower() in INCLUDING:
-                found = [inside(folder, str(PurePath(start, name)), where) for start in ("", here)]
+                found = [inside(folder, str(PurePath(start, name)) if start else name, where) for start in ("", here)]
                 waiting += [each for each in found if each.is_file() and each not in waiting]
     for where, name in names:
         for start in sorted(folders):
-            inside(folder, str(PurePath(start, name)), where)
+            inside(folder, str(PurePath(start, name)) if start else name, where)
 
 
 def _elements(one: Path, path: Path) -> list[ElementTree.Element]:

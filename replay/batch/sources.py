@@ -131,7 +131,7 @@ def opened(url: str) -> tuple[Any, str]:
     from fsspec.core import url_to_fs
 
     scheme = url.partition("://")[0]
-    if "::" in url or scheme in CHAINED:  # file systems in one another, whose index may name any other, or hold code
+    if "::" in url or scheme in CHAINED:  # file systems in one another, whose index may name any other
         raise UsageError(f"{url}: is no address of one store; expected one such as s3://bucket/folder")
     try:
         with reached(url):
