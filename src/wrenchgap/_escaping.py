@@ -73,7 +73,9 @@ def build_text(text: str) -> str:
 
 def markdown(text: str) -> str:
     """A name in a line of Markdown, or in a cell of a table: no element, no HTML, no link, by itself neither."""
-    out = re.sub(r"[^\w\s.,;:()/%=+'-]|:(?!\s|$)", lambda c: f"&#{ord(c[0])};", printable(text))
+    out = re.sub(
+        r"[^\w\s.,;:()/%=+'-]|:(?!\s|$)|(?<![^\W_])_|_(?![^\W_])", lambda c: f"&#{ord(c[0])};", printable(text)
+    )
     return re.sub(r"(?i)(www)\.", r"\1&#46;", out)
 
 
