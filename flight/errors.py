@@ -6,13 +6,14 @@ one line and exits with code 2; a library user catches `WrenchgapError`.
 
 from __future__ import annotations
 
+from wrenchgap._escaping import printable
+
 
 class WrenchgapError(Exception):
     """Base of everything that wrenchgap raises on purpose: one line of printable text, whatever a file holds."""
 
     def __init__(self, said: object = "") -> None:
-        text = " ".join(str(said).split())
-        super().__init__("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text))
+        super().__init__(printable(" ".join(str(said).split())))
 
 
 class LogError(WrenchgapError):

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from wrenchgap._escaping import printable
 from wrenchgap.flight import so3
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
@@ -86,7 +87,7 @@ def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> t
     if not builder.parts:
         raise LogError(f"{log.path}: nothing usable in {', '.join(used)}: {' '.join(builder.notes)}")
     flight = Flight(
-        name=log.path.name if log.path.is_dir() else log.path.name.removesuffix(log.path.suffix),
+        name=printable(log.path.name if log.path.is_dir() else log.path.name.removesuffix(log.path.suffix)),
         path=log.path,
         content_hash=log.content_hash,
         start_ns=builder.start_ns,

@@ -12,7 +12,7 @@ import difflib
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import MISSING, fields
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
@@ -35,6 +35,8 @@ from wrenchgap.flight.flight import AXES
 
 LONGEST = 80
 """Characters of a found value that an error repeats."""
+LONGEST_NAME = 200
+"""Characters of a name: as many as a column of a table may have."""
 
 
 def expected(words: str) -> WrapValidator:
@@ -69,7 +71,7 @@ def _axes(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _name(text: str) -> str:
-    if not text.strip() or not text.isprintable():
+    if not text.strip() or not text.isprintable() or len(text) > LONGEST_NAME:
         raise broken("")
     return text.strip()
 
@@ -81,7 +83,12 @@ NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not neg
 Integer = Annotated[int, expected("a whole number")]
 Flag = Annotated[bool, Field(strict=True), expected("true or false")]
 Text = Annotated[str, Field(strict=True), expected("text")]
-Name = Annotated[str, Field(strict=True), AfterValidator(_name), expected("a name: printable text, not empty")]
+Name = Annotated[
+    str,
+    Field(strict=True),
+    AfterValidator(_name),
+    expected(f"a name: printable text of one line, not empty, of {LONGEST_NAME} characters at most"),
+]
 Names = Annotated[tuple[Text, ...], expected("a list of names")]
 Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers")]
 Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]
@@ -175,6 +182,36 @@ def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, re
         reason = "that is no name of a file"
     name = str(path) if str(path).isprintable() else repr(str(path))
     raise error(f"{name}: cannot be read {words}: {reason}{remedy}")
+
+
+def inside(folder: Path, name: str, where: str) -> Path:
+    """Where the name of a file leads that a file in `folder` gives under the key `where`; there may be none.
+
+    Raises ModelError for all but ordinary files in that folder or below, also after links were followed: who reads a
+    model of somebody else's opens nothing else of his machine.
+    """
+    said = f"{where}: {_shortened(repr(name))}"
+    try:
+        path = (folder / name).resolve()
+        ordinary = path.is_file() or not path.exists()
+    except (OSError, ValueError, RuntimeError):  # a zero byte, too long, links in a circle
+        raise ModelError(f"{said} is no name of a file") from None
+    asked, windows = PurePosixPath(name), PureWindowsPath(name)
+    absolute = asked.is_absolute() or windows.is_absolute() or bool(windows.drive) or "://" in name
+    if absolute or ".." in (*asked.parts, *windows.parts) or not path.is_relative_to(folder.resolve()):
+        raise ModelError(f"{said} is not in the folder of the file that names it; copy it there")
+    if not ordinary:
+        raise ModelError(f"{said} is no ordinary file")
+    return path
+
+
+def beside(folder: Path, name: str, ending: str, where: str) -> Path:
+    """A file that is there, `inside`, and ends as it should."""
+    path = inside(folder, name, where)
+    if not path.is_file() or path.suffix.lower() != ending:
+        said = f"{where}: {_shortened(repr(name))}"
+        raise ModelError(f"{said}: no such {ending} file in the folder of the file that names it")
+    return path
 
 
 def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:

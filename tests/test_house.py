@@ -165,3 +165,23 @@ def test_a_dead_link_a_dead_heading_and_a_failing_example_are_noticed(tmp_path):
 def test_every_effect_has_a_page_and_the_index_is_fresh():
     assert effects_index.missing_pages() == []
     assert text_of("docs/effects/README.md") == effects_index.index(), "run make docs"
+
+
+WRITERS = {
+    r"(from|import) rich\b": ("replay/present/tables.py", "replay/present/__init__.py", "replay/cli/console.py"),
+    r"\bMarkup\b|\|\s*safe\b|autoescape false": (),
+    r"add_markdown": (),
+    r"\bEnvironment\(": ("replay/export/export.py",),
+    r"csv\.writer|to_csv": ("replay/present/documents.py", "viewer/export_formats.py", "plant/trajectory_file.py"),
+    r"set_parse_math|parse_math=": ("replay/present/figures/style.py",),
+}
+"""Who alone may write a kind of output, so that a name is escaped in one place (`wrenchgap._escaping`)."""
+
+
+def test_each_kind_of_output_has_its_writers():
+    found = set()
+    for pattern, writers in WRITERS.items():
+        for path in sources(*PACKAGES) + sorted(p for f in PACKAGES for p in (ROOT / f).rglob("*.html*")):
+            if str(path.relative_to(ROOT)) not in writers and re.search(pattern, path.read_text(encoding="utf-8")):
+                found.add((pattern, str(path.relative_to(ROOT))))
+    assert not found

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap._escaping import csv_cell
 from wrenchgap.flight.flight import Array
 from wrenchgap.viewer.colours import Colour
 from wrenchgap.viewer.plots import Plot
@@ -61,7 +62,7 @@ def table(plots: Sequence[Plot], start: float, stop: float) -> str:
         cells[np.searchsorted(times, time), i] = values
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["time [s]", *(name for name, _, _ in columns)])
+    writer.writerow(["time [s]", *(csv_cell(name) for name, _, _ in columns)])
     for moment, row in zip(times, cells, strict=True):
         writer.writerow([f"{moment:.6f}", *("" if not np.isfinite(v) else f"{v:.9g}" for v in row)])
     return out.getvalue()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from wrenchgap.viewer import background
+from wrenchgap.viewer import background, markup
 from wrenchgap.viewer.host import Host
 
 T = TypeVar("T")
@@ -20,7 +20,7 @@ class JobControls:
         self.button = gui.add_button(label, hint=hint)
         self.button.on_click(host.guarded(lambda _: ask()))
         self.bar = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self.words = gui.add_markdown("", visible=False)
+        self.words = gui.add_html("", visible=False)
         self.stop = gui.add_button("Cancel", visible=False, color="gray")
         self.stop.on_click(host.guarded(lambda _: self.cancel()))
         self._job: background.Job | None = None
@@ -61,8 +61,9 @@ class JobControls:
         done = round(100.0 * min(max(share, 0.0), 1.0))
         if self.bar.value != done:
             self.bar.value = done
-        if self.words.content != words:
-            self.words.content = words
+        said = markup.sentences(words)
+        if self.words.content != said:
+            self.words.content = said
 
     def _ended(self) -> None:
         self._job = None

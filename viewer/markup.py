@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader
 
+from wrenchgap._escaping import html_templates
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.viewer.analysis import Candidate, Value
 from wrenchgap.viewer.sliders import finer
@@ -26,6 +27,11 @@ def render(template: str, **values: Any) -> str:
     return _environment().get_template(f"{template}.html").render(**values)
 
 
+def sentences(*lines: str, look: str = "") -> str:
+    """Sentences as HTML; the page shows no Markdown, where viser takes HTML in a name for its own."""
+    return render("sentences", lines=lines, look=look)
+
+
 def style() -> str:
     """The style sheet of all of them, as HTML."""
     return f"<style>{(TEMPLATES / 'page.css').read_text(encoding='utf-8')}</style>"
@@ -38,13 +44,7 @@ def banner(warnings: Sequence[str]) -> str:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = html_templates(FileSystemLoader(TEMPLATES))
     filters = (number, percent, norms, by_axis, value_text, about)
     made.filters.update({function.__name__: function for function in filters})
     return made

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer.inbox import LARGEST_NUMBER
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
@@ -46,7 +47,7 @@ class ViewState:
         content = asdict(self)
         content["shown"]["hidden"] = sorted(self.shown.hidden)
         content["camera"] = self.camera and dict(zip(("position", "look_at"), self.camera, strict=True))
-        return json.dumps({"schema": SCHEMA, **content}, ensure_ascii=False)
+        return json_text({"schema": SCHEMA, **content})
 
 
 def read(path: Path) -> ViewState:

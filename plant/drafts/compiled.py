@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,13 @@ from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.drafts.draft import Draft, Said
 from wrenchgap.plant.drafts.motor_plugins import motors_of
 from wrenchgap.plant.drafts.tree import Joint, Link, Motor, draft_of
+from wrenchgap.plant.reader import inside, text_of
 
 MEMBERS = ("visual", "collision")
+INCLUDING = ("include", "model")
+"""Elements of MJCF whose file is a description in its turn."""
+FOLDERS = ("assetdir", "meshdir", "texturedir")
+"""Attributes with the folders of the others' files."""
 WORLD = "wrenchgap_world"
 """Name of the link that stands in for the world in a URDF."""
 COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12", "discardvisual": "true"}
@@ -33,6 +38,7 @@ NOTHING = 1e-7
 def from_mjcf(path: Path) -> Draft:
     """A draft of a MuJoCo model. Raises ModelError, in one line, for what MuJoCo cannot compile."""
     mujoco = _mujoco(path)
+    _check_files(path)
     model = _compiled(mujoco, path, lambda: mujoco.MjModel.from_xml_path(str(path)))
     links = _links(mujoco, model, path)
     numbers = {body: k for k, body in enumerate(_subtree(model, _root(mujoco, model, path)))}
@@ -57,6 +63,38 @@ def _mujoco(path: Path) -> Any:
     except ImportError:
         raise ModelError(f"{path}: reading URDF and MJCF needs `pip install wrenchgap[mujoco]`") from None
     return mujoco
+
+
+def _check_files(path: Path) -> None:
+    """Raise ModelError unless all files that an MJCF, or what it includes, names lie in its folder (`inside`)."""
+    folder, waiting = path.parent, [path]
+    names, folders = list[tuple[str, str]](), {""}
+    for one in waiting:  # grows
+        elements = _elements(one, path)
+        folders |= {value for e in elements for key, value in e.items() if key.lower() in FOLDERS}
+        here = "" if one is path else str(one.parent.relative_to(folder.resolve()))
+        for element, key, name in ((e, key, name) for e in elements for key, name in e.items()):
+            if not key.lower().startswith("file"):
+                continue
+            where = f"{path.name}: <{element.tag} {key}>"
+            names.append((where, name))
+            if element.tag.lower() in INCLUDING:
+                found = [inside(folder, str(PurePath(start, name)) if start else name, where) for start in ("", here)]
+                waiting += [each for each in found if each.is_file() and each not in waiting]
+    for where, name in names:
+        for start in sorted(folders):
+            inside(folder, str(PurePath(start, name)) if start else name, where)
+
+
+def _elements(one: Path, path: Path) -> list[ElementTree.Element]:
+    """Of the MJCF `one`, which `path` includes or is."""
+    text = text_of(one, "as MJCF")
+    if "<!DOCTYPE" in text:  # MuJoCo skips what it declares in another way than we do
+        raise ModelError(f"{path.name}: {one.name} has a DOCTYPE, which MJCF does not need; take it out")
+    try:
+        return list(ElementTree.fromstring(text.encode()).iter())
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{path.name}: {one.name} is not XML: {error}") from None
 
 
 def _compiled(mujoco: Any, path: Path, make: Callable[[], Any]) -> Any:

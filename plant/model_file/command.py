@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.command_curve import Bench, CommandCurve, CommandUnit, Polynomial
-from wrenchgap.plant.reader import Number, Positive, Table, Text, broken, expected, text_of, toml, toml_document
+from wrenchgap.plant.reader import Number, Positive, Table, Text, beside, broken, expected, text_of, toml, toml_document
 
 GRAM_FORCE, RPM = 9.80665e-3, np.pi / 30.0
 COLUMNS = {
@@ -149,21 +149,24 @@ def with_bench(text: str, folder: Path) -> str:
         return text
     file = str(named["table"])
     rows = tomlkit.inline_table()
-    rows.update(read_bench(folder / file))
+    rows.update(read_bench(beside(folder, file, ".csv", "command.table")))
     named["table"] = rows
     named.setdefault("source", f"bench table {Path(file).name}")
     return tomlkit.dumps(document)
 
 
 def read_bench(path: Path) -> dict[str, list[float]]:
-    """Columns of a bench table (.csv): `command`, one of `COLUMNS`, and perhaps `voltage`. Raises ModelError."""
+    """Columns of a bench table (.csv): `command`, one of `COLUMNS`, and perhaps `voltage`.
+
+    Raises ModelError, which repeats nothing of the file: it may be another one.
+    """
     lines = list(csv.DictReader(text_of(path, "as a bench table").splitlines(), skipinitialspace=True))
     heads = [h.strip() for h in (lines[0] if lines else {}) if h is not None]
     wanted = ("command", *COLUMNS, "voltage")
     if "command" not in heads or not set(heads) <= set(wanted):
         raise ModelError(
-            f"{path}: got the columns {', '.join(heads) or 'none'}, expected command, one of {', '.join(COLUMNS)}, and "
-            "perhaps voltage"
+            f"{path}: its first line does not have the columns command, one of {', '.join(COLUMNS)}, perhaps voltage, "
+            "and no others"
         )
     out: dict[str, list[float]] = {head: [] for head in heads}
     for number, line in enumerate(lines, 2):
@@ -171,5 +174,5 @@ def read_bench(path: Path) -> dict[str, list[float]]:
             try:
                 out[head.strip()].append(float(value))
             except (TypeError, ValueError, AttributeError):
-                raise ModelError(f"{path}, line {number}: got {value!r} as {head}, expected a number") from None
+                raise ModelError(f"{path}, line {number}: expected a number as {head.strip()}") from None
     return out

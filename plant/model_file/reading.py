@@ -136,7 +136,7 @@ ArmDefaults, RotorDefaults = partial(ArmTable), partial(RotorTable)
 class VehicleTable(Table):
     """The vehicle. `arm` and `rotor` hold defaults for all arms and rotors."""
 
-    name: Text
+    name: Name
     mass: Mass
     inertia: Inertia
     com: Place = (0.0, 0.0, 0.0)

@@ -17,6 +17,8 @@ from wrenchgap.flight.formats.folders import SINGLE, storage
 
 EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 """The extra of wrenchgap that reads each kind of address."""
+CHAINED = ("reference", "filecache", "simplecache", "blockcache", "cached")
+"""Kinds of addresses of fsspec that stand for others."""
 ETAGS = ("ETag", "etag", "md5Hash", "content_md5")
 """Names under which object stores tell what identifies a content."""
 LISTS = (".txt", ".lst")
@@ -129,6 +131,8 @@ def opened(url: str) -> tuple[Any, str]:
     from fsspec.core import url_to_fs
 
     scheme = url.partition("://")[0]
+    if "::" in url or scheme in CHAINED:  # file systems in one another, whose index may name any other
+        raise UsageError(f"{url}: is no address of one store; expected one such as s3://bucket/folder")
     try:
         with reached(url):
             system, path = url_to_fs(url)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.posterior.fleet import RankedSet, Ranking
@@ -64,7 +63,7 @@ def parts(found: Batch) -> list[Part]:
     if failures := found.failures:
         rows = table("logs that failed", "log", "reason", left=2)
         for r in failures[:MOST_FAILURES]:
-            rows.add_row(escape(r["log"]), escape(r["reason"]))
+            rows.add_row(r["log"], r["reason"])
         out.append(rows)
         if len(failures) > MOST_FAILURES:
             out.append(Line(f"and {len(failures) - MOST_FAILURES} more; all are rows of the table", "dim"))
@@ -91,7 +90,7 @@ def _by_vehicle(found: Batch) -> Part:
         good = [r for r in own if r["status"] == "ok"]
         seconds = sum(r["seconds"] or 0.0 for r in good)
         cells = [str(len(own)), str(len(own) - len(good)), number(seconds)]
-        out.add_row(escape(vehicle), *cells, *_of_command(found.plan.command, good))
+        out.add_row(vehicle, *cells, *_of_command(found.plan.command, good))
     return out
 
 
@@ -127,10 +126,11 @@ def _ranking(one: FleetRanking) -> list[Part]:
     for s in [s for s in r.sets if s.weight >= COUNTS or s is r.sets[0]][:MOST_SETS]:
         left = _left(s, r.rms)
         cells = (f"{100 * s.weight:.0f} %", number(s.log_odds), number(s.gain), f"{100 * s.better:.0f} %")
-        named = escape(", ".join(s.names) or "nothing")
-        out.add_row(named, escape(", ".join(s.keys) or "-"), *cells, *(f"{100 * v:.0f} %" for v in left))
+        named = ", ".join(s.names) or "nothing"
+        out.add_row(named, ", ".join(s.keys) or "-", *cells, *(f"{100 * v:.0f} %" for v in left))
     values = "; ".join(value_words(r.sets[0], key) for key in r.sets[0].keys)
-    return [out, *_group(r), Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim"), Line(f"{values}\n" if values else "")]
+    legend = Line(HELD_OUT if r.held_out else IN_SAMPLE, "dim")
+    return [out, *_group(r), legend, *([Line(values)] if values else []), Line()]
 
 
 def _group(r: Ranking) -> list[Part]:
@@ -140,7 +140,7 @@ def _group(r: Ranking) -> list[Part]:
         return []
     weight = sum(s.weight for s in r.groups[0])
     words = f"indistinguishable, as far as laws are known, and together {100 * weight:.0f} %: "
-    return [Line(escape(words + " or ".join(names[:MOST_SETS])))]
+    return [Line(words + " or ".join(names[:MOST_SETS]))]
 
 
 def _left(one: RankedSet, none: Any) -> list[float]:

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from wrenchgap._escaping import printable
+
 Report = Callable[[float, str], None]
 """Called with the fraction done (0 to 1) and what is being done."""
 
@@ -47,10 +49,10 @@ def progress(label: str, quiet: bool = False) -> Iterator[Report]:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(label, total=1.0)
-            yield lambda fraction, words: bar.update(task, completed=fraction, description=words or label)
+            task = bar.add_task(printable(label), total=1.0)
+            yield lambda fraction, words: bar.update(task, completed=fraction, description=printable(words or label))
     else:
         said = time.monotonic()
 
@@ -58,7 +60,7 @@ def progress(label: str, quiet: bool = False) -> Iterator[Report]:
             nonlocal said
             if time.monotonic() - said > PATIENCE:
                 said = time.monotonic()
-                sys.stderr.write(f"{label}: {100 * fraction:.0f} % {words}\n")
+                sys.stderr.write(printable(f"{label}: {100 * fraction:.0f} % {words}") + "\n")
                 sys.stderr.flush()
 
         yield plain

@@ -21,6 +21,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from wrenchgap._escaping import printable
 from wrenchgap.replay.cli import commands
 from wrenchgap.replay.cli.options import many
 from wrenchgap.replay.cli.requests import grouped
@@ -68,7 +69,7 @@ class Commands(TyperGroup):
 
 def say(message: str) -> None:
     """One line on standard error."""
-    sys.stderr.write(f"{NAME}: {' '.join(message.split())}\n")
+    sys.stderr.write(f"{NAME}: {printable(' '.join(message.split()))}\n")
     sys.stderr.flush()
 
 

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+from wrenchgap._escaping import c_comment
 from wrenchgap.plant.tape import ARITY, Op, Program
 
 FREE_OF_CHARGE = (Op.INPUT, Op.CONSTANT)
@@ -56,6 +57,13 @@ _SLOPE = {
 """Tangents of operations with one argument: of its tangent t, its value a, and the result v."""
 _SLOPE_COST = {Op.NEG: "other", Op.SQRT: "divide", Op.SIN: "trig", Op.COS: "trig", Op.LOG: "divide"}
 
+
+class Own(str):
+    """A text that was made here, with no name of anybody's in it: templates write it as it is."""
+
+    __slots__ = ()
+
+
 Counts = Counter[str]
 """How often what is done: add, multiply, divide, sqrt, exp, trig, other."""
 
@@ -64,7 +72,7 @@ Counts = Counter[str]
 class Code:
     """Statements of a function, how many operations they are, and how many numbers they hold at most."""
 
-    text: str
+    text: Own
     counts: Counts
     numbers: int
 
@@ -136,7 +144,7 @@ class Printer:
         else:
             wanted = [(f"h[{place}]", line) for line, place in self.kept.items()]
         text += [f"    {name} = {self.value(line, True)};" for name, line in wanted]
-        return Code("\n".join(text), counts, len(text))
+        return Code(Own("\n".join(text)), counts, len(text))
 
     def moving(self) -> Code:
         """Statements from `h` and `w` to `mean` and `slope`."""
@@ -147,7 +155,7 @@ class Printer:
             for i in range(count):
                 has = i in self.slopes.get(line, frozenset())
                 text.append(f"    slope[{k * count + i}] = {self._tangent(line, i) if has else 'WG(0.0)'};")
-        return Code("\n".join(text), counts, len(text))
+        return Code(Own("\n".join(text)), counts, len(text))
 
     def _tangent(self, line: int, i: int) -> str:
         return "WG(1.0)" if line in self.free else f"t{line}_{i}"
@@ -162,7 +170,7 @@ class Printer:
                 continue
             if self.program.sections[line] != section:
                 section = self.program.sections[line]
-                text.append(f"    /* {section} */")
+                text.append(f"    /* {c_comment(section)} */")
             names = dict(zip("abc", (self.value(a, fixed) for a in self.arguments[line]), strict=False))
             text.append(f"    const wg_real {self.prefix}{line} = {_VALUE[op].format(**names)};")
             counts[_KIND.get(op, "other")] += 1

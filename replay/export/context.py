@@ -14,7 +14,7 @@ from wrenchgap.compensate.step_row import STATE_MAX
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.replay.compensation.compensators import Judged
-from wrenchgap.replay.export.c_lines import Code, Printer, literal
+from wrenchgap.replay.export.c_lines import Code, Own, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
 from wrenchgap.replay.export.observer import observer_context
 
@@ -85,7 +85,7 @@ def context(
         "rows": ", ".join(str(int(k)) for k in gate.rows),
         "bound": ", ".join(literal(float(b)) for b in gate.bound),
         "known_bound": ", ".join(literal(float(b)) for b in gate.known),
-        "tables": [(name, _shape(name, values), note, _values(name, values)) for name, values, note in tables],
+        "tables": [(name, _shape(name, values), note, Own(_values(name, values))) for name, values, note in tables],
         "contents": " ".join(contents),
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
@@ -11,6 +11,7 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from wrenchgap._escaping import build_text, c_comment, markdown, printable
 from wrenchgap.compensate import Compensator, PhysicsMismatch, Settings
 from wrenchgap.compensate.fast import Plan
 from wrenchgap.compensate.physics_program import untraceable
@@ -32,7 +33,7 @@ from wrenchgap.replay.compensation.compensators import (
     compensator,
     judged,
 )
-from wrenchgap.replay.export.c_lines import Printer
+from wrenchgap.replay.export.c_lines import Own, Printer
 from wrenchgap.replay.export.context import context, correction_max, tables_of, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
 from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
@@ -55,6 +56,8 @@ FILES = {
     "CMakeLists.txt": "CMakeLists.txt.jinja",
     "README.md": "README.md.jinja",
 }
+ESCAPES: dict[str, Callable[[str], str]] = {".c": c_comment, ".h": c_comment, ".md": markdown}
+"""What makes a name harmless in a file, by its ending; `build_text` in all others."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,7 +132,7 @@ def export(
     price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(v)) for _, v, _ in tables))
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
-    said = {"precision": precision, "dt": asked.dt, "date": date, "command": command}
+    said = {"precision": precision, "dt": asked.dt, "date": date, "command": Own(printable(command))}
     said |= (
         _names(process, kept, names)
         | context(plan, pieces, effects, tables, watched, in_loop, reach)
@@ -138,11 +141,11 @@ def export(
     outputs = tuple(AXES[k] for k in plan.gate.rows)
     refused = () if process is None or asked.despite_verdict else process.refused
     corrected = _corrected(outputs, refused, effects, observed=watched is not None)
-    said |= {"com": _com(kept), "cost": words_of(price), "corrected": corrected}
+    said |= {"com": _com(kept), "cost": Own(words_of(price)), "corrected": corrected}
     return Export(
         model=kept,
         outputs=outputs,
-        files={name: _environment().get_template(t).render(**said) for name, t in FILES.items()},
+        files={name: _environment(name).get_template(t).render(**said) for name, t in FILES.items()},
         effects=effects,
         left_out=left_out,
         precision=cast(Precision, precision),
@@ -284,18 +287,24 @@ def _names(process: GaussianProcess | None, model: Model, names: tuple[str, str]
     }
 
 
-def _rows(values: Array) -> str:
-    return ",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values)
+def _rows(values: Array) -> Own:
+    return Own(",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values))
 
 
 def _com(model: Model) -> str:
     return "(" + ", ".join(f"{float(v):g}" for v in model.vehicle.body.com_B) + ")"
 
 
-def _environment() -> Environment:
-    loader = PackageLoader("wrenchgap.replay.export", "templates")
+def _environment(name: str) -> Environment:
+    """Templates of a file of this name: every text but `Own` is escaped as that kind of file needs it."""
+    escape = ESCAPES.get(Path(name).suffix, build_text)
     return Environment(
-        loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+        loader=PackageLoader("wrenchgap.replay.export", "templates"),
+        finalize=lambda value: escape(value) if type(value) is str else value,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
     )
 
 

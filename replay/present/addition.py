@@ -27,7 +27,7 @@ def parts(added: Addition) -> list[Part]:
     if added.together:
         out.append(Line(f"fitted together with what {added.given.name} has: {', '.join(added.together)}"))
     fitted = parameters(added.fit.snapshot, f"effects of {added.model.name}", added.model.vehicle)
-    out += [fitted, Line(INTERVAL_LEGEND + "\n", "dim")]
+    out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
     behind = f"filtered at {added.flights[0].records[0].cutoff_hz:g} Hz"
     if (trial := added.trial) is None:
         rows = [("rms before", added.rms_before), ("rms after", added.rms_after)]

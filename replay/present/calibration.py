@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.markup import escape
 
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.calibrate import Calibration, Fate, Tried
@@ -34,7 +33,7 @@ def parts(found: Calibration) -> list[Part]:
     out: list[Part] = [Line(text, "bold") for text in summary(found)]
     out += [Line(), considered(found)]
     if found.added is not None:
-        out += [values(found), Line(LEGEND + "\n", "dim")]
+        out += [values(found), Line(LEGEND, "dim"), Line()]
         if (trial := found.added.trial) is not None:
             rows = [("rms before", trial.before), ("rms after", trial.after), ("sensor noise", trial.noise)]
             behind = f"filtered at {found.flights[0].records[0].cutoff_hz:g} Hz"
@@ -62,7 +61,7 @@ def considered(found: Calibration) -> Part:
     """One row for each effect: what became of it, with t on held-out time."""
     out = table("what was considered", "effect", "", "t", left=2)
     for one in found.tried:
-        out.add_row(escape(one.effect), escape(_fate(one)), number(one.t, 2))
+        out.add_row(one.effect, _fate(one), number(one.t, 2))
     return out
 
 
@@ -77,8 +76,8 @@ def values(found: Calibration) -> Part:
     last = ""
     for p in found.trimmed:
         first, last = p.effect if p.effect != last else "", p.effect
-        name = escape(label(p.name, found.model.vehicle))
-        out.add_row(escape(first), name, number(p.value, 4), number(p.std, 2), number(p.scatter, 2), unit(p.unit))
+        name = label(p.name, found.model.vehicle)
+        out.add_row(first, name, number(p.value, 4), number(p.std, 2), number(p.scatter, 2), unit(p.unit))
     return out
 
 
@@ -86,7 +85,7 @@ def by_flight(title: str, names: Any, before: Array, after: Array) -> Part:
     """Two rows for each flight."""
     out = table(title, "flight", "rms", *UNIT_HEADS, left=2)
     for name, old, new in zip(names, before, after, strict=True):
-        out.add_row(escape(str(name)), "before", *row(old))
+        out.add_row(str(name), "before", *row(old))
         out.add_row("", "after", *row(new))
     return out
 

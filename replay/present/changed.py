@@ -6,8 +6,6 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
@@ -19,7 +17,7 @@ from wrenchgap.replay.present import settle, timing, what_to_inspect
 from wrenchgap.replay.present.explanation import MOST_CLASSES, class_json
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
 from wrenchgap.replay.present.untried import not_tried, reason
 
 if TYPE_CHECKING:
@@ -52,11 +50,11 @@ def parts(found: Changed) -> list[Part]:
     out += note_lines(other_recordings(found), "warning")
     out += note_lines([baseline(found), *feedback(found)])
     if found.parameters and found.verdict is not Verdict.NOTHING:
-        out += [sizes(found), Line(SIZES_LEGEND + "\n", "dim")]
+        out += [sizes(found), Line(SIZES_LEGEND, "dim"), Line()]
     shown = [c for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
     out += [Line(settle.in_words(c).replace(": nothing", ": nothing changed")) for c in shown]
     out += [*settle.lines(found.settle), Line()]
-    out += [alone(found), Line(ALONE_LEGEND + "\n", "dim"), flights(found)]
+    out += [alone(found), Line(ALONE_LEGEND, "dim"), Line(), flights(found)]
     if any(r.values for r in found.rows):
         out.append(values(found))
     out += note_lines(f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared)
@@ -193,7 +191,7 @@ def sizes(found: Changed) -> Table:
     out = table("changes", "effect", "parameter", "where", *numbers, left=3)
     for p in found.parameters:
         values = (number(v) for v in (p.healthy, p.scatter, p.suspect, p.change))
-        texts = (escape(p.effect), escape(p.name), escape(p.where))
+        texts = (p.effect, p.name, p.where)
         out.add_row(*texts, *values, number(p.std, 2), unit(p.unit), f"{p.significance:.1f}")
     return out
 
@@ -217,9 +215,7 @@ def flights(found: Changed) -> Table:
     out = table("mean residual of the given model by flight, signed", "flight", "", *UNIT_HEADS, left=2)
     for k, r in enumerate(found.rows):
         last = k == len(found.rows) - 1 or found.rows[k + 1].role != r.role
-        out.add_row(
-            escape(r.flight), r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last
-        )
+        out.add_row(r.flight, r.role, *row(r.mean), style="bold" if r.role == "suspect" else "", end_section=last)
     out.add_row("scatter", "", *row(found.scatter))
     return out
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-from rich.table import Table
-
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.comparison import Comparison, Stretch
 from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unmeasured
-from wrenchgap.replay.present.tables import Part, note_lines, reductions, table
+from wrenchgap.replay.present.tables import Part, Table, note_lines, reductions, styled, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,13 +32,13 @@ def errors(comparison: Comparison) -> Table:
     out = table(f"|measured - predicted| on {where}, {filtered(comparison)}", "model", "", *UNIT_HEADS, left=2)
     for index, one in enumerate(comparison.evaluations):
         e = one.pooled
-        out.add_row(f"[bold]{escape(one.name)}[/]", "mean", *row(e.mean_abs))
+        out.add_row(styled(one.name, "bold"), "mean", *row(e.mean_abs))
         out.add_row("", "std", *row(e.std_abs))
         out.add_row("", "rms", *row(e.rms))
         out.add_row("", "max", *row(e.max_abs), end_section=index == 0)
         if index:
             out.add_row("", "change of rms", *reductions(comparison.reduction(one)), end_section=True)
-    out.add_row("[dim]sensor noise[/]", "rms", *row(comparison.noise))
+    out.add_row(styled("sensor noise", "dim"), "rms", *row(comparison.noise))
     return out
 
 
@@ -56,8 +53,8 @@ def by_flight(comparison: Comparison) -> Table:
     for index, flight in enumerate(comparison.flights):
         for place, one in enumerate(comparison.evaluations):
             last = place == len(comparison.evaluations) - 1
-            name = escape(flight) if place == 0 else ""
-            out.add_row(name, escape(one.name), *row(one.by_flight[index].rms), end_section=last)
+            name = flight if place == 0 else ""
+            out.add_row(name, one.name, *row(one.by_flight[index].rms), end_section=last)
     return out
 
 
@@ -69,9 +66,9 @@ def means_by_flight(comparison: Comparison) -> Table:
         for place, one in enumerate(comparison.evaluations):
             own, last = one.by_flight[index], place == len(comparison.evaluations) - 1
             means = [text if text.startswith(("-", "0")) else f"+{text}" for text in row(own.mean)]
-            out.add_row(escape(flight) if place == 0 else "", escape(one.name), "mean", *means)
+            out.add_row(flight if place == 0 else "", one.name, "mean", *means)
             out.add_row("", "", "rms", *row(own.rms), end_section=last)
-    out.add_row("[dim]sensor noise[/]", "", "rms", *row(comparison.noise))
+    out.add_row(styled("sensor noise", "dim"), "", "rms", *row(comparison.noise))
     return out
 
 
@@ -82,7 +79,7 @@ def worst(name: str, stretches: Sequence[Stretch]) -> Table:
     for s in stretches:
         force, torque = force_and_torque(s.rms)
         state = [number(v if v is None else round(v, 3), 2) for v in (s.tilt_deg, s.force, s.rate, s.speed)]
-        out.add_row(escape(s.flight), f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
+        out.add_row(s.flight, f"{s.start:.1f} - {s.stop:.1f}", s.axis, number(force), number(torque), *state)
     return out
 
 

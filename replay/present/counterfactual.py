@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from wrenchgap import flight
 from wrenchgap.compensate.not_compiled import NotCompiled
@@ -87,8 +86,8 @@ def parts(result: Counterfactual) -> list[Part]:
     """The null run, the disturbance, and the tracking errors."""
     null, size = result.null_run, result.inference.size
     first = table("null run: nothing changed, against the recorded odometry", "", "largest", "rms")
-    first.add_row(escape("attitude [deg]"), f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}")
-    first.add_row(escape("position [mm]"), f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}")
+    first.add_row("attitude [deg]", f"{null.attitude_deg_max:.3f}", f"{null.attitude_deg_rms:.3f}")
+    first.add_row("position [mm]", f"{1e3 * null.position_m_max:.2f}", f"{1e3 * null.position_m_rms:.2f}")
 
     second = table("what the model does not explain", "", *UNIT_HEADS)
     above = f"rms above {FAST_HZ:g} Hz"
@@ -107,7 +106,7 @@ def parts(result: Counterfactual) -> list[Part]:
     errors = {key: _errors(one) for key, one in result.tracking.items()}
     rows = [(names[key], values) for key, values in errors.items() if names.get(key)]
     for name, values in [*rows, *((f"instead: {name}", _errors(one)) for name, one in result.baselines.items())]:
-        third.add_row(escape(name), *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
+        third.add_row(name, *(f"{v:.3f}" for v in values[:6]), *(f"{v:.1f}" for v in values[6:]))
     if words:
         least = np.repeat([WORSE_DEG, 0.0], (6, 2))  # of an axis that hardly errs any change is large in per cent
         falls = 1.0 - errors["counterfactual"] / np.where(errors[before] > least, errors[before], np.nan)

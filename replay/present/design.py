@@ -65,9 +65,10 @@ def parts(design: Design) -> list[Part]:
     """The result, separations by direction, the assumed sizes of the effects, how the flight went on the plant."""
     out = [Line(sentence(design), "bold")]
     out += [Line(f"  instead: {words}") for words in ([] if design.separable else advice(design))]
-    before = (f"{design.baseline}:\ncosine", "\nseparation")
-    heads = ("in the\nvehicle", "in the\nmodel", *before, "this flight:\ncosine", "\nseparation", "\nsimulated")
-    separations = plain("separation of the two effects", (*heads, "separable\non"), directions(design), left=2)
+    before = ((f"{design.baseline}:", "cosine"), ("", "separation"))
+    after = (("this flight:", "cosine"), ("", "separation"), ("", "simulated"), ("separable", "on"))
+    heads = (("in the", "vehicle"), ("in the", "model"), *before, *after)
+    separations = plain("separation of the two effects", heads, directions(design), left=2)
     return [
         *out,
         Line(),

@@ -6,7 +6,6 @@ The schemas are documented in docs/json.md and are part of the interface.
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
 from wrenchgap.flight.atomic import atomic as atomic
 from wrenchgap.flight.atomic import check_writable
@@ -111,9 +111,8 @@ def document(command: str, content: Mapping[str, Any], inputs: Sequence[Mapping[
 def write_json(path: Path, result: Mapping[str, Any], *, force: bool) -> None:
     """Write a `document`, all of it or nothing."""
     claim({"--json": path}, force=force)
-    text = json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     with atomic(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_text(json_text(result, indent=1) + "\n", encoding="utf-8")
 
 
 def plain(value: Any) -> Any:
@@ -135,5 +134,7 @@ def plain(value: Any) -> Any:
 
 def write_csv(frame: pd.DataFrame, path: Path, digits: str | None = "%.9g") -> None:
     """A table as CSV, all of it or nothing."""
+    texts = frame.select_dtypes(exclude="number").columns
+    frame = frame.assign(**{name: frame[name].map(csv_cell) for name in texts}).rename(columns=csv_cell)
     with atomic(path) as partial:
         frame.to_csv(partial, index=False, float_format=digits)

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.flight.gravity import GRAVITY
@@ -34,10 +32,12 @@ from wrenchgap.replay.present.tables import (
     INTERVAL_LEGEND,
     Line,
     Part,
+    Table,
     before_after,
     note_lines,
     parameters,
     reductions,
+    styled,
     table,
 )
 from wrenchgap.replay.present.untried import not_tried, reason
@@ -64,13 +64,13 @@ def parts(found: Explanation) -> list[Part]:
     out += note_lines(short(found), "warning")
     out += [Line(summary(found), "bold"), Line()]
     if found.members:
-        out += [members(found), Line(MEMBERS_LEGEND + "\n", "dim")]
+        out += [members(found), Line(MEMBERS_LEGEND, "dim"), Line()]
     out += [Line(words) for words in open_in_words(found)] + [Line()]
     out.append(ranking(found))
-    out.append(Line(RANKING_LEGEND + "\n", "dim"))
+    out += [Line(RANKING_LEGEND, "dim"), Line()]
     if found.fit.snapshot:
         fitted = parameters(found.fit.snapshot, "fitted together", found.model.vehicle)
-        out += [fitted, Line(INTERVAL_LEGEND + "\n", "dim")]
+        out += [fitted, Line(INTERVAL_LEGEND, "dim"), Line()]
     rows = [("rms before", found.rms_before), ("rms after", found.rms_after), ("sensor noise", found.noise)]
     behind = "".join(f", filtered at {f.records[0].cutoff_hz:g} Hz" for f in found.flights[:1])
     out.append(before_after(f"held-out time of the given logs{behind}", rows, found.reduction))
@@ -234,9 +234,9 @@ def ranking(found: Explanation) -> Table:
         mark = "*" if candidate.name in found.effects else "=" if candidate.name in alike else ""
         if k >= MOST and not mark:
             continue
-        limit = " [red](implausible: at its limit)[/]" if candidate.implausible else ""
+        limit = styled(" (implausible: at its limit)" if candidate.implausible else "", "red")
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
-        words = escape(parameters_in_words(candidate.values, found.model.vehicle)) + limit
+        words = styled(parameters_in_words(candidate.values, found.model.vehicle)) + limit
         out.add_row(mark, _together(candidate), *numbers, words, style="bold" if mark == "*" else "")
     return out
 

@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
-from rich.table import Table
-
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant.history import Changes, Value, Version, changes
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import changed_since
 from wrenchgap.replay.present.addition import effects_json, trial_json
 from wrenchgap.replay.present.numbers import AXIS_HEADS, entries, label, number
-from wrenchgap.replay.present.tables import Line, Part, note_lines, reductions, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, reductions, table
 
 BEFORE_AND_AFTER = ("before=before.value", "before_std=before.std", "after=after.value", "after_std=after.std")
 _Row = tuple[str, Value, float | None, float | None, float | None, float | None]
@@ -44,7 +41,7 @@ def table_of_versions(model: Model) -> Table:
     for version, changed in steps(model):
         falls = reductions(version.trial.fall) if version.trial is not None else ["-"] * 6
         flights = ", ".join(Path(file).stem for file, _ in version.flights) or "-"
-        row = (version.date[:10] or "-", escape(words(version, changed)), escape(flights))
+        row = (version.date[:10] or "-", words(version, changed), flights)
         out.add_row(str(version.number), *row, *falls)
     out.caption = "F, M: change of rms on held-out time"
     out.caption_justify = "left"
@@ -73,8 +70,8 @@ def table_of_changes(model: Model) -> Table:
         for effect, v, before, after, std, sigmas in rows:
             numbers = (number(before, 4), number(after, 4), number(std, 2))
             shift = "-" if sigmas is None else f"{sigmas:+.1f}"
-            name = escape(label(v.name, model.vehicle))
-            out.add_row(str(version.number), escape(effect), name, *numbers, v.unit, shift)
+            name = label(v.name, model.vehicle)
+            out.add_row(str(version.number), effect, name, *numbers, v.unit, shift)
     return out
 
 

@@ -7,9 +7,6 @@ from dataclasses import asdict
 from os.path import commonpath
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-from rich.table import Table
-
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.inspection import Inspection
 from wrenchgap.flight.unmeasured import unmeasured_axes
@@ -17,7 +14,7 @@ from wrenchgap.learn.data.phases import Phase
 from wrenchgap.learn.diagnose.model_checks import LogReport
 from wrenchgap.replay.present import timing
 from wrenchgap.replay.present.numbers import entries, number
-from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+from wrenchgap.replay.present.tables import Line, Part, Table, bare, note_lines, styled, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +24,7 @@ SHORTEST = 8
 """Characters of a shared namespace from which on it is said once, above the column."""
 SEVERAL = 4
 """Phases of one kind that have a line each; of more, one line for all."""
-COLOURS = {"bad": "[bold red]bad[/]", "warn": "[yellow]warn[/]", "ok": "[green]ok[/]"}
+COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
 
 def parts(seen: LogReport) -> list[Part]:
@@ -50,14 +47,14 @@ def topics(seen: Inspection) -> Table:
     size = f"{seen.size / 1e6:.1f} MB" if seen.size >= 1e5 else f"{seen.size / 1e3:.1f} kB"
     title = f"{seen.path} ({seen.format}, {size}, {seen.duration:.1f} s)"
     common = _namespace([t.topic for t in seen.topics])
-    first = f"topic in\n{common}" if common else "topic"
+    first = ("topic in", common) if common else "topic"
     out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
     for t in seen.topics:
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
-        role = f"[bold green]{escape(', '.join(t.plays))}[/]" if t.plays else "[dim]-[/]"
+        role = styled(", ".join(t.plays), "bold green") if t.plays else styled("-", "dim")
         lost = str(sum(t.dropped.values())) if t.dropped else "0"
-        name, kind = escape(t.topic.removeprefix(common)), escape(t.type.split("/")[-1])
+        name, kind = t.topic.removeprefix(common), t.type.split("/")[-1]
         out.add_row(name, kind, role, str(t.count), number(t.rate, 4), jitter, gaps, lost)
     return out
 
@@ -71,9 +68,9 @@ def _namespace(names: Sequence[str]) -> str:
 
 def checks(found: Sequence[Check]) -> Table:
     """Findings, the bad ones first."""
-    out = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+    out = bare()
     for check in sorted(found, key=lambda c: list(COLOURS).index(c.level)):
-        out.add_row(COLOURS[check.level], escape(check.name), escape(_words(check)))
+        out.add_row(styled(check.level, COLOURS[check.level]), check.name, _words(check))
     return out
 
 
@@ -97,7 +94,7 @@ def phases(found: Sequence[Phase]) -> Table:
         first, last = row[0], row[-1]
         times = f"{first.start:.2f} - {last.stop:.2f}" + (f", {len(row)} times" if len(row) > 1 else "")
         length = sum(p.stop - p.start for p in row)
-        out.add_row(first.name, times, f"{length:.2f}", "left out" if first.left_out else "used", escape(first.why))
+        out.add_row(first.name, times, f"{length:.2f}", "left out" if first.left_out else "used", first.why)
     return out
 
 

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn import Comparison, Learnt
@@ -25,7 +23,7 @@ from wrenchgap.replay.compensation.compensators import (
 from wrenchgap.replay.present import comparison
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, entries, quantity, row, share, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, reductions, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, reductions, styled, table
 from wrenchgap.replay.present.verdicts import (
     lags_in_words,
     margin_in_words,
@@ -76,7 +74,7 @@ def _prediction(title: str, result: Comparison) -> Table:
     name = f"{title}: {', '.join(result.flights)}, |measured - predicted|, {comparison.filtered(result)}"
     out = table(name, "model", "", *UNIT_HEADS, left=2)
     for e in result.evaluations:
-        out.add_row(f"[bold]{escape(e.name)}[/]", "mean", *row(e.pooled.mean_abs))
+        out.add_row(styled(e.name, "bold"), "mean", *row(e.pooled.mean_abs))
         out.add_row("", "std", *row(e.pooled.std_abs), end_section=True)
     first, last = result.evaluations[0].pooled, result.evaluations[-1].pooled
     out.add_row("", "change of mean", *reductions(reduction(first.mean_abs, last.mean_abs)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.markup import escape
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.command_curve import CommandCurve
@@ -115,7 +114,7 @@ def rotor_table(vehicle: Vehicle) -> Part:
     heads = ("rotor", "x [mm]", "y [mm]", "z [mm]", "turns", "full thrust [N]", "kappa [mm]", "radius [mm]")
     rows = [
         (
-            escape(row["rotor"]),
+            row["rotor"],
             *(number(1e3 * row[axis]) for axis in "xyz"),
             "counter-clockwise" if row["spin"] > 0 else "clockwise",
             number(row["thrust_max"]),

@@ -1,4 +1,8 @@
-"""Tables and lines, the parts of which every printed result is made. They show; nothing is computed here."""
+"""Tables and lines, the parts of which every printed result is made. They show; nothing is computed here.
+
+A text is data: what is printed of it is one line of printable characters, and nothing in it is markup. Colours and
+weights are said by `styled`. No other module makes what rich prints.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich import box
-from rich.markup import escape
-from rich.table import Table
+from rich import table as rich_table
+from rich.text import Text
 
+from wrenchgap._escaping import printable
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.history import Snapshot
 from wrenchgap.plant.vehicle import Vehicle
@@ -35,13 +40,26 @@ class Line:
     style: str = ""
 
 
+def styled(text: str, style: str = "") -> Text:
+    """A text to print, in one of rich's styles."""
+    return Text(printable(text), style)
+
+
+class Table(rich_table.Table):
+    """A table whose cells are texts, or `styled` ones."""
+
+    def add_row(self, *cells: Any, **options: Any) -> None:
+        """A row of cells."""
+        super().add_row(*(cell if isinstance(cell, Text) else styled(str(cell)) for cell in cells), **options)
+
+
 Part = Table | Line
 
 
 def show(console: Any, part: Part) -> None:
     """Print one part to a console of rich. A line with a command to copy stays one line."""
     if isinstance(part, Line):
-        console.print(part.text, style=part.style or None, markup=False, soft_wrap=COMMAND in part.text)
+        console.print(styled(part.text), style=part.style or None, soft_wrap=COMMAND in part.text)
     else:
         console.print(part)
 
@@ -52,36 +70,42 @@ def note_lines(sentences: Iterable[str], title: str = "note") -> list[Line]:
     return [Line(f"{title}: {text}", style) for text in dict.fromkeys(sentences)]
 
 
-def table(title: str, *heads: str, left: int = 1) -> Table:
-    """An empty table; the first `left` columns are texts."""
-    out = Table(title=escape(title), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False)
+def table(title: str, *heads: str | Sequence[str], left: int = 1) -> Table:
+    """An empty table; the first `left` columns are texts. A head is a line, or several."""
+    look: dict[str, Any] = {"title_justify": "left", "title_style": "bold"}
+    out = Table(title=styled(title) if title else None, box=box.SIMPLE_HEAD, pad_edge=False, **look)
     for index, head in enumerate(heads):
-        out.add_column(escape(head), justify="left" if index < left else "right", overflow="fold")
+        lines = [styled(line) for line in ([head] if isinstance(head, str) else head)]
+        out.add_column(Text("\n").join(lines), justify="left" if index < left else "right", overflow="fold")
     return out
 
 
-def plain(title: str, heads: Sequence[str], rows: Iterable[Sequence[Any]], left: int = 1) -> Table:
+def bare() -> Table:
+    """An empty table without a title, heads and lines."""
+    return Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+
+
+def plain(title: str, heads: Sequence[str | Sequence[str]], rows: Iterable[Sequence[Any]], left: int = 1) -> Table:
     """Any rows of texts."""
     out = table(title, *heads, left=left)
     for values in rows:
-        out.add_row(*(escape(str(v)) for v in values))
+        out.add_row(*values)
     return out
 
 
-def reductions(values: Iterable[float]) -> list[str]:
+def reductions(values: Iterable[float]) -> list[Text]:
     """Reductions of rms as changes (-95 % where 95 % are gone), coloured where they say something."""
-    out = []
-    for value in values:
-        text = change(-float(value))
-        out.append(f"[green]{text}[/]" if value > COLOURED else f"[red]{text}[/]" if value < -COLOURED else text)
-    return out
+    return [
+        styled(change(-float(value)), "green" if value > COLOURED else "red" if value < -COLOURED else "")
+        for value in values
+    ]
 
 
 def before_after(title: str, rows: Sequence[tuple[str, Array]], reduction: Array | None = None) -> Table:
     """Rows of six numbers, and the change from the first to the last."""
     out = table(title, "", *UNIT_HEADS)
     for name, values in rows:
-        out.add_row(escape(name), *row(values))
+        out.add_row(name, *row(values))
     if reduction is not None:
         out.add_row("change", *reductions(reduction))
     return out
@@ -93,6 +117,6 @@ def parameters(effects: Sequence[Snapshot], title: str, vehicle: Vehicle | None 
     out.columns[-1].justify = "left"
     for effect in effects:
         for k, v in enumerate(effect.values):
-            first = escape(effect.effect) if k == 0 else ""
-            out.add_row(first, escape(label(v.name, vehicle)), number(v.value, 4), number(v.std, 2), unit(v.unit))
+            first = effect.effect if k == 0 else ""
+            out.add_row(first, label(v.name, vehicle), number(v.value, 4), number(v.std, 2), unit(v.unit))
     return out

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.diagnose.response import Response
@@ -20,7 +18,7 @@ from wrenchgap.learn.diagnose.timing import (
     UnevenOffset,
 )
 from wrenchgap.replay.present.numbers import entries
-from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 LEGEND = (
     "delay: positive where the signal is later than its reference   form: of a late response   consequence: error of "
@@ -64,7 +62,7 @@ def offsets_table(found: FlightTiming) -> Table:
         if o.drift is not None and not o.same:
             drift = f"{_per_minute(o.drift)} +- {_per_minute(o.drift_std, sign=False)}"
         band, form = f"{o.lowest_hz:.1f}-{o.highest_hz:.1f}", "-" if response is None else response.shape or "-"
-        row = (escape(o.second), escape(o.first), delay, drift, band, form, _matters(errors.get(id(o)), response))
+        row = (o.second, o.first, delay, drift, band, form, _matters(errors.get(id(o)), response))
         out.add_row(*row, style="" if o.certain else "dim")
     return out
 

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Flight
@@ -18,7 +16,7 @@ from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import called, entries, label, number, quantity, unit, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, note_lines, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +52,7 @@ def parts(found: Trend) -> list[Part]:
     out += [*([Line(CAVEAT, "dim")] if found.changed else []), Line(), overview(found)]
     if changes := [p for p in found.changed if p.course.steps]:
         out.append(steps(found, changes))
-    out += [Line(LEGEND + "\n", "dim"), values(found)]
+    out += [Line(LEGEND, "dim"), Line(), values(found)]
     return [*out, *note_lines(notes(found))]
 
 
@@ -122,9 +120,9 @@ def overview(found: Trend) -> Table:
     for p in found.parameters:
         first, last = p.effect if p.effect != last else "", p.effect
         numbers = (number(float(p.values.mean())), number(p.course.scatter, 2), number(float(np.median(p.errors)), 2))
-        name = escape(label(p.name, found.model.vehicle))
+        name = label(p.name, found.model.vehicle)
         style = "bold" if p in found.changed else "dim" if p.course.verdict is Verdict.OPEN else ""
-        out.add_row(escape(first), name, WORDS[p.course.verdict], *numbers, unit(p.unit), style=style)
+        out.add_row(first, name, WORDS[p.course.verdict], *numbers, unit(p.unit), style=style)
     return out
 
 
@@ -133,8 +131,8 @@ def steps(found: Trend, changed: Sequence[ParameterTrend]) -> Table:
     out = table("steps", "parameter", "from flight", "before", "after", "size", "95 %", "t", "p", left=2)
     for p in changed:
         for k, step in enumerate(p.course.steps):
-            name = escape(column(p, found)) if k == 0 else ""
-            place = escape(f"{step.flight + 1} {found.names[step.flight]}")
+            name = column(p, found) if k == 0 else ""
+            place = f"{step.flight + 1} {found.names[step.flight]}"
             interval = f"{number(step.low)} to {number(step.high)}"
             sizes = (number(step.before), number(step.after), number(step.size), interval)
             test = (f"{step.t:.1f}", f"{step.p:.1g}")
@@ -151,11 +149,11 @@ def values(found: Trend) -> Table:
     """Every value by flight, with a mark on the first flight after a step."""
     shown = [p for p in found.parameters if p.course.verdict is not Verdict.OPEN]
     shown = shown if len(shown) <= MOST_COLUMNS else list(found.changed[:MOST_COLUMNS])
-    heads = [column(p, found).replace(" ", "\n", 1) for p in shown]
+    heads = [column(p, found).split(" ", 1) for p in shown]
     out = table("values by flight; > the first flight after a step", "", "flight", *heads, left=2)
     for k, name in enumerate(found.names):
         texts = [f"{'> ' if any(s.flight == k for s in p.course.steps) else ''}{number(p.values[k])}" for p in shown]
-        out.add_row(str(k + 1), escape(name), *texts)
+        out.add_row(str(k + 1), name, *texts)
     return out
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.errors import length
@@ -17,7 +16,7 @@ from wrenchgap.learn.diagnose.whiteness import WORTH, Autocorrelation, CrossCorr
 from wrenchgap.replay.present.comparison import worst
 from wrenchgap.replay.present.notes import sentences, too_short
 from wrenchgap.replay.present.numbers import AXIS_HEADS, UNIT_HEADS, entries, row, share, unmeasured
-from wrenchgap.replay.present.tables import Line, Part, note_lines, plain, table
+from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
 
 if TYPE_CHECKING:
     import pandas as pd

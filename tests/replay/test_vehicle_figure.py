@@ -74,7 +74,8 @@ def test_a_rotor_whose_thrust_points_down_turns_the_other_way_as_seen_from_above
 
 
 def test_parts_have_their_names_without_markup(crazyflie):
-    found = texts(drawn(crazyflie))
+    (panel,) = style.figure_of(vehicle.picture(crazyflie)).axes
+    found = texts(panel)
     assert {"M1", "M2", "M$3", "M4", "back_left$", "forward"} <= set(found)
     assert not any(found[name].get_parse_math() for name in ("M$3", "back_left$"))
 

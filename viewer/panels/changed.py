@@ -64,7 +64,7 @@ class ChangedPanel(Panel):
     def opened(self, scene: Scene) -> None:
         """Another flight, or another model."""
         words = f"suspect: {scene.name}, the flight shown; choose another one at the top"
-        self.suspect.content = markup.render("sentences", lines=[words], look="wg-muted")
+        self.suspect.content = markup.sentences(words, look="wg-muted")
         for name, tick in self.healthy.items():
             tick.visible = name != scene.name
         self._draw()

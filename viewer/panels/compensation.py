@@ -14,8 +14,9 @@ from wrenchgap.viewer.scene import Scene
 from wrenchgap.viewer.scene_drawing import tidy
 
 NO_PROCESS = (
-    "There is no Gaussian process to compensate with. Learn one and open the page with it:\n\n"
-    "`wrenchgap learn LOG -m MODEL -o torque.gp`\n\n`wrenchgap view LOG -m MODEL --gp torque.gp`"
+    "There is no Gaussian process to compensate with. Learn one and open the page with it:",
+    "wrenchgap learn LOG -m MODEL -o torque.gp",
+    "wrenchgap view LOG -m MODEL --gp torque.gp",
 )
 GHOST = "re-simulated"
 """Name of the ghost in the scene."""
@@ -35,7 +36,7 @@ class CompensationPanel(Panel):
         self.ready = setting is not None
         with host.tab("Compensation"):
             if setting is None:
-                host.gui.add_markdown(NO_PROCESS)
+                host.gui.add_html(markup.sentences(*NO_PROCESS))
                 return
             self._settings(setting)
             self._replay()

@@ -106,7 +106,7 @@ class EffectsPanel(Panel):
         self.again.label, self.again.visible = f"Redo: {state.redo}", bool(state.redo)
         self.choice.options = state.available or ("-",)
         lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in state.lacking]
-        self.lacking.content = markup.render("sentences", lines=lacking, look="wg-pale")
+        self.lacking.content = markup.sentences(*lacking, look="wg-pale")
         self.inside.content = markup.render("installed", state=state)
         self.sliders.show(state.installed)
         self.refit.visible = bool(state.installed)

@@ -7,6 +7,7 @@ from threading import Lock
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.background import Job
 from wrenchgap.viewer.colours import Colour
 from wrenchgap.viewer.export_formats import png, table
@@ -19,6 +20,7 @@ from wrenchgap.viewer.view_state import parse
 RENDER_SECONDS = 30.0
 """A client that has not rendered by then does not any more."""
 REPORT = "HTML report"
+SAVED = "Flight, time, marks, switches, plots and camera: save them, open them elsewhere."
 Caption = tuple[Sequence[tuple[str, Colour]], Sequence[str]]
 """Rows of the legend, and sentences below it."""
 
@@ -41,9 +43,9 @@ class ExportPanel(Panel):
                 self.report = gui.add_button(REPORT, visible=self._write is not None)
                 self.report.on_click(guarded(self._report))
                 self.progress = gui.add_progress_bar(0.0, visible=False)
-                self.doing = gui.add_markdown("", visible=False)
+                self.doing = gui.add_html("", visible=False)
             with gui.add_folder("view"):
-                gui.add_markdown("Flight, time, marks, switches, plots and camera: save them, open them elsewhere.")
+                gui.add_html(markup.sentences(SAVED))
                 self.save = gui.add_button("Save view")
                 self.save.on_click(guarded(self._save))
                 self.open = gui.add_upload_button("Open view", mime_type="application/json")
@@ -97,7 +99,7 @@ class ExportPanel(Panel):
         self.progress.visible = self.doing.visible = True
 
         def told(share: float, words: str) -> None:
-            self.progress.value, self.doing.content = 100.0 * share, words
+            self.progress.value, self.doing.content = 100.0 * share, markup.sentences(words)
 
         def done(text: str) -> None:
             self._idle()

@@ -65,7 +65,7 @@ class FailurePanel(Panel):
         name, beside = scene.name, is_long(scene)
         if beside and (self.failure is None or self.failure.flight != name):
             self.failure, self.parts.content = None, ""
-            self.map.content = markup.render("sentences", lines=[f"looking at {name} ..."], look="wg-pale")
+            self.map.content = markup.sentences(f"looking at {name} ...", look="wg-pale")
         self.look_up(partial(self.failures.of, name), self._show, beside=beside)
 
     def _show(self, failure: Failure) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from wrenchgap.viewer import markup
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.panel import Panel
 from wrenchgap.viewer.scene import Scene
@@ -38,17 +40,19 @@ class NotesPanel(Panel):
         with self._tab:
             self._content = []
             if scene.warnings:
-                lines = ("**Checks of the log**\n", *(f"- {text}" for text in scene.warnings))
-                self._content.append(gui.add_markdown("\n".join(lines)))
+                self._content.append(gui.add_html(_listed("Checks of the log", scene.warnings, "wg-warn")))
             if scene.worst:
-                self._content.append(gui.add_markdown("**Where the model is worst**"))
+                self._content.append(gui.add_html(_listed("Where the model is worst")))
             for stretch in scene.worst:
                 self._content.append(gui.add_button(f"{stretch.start:.1f} s: {stretch.words}"))
                 self._content[-1].on_click(self.host.guarded(partial(self._go, stretch.start)))
             if scene.notes:
-                self._content.append(gui.add_markdown("\n".join(("**Notes**\n", *(f"- {n}" for n in scene.notes)))))
-            keys = "\n".join(("**Keys**\n", *(f"- `{key}` {what}" for key, what in KEYS)))
-            self._content.append(gui.add_markdown(keys))
+                self._content.append(gui.add_html(_listed("Notes", scene.notes)))
+            self._content.append(gui.add_html(_listed("Keys", rows=KEYS)))
 
     def _go(self, time: float, event: Any) -> None:
         self.host.cursor.go(time)
+
+
+def _listed(heading: str, sentences: Sequence[str] = (), look: str = "", rows: Sequence[tuple[str, ...]] = ()) -> str:
+    return markup.render("table", heading=heading, head=(), rows=rows, sentences=sentences, look=look)

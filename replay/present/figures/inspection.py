@@ -39,7 +39,9 @@ def _draw(seen: LogReport, panels: Any) -> None:
         return
     for panel, (role, series) in zip(panels, _series(seen).items(), strict=True):
         _rate(panel, series, seen.inspection.duration)
-        panel.set_title(f"{role}: {series.topic}", fontsize=style.SMALL, loc="left")
+        panel.set_title(
+            f"{role}: {style.shortened(series.topic, style.LONGEST_LABEL)}", fontsize=style.SMALL, loc="left"
+        )
         panel.set_xlim(0.0, max(seen.inspection.duration, 1e-3))
     style.labelled(panels[-1], "time since the first message", "s", "x")
     style.grid(panels)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap._escaping import figure_text
 from wrenchgap.flight.decimate import envelope
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
@@ -25,6 +26,8 @@ QUANTITIES = tuple((f"{kind} {axis}", unit) for kind, unit in (("force", "N"), (
 SMALL, USUAL = 8, 9
 """Sizes of text [points]."""
 
+LONGEST_LINE, LONGEST_LABEL = 300, 60
+"""Characters of a title and of a label: what fits 15 and 4 inches; a longer label leaves no room for the axes."""
 COLUMNS = 900
 """Columns of time that a panel tells apart, about the pixels of its width."""
 CROWDED, ROUGH = 8, 0.05
@@ -72,6 +75,8 @@ def plot(picture: Picture, axes: Any = None) -> Any:
         )
     into = given.reshape(picture.shape)
     picture.draw(into if picture.shape else into.item())
+    for panel in into.ravel():
+        _literal(panel)
     return axes
 
 
@@ -98,7 +103,32 @@ def _filled(figure: Any, picture: Picture) -> Any:
     picture.draw(axes)
     if picture.title:
         figure.suptitle(picture.title, x=0.01, ha="left", fontsize=11)
+    _literal(figure)
     return axes
+
+
+def _literal(drawn: Any) -> None:
+    """All texts of a figure or of axes as they are, those of ticks that have names too: a `$` begins no formula."""
+    from matplotlib.axis import Axis, Tick
+    from matplotlib.legend import Legend
+    from matplotlib.text import Text
+    from matplotlib.ticker import FuncFormatter
+
+    class Names(FuncFormatter):
+        """Of ticks that have names; those of numbers may be formulae (10^-2)."""
+
+    def named(of: Any) -> Names:
+        return Names(lambda value, place=None: figure_text(of(value, place), LONGEST_LABEL).replace("$", r"\$"))
+
+    axes = drawn.findobj(Axis)
+    for axis in axes:
+        if type(axis.get_major_formatter()) is FuncFormatter:
+            axis.set_major_formatter(named(axis.get_major_formatter()))
+    of_ticks = {label for tick in drawn.findobj(Tick) for label in (tick.label1, tick.label2)}
+    labels = {axis.label for axis in axes} | {text for one in drawn.findobj(Legend) for text in one.get_texts()}
+    for text in set(drawn.findobj(Text)) - of_ticks:
+        text.set_text(figure_text(text.get_text(), LONGEST_LABEL if text in labels else LONGEST_LINE))
+        text.set_parse_math(False)
 
 
 def labelled(panel: Any, name: str, unit: str, side: str = "y", size: float = USUAL) -> None:

@@ -40,11 +40,11 @@ def _draw(found: Trend, axes: Any) -> None:
     panels, shown = np.ravel(axes), _shown(found)
     for panel, p in zip(panels, shown, strict=True):
         _panel(panel, p)
-        name = f"{p.effect}\n{label(p.name, found.model.vehicle)}".replace("$", r"\$")
+        name = f"{p.effect}\n{label(p.name, found.model.vehicle)}"
         style.labelled(panel, name, "" if p.unit == "1" else p.unit)
     bottom, count = panels[-1], len(found.flights)
     if count <= MOST_NAMES:
-        names = [f"{k + 1} {style.shortened(name)}".replace("$", r"\$") for k, name in enumerate(found.names)]
+        names = [f"{k + 1} {style.shortened(name)}" for k, name in enumerate(found.names)]
         bottom.set_xticks(np.arange(1, count + 1), names, rotation=60, ha="right", fontsize=style.SMALL)
     bottom.set_xlabel("flight, in the order given", fontsize=style.USUAL)
     bottom.set_xlim(0.5, count + 0.5)

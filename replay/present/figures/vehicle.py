@@ -182,7 +182,7 @@ def _name(panel: Any, y: float, x: float, text: str, colour: str) -> None:
     """A name on the drawing, without markup."""
     from matplotlib.patheffects import withStroke
 
-    look = {"ha": "center", "va": "center", "fontsize": style.SMALL, "color": colour, "parse_math": False}
+    look = {"ha": "center", "va": "center", "fontsize": style.SMALL, "color": colour}
     panel.text(y, x, text, zorder=7, path_effects=[withStroke(linewidth=2.5, foreground="white")], **look)
 
 
@@ -204,7 +204,6 @@ def _words(panel: Any, place: Array, text: str, half: float, side: tuple[float, 
         arrowprops={"arrowstyle": "-", "color": style.WARNING, "lw": 0.8},
         fontsize=style.USUAL,
         color=style.WARNING,
-        parse_math=False,
         ha="center" if not beside else "left" if out[1] > 0.0 else "right",
         va="bottom" if out[0] >= 0 else "top",
         zorder=8,

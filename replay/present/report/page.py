@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader
 
+from wrenchgap._escaping import html_templates
 from wrenchgap.replay.present import explanation, staircase
 from wrenchgap.replay.present.checks import raised, warnings
 from wrenchgap.replay.present.documents import atomic, claim
@@ -49,10 +50,4 @@ def page(report: Report, repetition: Repetition) -> str:
 
 def environment() -> Environment:
     """The templates; texts are escaped, and nothing may be missing."""
-    return Environment(
-        loader=PackageLoader("wrenchgap.replay.present.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    return html_templates(PackageLoader("wrenchgap.replay.present.report"))
