@@ -10,6 +10,8 @@ Models that depend on more than the command (`plant.mismatch.Follows`) are also 
 uncertainty filter lets go of that part alone: far from the data the physics stays.
 """
 
+# Long because one object is the whole step; the loop kernels and their limits have files of their own.
+
 from __future__ import annotations
 
 import math

@@ -1,5 +1,7 @@
 """Attacks on whoever looks at flights with `wrenchgap view`: who drives the page, what it writes and swallows."""
 
+# Long because every attack on the page is here.
+
 from __future__ import annotations
 
 import contextlib

@@ -37,6 +37,7 @@ def context(
     reach: Reach,
 ) -> dict[str, Any]:
     """What the templates ask for, of a plan with `effects`."""
+    # Long because it names every number of the templates, one a line.
     gate, expansion, physics = plan.gate, plan.expansion, plan.physics
     groups = () if expansion is None else expansion.input_groups
     places = np.cumsum([len(AXES), *(len(COLUMNS[g]) for g in groups)]).tolist()

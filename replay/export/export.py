@@ -116,6 +116,7 @@ def export(
 
     Raises UsageError for effects that cannot be exported, by name, and for a precision that is none.
     """
+    # Long because an `Export` has as many fields, one a line.
     if precision not in get_args(Precision):
         raise UsageError(f"export: precision is {precision!r}, expected one of {', '.join(get_args(Precision))}")
     kept, left_out = _without(process, model, leave_out)
