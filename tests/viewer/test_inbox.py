@@ -57,7 +57,8 @@ OFFERED = {"slider": (0, 1.0), "number": (7,), "any": (-1e9,), "text": ("a view"
            "group": ("c",), "button": (True,)}  # fmt: skip
 NOT_OFFERED = {"slider": (1.1, np.nan, "0.5", True), "number": (-1.0,), "any": (np.inf, 1e300),
                "text": (5, "x" * 200_000), "box": (1,), "choice": ("c", ["a"]), "group": ("e",), "button": ("x",),
-               "hidden": (True,), "off": (True,), "bar": (5.0,), "upload": (b"",), "note": ("x",), "no control": (1,)}  # fmt: skip
+               "hidden": (True,), "off": (True,), "bar": (5.0,),
+               "upload": (b"",), "note": ("x",), "no control": (1,)}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", OFFERED)
