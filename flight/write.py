@@ -24,6 +24,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from wrenchgap._escaping import storable
 from wrenchgap.flight import so3
 from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
@@ -82,8 +83,9 @@ def write(
     if len(set(names)) < len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise UsageError(f"{path}: topic {', '.join(twice)} is written twice; give the additional series another name")
+    about = {key: storable(value) for key, value in (metadata or {}).items()}
     with atomic(path) as partial, partial.open("wb") as stream:
-        _write(stream, topics, _start(flight.start_ns, topics), dict(metadata or {}))
+        _write(stream, topics, _start(flight.start_ns, topics), about)
     return path
 
 

@@ -22,6 +22,7 @@ import numpy as np
 import tomlkit
 from pydantic import Field
 
+from wrenchgap._escaping import storable
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.moves import KINDS, Move, Moves
@@ -126,7 +127,7 @@ def dumps(file: TrajectoryFile) -> str:
         document["moves"] = [_keys(move) for move in plan.moves]
     if file.purpose:
         document["purpose"] = dict(file.purpose)
-    return tomlkit.dumps(document)
+    return storable(tomlkit.dumps(document))
 
 
 def sampled(file: TrajectoryFile, rate_hz: float) -> Array:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from wrenchgap._escaping import printable
 from wrenchgap.plant.drafts.draft import Draft, RotorDraft, Said
+from wrenchgap.plant.reader import LONGEST_NAME
 
 COMMENT = 58
 """Column at which comments begin."""
@@ -20,7 +22,8 @@ SHARED = ("c_f", "kappa", "radius", "speed_max")
 
 def text_of(draft: Draft, headline: Sequence[str]) -> str:
     """TOML of a finished draft; `headline` are lines for its top."""
-    lines = [*(f"# {line}" for line in headline), "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
+    top = [f"# {printable(line)}" for line in headline]
+    lines = [*top, "schema = 1", "", "[vehicle]", f"name = {_text(draft.name)}"]
     for key in ("mass", "inertia", "com", "imu_position"):
         lines.append(_line(key, _told(getattr(draft, key)), getattr(draft, key)))
     lines += ["", *_shared(draft.rotors)]
@@ -46,7 +49,7 @@ def _command(draft: Draft) -> list[str]:
 
 
 def _text(value: str) -> str:
-    return str(tomlkit.string(value).as_string())
+    return str(tomlkit.string(printable(value)[:LONGEST_NAME]).as_string())
 
 
 def _value(value: Any) -> str:
@@ -66,7 +69,7 @@ def _line(key: str, value: str, said: Said) -> str:
 
 
 def _words(said: Said) -> str:
-    return f"ASSUMED: {said.source}" if said.assumed else said.source
+    return printable(f"ASSUMED: {said.source}" if said.assumed else said.source)
 
 
 def _alike(rotors: Sequence[RotorDraft], key: str) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from wrenchgap._escaping import storable
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.effects import sources
 from wrenchgap.plant.history import Version
@@ -35,7 +36,7 @@ def dumps(model: Model) -> str:
         text += "\n" + _effect_text(model.vehicle, item)
     for entry in model.history:
         text += "\n" + _version_text(entry)
-    return text
+    return storable(text)
 
 
 @lru_cache(maxsize=8)

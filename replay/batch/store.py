@@ -23,6 +23,7 @@ from urllib.parse import quote, unquote
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from wrenchgap._escaping import storable
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.batch.sources import opened, reached
 
@@ -124,7 +125,8 @@ class Store:
             date = datetime.fromtimestamp(start * 1e-9, UTC).strftime("%Y-%m-%d")
         name = f"{row['key']}{FAILED if row['status'] == 'failed' else ''}.parquet"
         path = f"{root}/rows/pass={number}/vehicle={quote(vehicle, safe='')}/date={date}/{name}"
-        table = pa.Table.from_pylist([{c: row.get(c) for c in SCHEMA.names}], schema=SCHEMA)
+        cells = {c: storable(v) if isinstance(v := row.get(c), str) else v for c in SCHEMA.names}
+        table = pa.Table.from_pylist([cells], schema=SCHEMA)
         sink = pa.BufferOutputStream()
         pq.write_table(table, sink, compression="zstd")
         self._write(path, sink.getvalue().to_pybytes())

@@ -119,7 +119,8 @@ def _fault(error: BaseException) -> int:
     if os.environ.get("WRENCHGAP_DEBUG"):
         sys.stderr.write(text)
         return 1
-    with tempfile.NamedTemporaryFile("w", prefix=f"{NAME}-", suffix=".txt", delete=False, encoding="utf-8") as file:
+    how: Any = {"mode": "w", "suffix": ".txt", "delete": False, "encoding": "utf-8", "errors": "replace"}
+    with tempfile.NamedTemporaryFile(prefix=f"{NAME}-", **how) as file:
         file.write(f"{' '.join(sys.argv)}\n{text}")
     said = str(error).splitlines() or [""]
     say(

@@ -11,6 +11,8 @@ need not think of it:
     figures            `figure_text`    replay.present.figures.style
     JSON               `json_text`      replay.present.documents, viewer.view_state
     CSV                `csv_cell`       replay.present.documents, viewer.export_formats
+    TOML, MCAP         `storable`       plant.model_file, plant.trajectory_file, flight.write, replay.batch.store
+    TOML's comments    `printable`      plant.drafts.text
 """
 
 from __future__ import annotations
@@ -44,6 +46,11 @@ _SEVERAL_LINES = _Printable({ord("\n"): "\n", ord("\t"): "\t"})
 def printable(text: object, *, lines: bool = False) -> str:
     """Text without control characters, marks of direction and lone surrogates; line breaks stay where `lines`."""
     return str(text).translate(_SEVERAL_LINES if lines else _PRINTABLE)
+
+
+def storable(text: str) -> str:
+    """Text that UTF-8 can hold: half characters, as of a file name in another encoding, are replaced."""
+    return re.sub(r"[\ud800-\udfff]", UNKNOWN, text)
 
 
 def html_templates(loader: BaseLoader) -> Environment:
@@ -88,7 +95,7 @@ def figure_text(text: str, most: int) -> str:
 def json_text(value: Any, indent: int | None = None) -> str:
     """A document of JSON: strict; what is not printable as its number, lone surrogates as U+FFFD, the rest readable."""
     text = json.dumps(value, indent=indent, allow_nan=False, ensure_ascii=False)
-    text = re.sub(r"[\ud800-\udfff]", UNKNOWN, text)
+    text = storable(text)
     if text.replace("\n", "").isprintable():
         return text
     return "".join(c if c == "\n" or c.isprintable() else json.dumps(c)[1:-1] for c in text)

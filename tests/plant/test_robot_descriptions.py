@@ -253,3 +253,26 @@ def test_a_motor_without_a_number_is_still_a_motor(tmp_path):
     text = urdf().replace("<motorNumber>0<", "<motorNumber>nan<")
     (tmp_path / "quad.urdf").write_text(text)
     assert len(drafted(tmp_path / "quad.urdf", Given()).rotors) == 4
+
+
+@pytest.mark.parametrize("name", ["quad.sdf", "quad.xml"])
+def test_a_name_in_a_description_is_no_line_of_the_model_file(tmp_path, name):
+    forged = "&#10;[command]&#10;table = &quot;/etc/passwd&quot;&#10;#&#x9b;"
+    text = FORMS[name]().replace('name="M1"', f'name="M1{forged}"').replace('name="quad"', f'name="quad{forged}"')
+    model = model_of(read(tmp_path, name, text))
+    assert model.command is None
+    assert all(c == "\n" or c.isprintable() for c in model.text)
+
+
+def test_a_description_may_name_files_of_its_own_folder(tmp_path):
+    hull = f'<inertial pos="0 0 0" mass="{HULL}"'
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "hull.xml").write_text(f"<mujoco>{hull} diaginertia='0.01 0.01 0.02'/></mujoco>")
+    start = mjcf().index(hull)
+    whole = mjcf()
+    included = whole[:start] + '<include file="parts/hull.xml"/>' + whole[whole.index("/>", start) + 2 :]
+    assert model_of(read(tmp_path, "quad.xml", included)).vehicle.body.mass == pytest.approx(
+        model_of(read(tmp_path, "whole.xml", whole)).vehicle.body.mass
+    )
+    (tmp_path / "linked").symlink_to(tmp_path)
+    assert model_of(read(tmp_path / "linked", "quad.xml", included)).vehicle.body.mass > 0.0
