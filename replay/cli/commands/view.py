@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
 
@@ -70,6 +69,7 @@ def view(
     import threading
 
     from wrenchgap._lazy import uncollected
+    from wrenchgap.flight.errors import UsageError
 
     with uncollected():
         from wrenchgap.flight import cache
