@@ -1,7 +1,7 @@
 """Licences of all that `pip install wrenchgap` installs, from the packages' own metadata; part of `make check`.
 
-    python scripts/licences.py          # fails for a licence that is not accepted, or where docs/licences.md is out
-    of date python scripts/licences.py --page   # writes docs/licences.md
+    python scripts/licences.py          # fails for a licence that is not accepted, or where docs/licences.md is stale
+    python scripts/licences.py --page   # writes docs/licences.md
 
 A required package under the GPL or the AGPL would put whoever passes wrenchgap on under it. Extras are for who
 installs them.
@@ -18,19 +18,9 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 PAGE = Path(__file__).parents[1] / "docs" / "licences.md"
-ACCEPTED = (
-    *(
-        "0BSD",
-        "any-OSI",
-        "Apache-2.0",
-        "Apache-2.0 WITH LLVM-exception",
-        "BSD",
-        "BSD-2-Clause",
-        "BSD-3-Clause",
-        "CC0-1.0",
-    ),
-    *("ISC", "MIT", "MIT-CMU", "MPL-2.0", "PSF-2.0", "Zlib"),
-)
+ACCEPTED = tuple(
+    "0BSD any-OSI Apache-2.0 BSD BSD-2-Clause BSD-3-Clause CC0-1.0 ISC MIT MIT-CMU MPL-2.0 PSF-2.0 Zlib".split()
+) + ("Apache-2.0 WITH LLVM-exception",)
 """SPDX identifiers; MPL-2.0 asks for the source of its own files alone, and `BSD` is what classifiers say of both
 kinds."""
 CLASSIFIERS = {
@@ -49,10 +39,10 @@ NOTES = {
 HEAD = """# Licences of what is required
 
 Made by `python scripts/licences.py --page` from the metadata of the packages that `pip install wrenchgap` installs on
-Linux;
-`make check` fails where one is none of those accepted ({accepted}), or where this page is out of date. Versions are
-those of
-`requirements.lock`. The extras are for those who install them: `ardupilot` brings pymavlink, which is LGPL-3.0.
+Linux; versions are those of `requirements.lock`. `make check` fails where this page is out of date, or where a licence
+is none of those accepted: {accepted}.
+
+The extras are for those who install them: `ardupilot` brings pymavlink, which is LGPL-3.0.
 
 | package | licence | note |
 |---|---|---|
