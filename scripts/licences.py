@@ -18,9 +18,14 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 PAGE = Path(__file__).parents[1] / "docs" / "licences.md"
-ACCEPTED = tuple(
-    "0BSD any-OSI Apache-2.0 BSD BSD-2-Clause BSD-3-Clause CC0-1.0 ISC MIT MIT-CMU MPL-2.0 PSF-2.0 Zlib".split()
-) + ("Apache-2.0 WITH LLVM-exception",)
+ACCEPTED = (
+    """
+0BSD, any-OSI, Apache-2.0, Apache-2.0 WITH LLVM-exception, BSD, BSD-2-Clause, BSD-3-Clause, CC0-1.0, ISC, MIT, MIT-CMU,
+MPL-2.0, PSF-2.0, Zlib
+""".replace("\n", " ")
+    .strip()
+    .split(", ")
+)
 """SPDX identifiers; MPL-2.0 asks for the source of its own files alone, and `BSD` is what classifiers say of both
 kinds."""
 CLASSIFIERS = {
