@@ -137,24 +137,29 @@ def _swap(distance: NDArray[np.float32], medoids: Indices) -> None:
     points, count = len(distance), len(medoids)
     first, second = np.full(points, -1), np.full(points, -1)
     loss, change = np.zeros(count), np.zeros(count)
-    _nearest_two(distance, medoids, -1, first, second, loss)
+    total = _nearest_two(distance, medoids, -1, first, second, loss)
     tried, c = 0, 0
     while tried < points:
         row, gain = distance[c], 0.0
         change[:] = loss
         for o in range(points):
-            near, after = distance[medoids[first[o]], o], distance[medoids[second[o]], o]
-            if row[o] < near:
-                gain += row[o] - near
+            new = np.float64(row[o])
+            near, after = np.float64(distance[medoids[first[o]], o]), np.float64(distance[medoids[second[o]], o])
+            if new < near:
+                gain += new - near
                 change[first[o]] += near - after
-            elif row[o] < after:
-                change[first[o]] += row[o] - after
+            elif new < after:
+                change[first[o]] += new - after
         best = int(np.argmin(change))
         tried += 1
-        if c != medoids[first[c]] and change[best] + gain < -1e-9 * abs(gain):
-            medoids[best] = c
-            _nearest_two(distance, medoids, best, first, second, loss)
-            tried = 0
+        if c != medoids[first[c]] and change[best] + gain < 0.0:
+            old, medoids[best] = medoids[best], c
+            lower = _nearest_two(distance, medoids, best, first, second, loss)
+            if lower < total:
+                total, tried = lower, 0
+            else:  # the gain was rounding: without this, exchanges can go round for ever
+                medoids[best] = old
+                _nearest_two(distance, medoids, -1, first, second, loss)
         c = (c + 1) % points
 
 
@@ -166,12 +171,14 @@ def _nearest_two(
     first: NDArray[np.int64],
     second: NDArray[np.int64],
     loss: Array,
-) -> None:
-    """Places of the nearest and the next medoid of every point (N,), and what the loss of each medoid (K,) costs.
+) -> float:
+    """Places of the nearest and the next medoid of every point (N,), and what the loss of each medoid (K,) costs;
+    returns the sum of distances to the nearest.
 
     `changed` is the place of the one medoid that is another since the last time; -1 for all of them.
-    """
+    """  # noqa: D205
     loss[:] = 0.0
+    total = 0.0
     for o in range(len(first)):
         a, b = first[o], second[o]
         if changed < 0 or changed in (a, b):
@@ -187,7 +194,10 @@ def _nearest_two(
         elif distance[medoids[changed], o] < distance[medoids[b], o]:
             b = changed
         first[o], second[o] = a, b
-        loss[a] += distance[medoids[b], o] - distance[medoids[a], o]
+        nearest = np.float64(distance[medoids[a], o])
+        loss[a] += np.float64(distance[medoids[b], o]) - nearest
+        total += nearest
+    return total
 
 
 def _pyclustering(distance: NDArray[np.float32], count: int, seed: int) -> Indices:

@@ -40,6 +40,20 @@ def test_reaches_the_best_of_all_pairs():
     assert min(loss(points, subsample(points, 2, scale="raw", seed=seed)) for seed in range(5)) == pytest.approx(best)
 
 
+@pytest.mark.timeout(60)
+def test_ends_where_no_exchange_of_one_helps_also_among_equal_samples():
+    """Half of the samples are the same, as on the ground: gains that were rounding went round for ever."""
+    rng = np.random.default_rng(9)
+    points = rng.normal(size=(rng.integers(200, 1500), rng.integers(2, 12)))
+    points[: len(points) // 2] = 0.0
+    chosen = subsample(points, rng.integers(10, 150), seed=9)
+    apart = squared_distances(standardised(points)).astype(float)
+    found = apart[chosen].min(axis=0).sum()
+    for k in range(len(chosen)):
+        others = apart[np.delete(chosen, k)].min(axis=0)
+        assert np.minimum(others, apart).sum(axis=1).min() >= found * (1 - 1e-9)
+
+
 def test_the_two_libraries_agree_on_what_is_good():
     points = wandering(150)
     fast, slow = (loss(standardised(points), subsample(points, 20, method=method)) for method in METHODS)
