@@ -15,6 +15,7 @@ from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import combined as combined_of
 from wrenchgap.replay.export import export as exporting
 from wrenchgap.replay.export.export import EVALUATIONS, Export, Precision
+from wrenchgap.replay.export.flown import prove_flown as prove_flown
 from wrenchgap.replay.export.folder import checked, write_folder
 from wrenchgap.replay.export.observer import Asked, ObserverSettings
 

@@ -8,11 +8,13 @@
 #include <geometry_msgs/msg/wrench_stamped.hpp>
 #include <nav_msgs/msg/odometry.hpp>
 #include <rclcpp/rclcpp.hpp>
+#include <std_msgs/msg/u_int8_multi_array.hpp>
 
-#include "wrenchgap_compensator.h"
+#include "wrenchgap_record.h"
 
 using geometry_msgs::msg::WrenchStamped;
 using nav_msgs::msg::Odometry;
+using std_msgs::msg::UInt8MultiArray;
 
 namespace
 {
@@ -32,6 +34,7 @@ public:
     wg_reset(&memory_);
     const auto newest = rclcpp::QoS(rclcpp::KeepLast(1)).best_effort();
     commanded_ = create_publisher<WrenchStamped>("commanded", newest);
+    record_ = create_publisher<UInt8MultiArray>("record", rclcpp::QoS(rclcpp::KeepLast(100)));
     desired_ = create_subscription<WrenchStamped>(
       "desired", newest, [this](WrenchStamped::ConstSharedPtr message) { step(*message); });
     odometry_ = create_subscription<Odometry>(
@@ -72,7 +75,7 @@ private:
     WrenchStamped out = message;
     const double now = rclcpp::Time(message.header.stamp).seconds();
     if (!heard_ || !(std::fabs(now - seen_) <= stale_)) {
-      pass(out, "no odometry, or an old one");
+      pass(out, "no odometry, or an old one: desired wrench passed on unchanged");
       return;
     }
     if (!started_) {
@@ -89,10 +92,12 @@ private:
     std::copy(wrench.begin(), wrench.end(), input_.wrench_desired);
     input_.time = static_cast<wg_real>(now - start_);
     wg_output result;
-    if (wg_step(&memory_, &input_, &result) == WG_BAD_INPUT) {
-      pass(out, "input that is not finite");
-      return;
+    UInt8MultiArray record;  // for `wrenchgap replay LOG --export compensator/`
+    record.data.resize(WG_RECORD_BYTES);
+    if (wg_step_recorded(&memory_, &input_, &result, number_++, record.data.data()) == WG_BAD_INPUT) {
+      warn("input that is not finite: no compensation in this period");  // and wrench_cmd is what of it can be made
     }
+    record_->publish(record);
     out.wrench.force.x = result.wrench_cmd[0];
     out.wrench.force.y = result.wrench_cmd[1];
     out.wrench.force.z = result.wrench_cmd[2];
@@ -106,15 +111,19 @@ private:
   void pass(const WrenchStamped & message, const char * why)
   {
     wg_reset(&memory_);
-    RCLCPP_WARN_THROTTLE(get_logger(), *get_clock(), 1000, "desired wrench passed on unchanged: %s", why);
+    warn(why);
     commanded_->publish(message);
   }
+
+  void warn(const char * why) { RCLCPP_WARN_THROTTLE(get_logger(), *get_clock(), 1000, "%s", why); }
 
   wg_memory memory_;
   wg_input input_{};
   bool heard_ = false, started_ = false;
+  uint32_t number_ = 0;
   double seen_ = 0.0, start_ = 0.0, stale_ = 0.1, airborne_ = 0.0;
   rclcpp::Publisher<WrenchStamped>::SharedPtr commanded_;
+  rclcpp::Publisher<UInt8MultiArray>::SharedPtr record_;
   rclcpp::Subscription<WrenchStamped>::SharedPtr desired_, feedback_;
   rclcpp::Subscription<Odometry>::SharedPtr odometry_;
 };

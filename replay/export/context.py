@@ -49,11 +49,13 @@ def context(
     contents = [f"A Gaussian process of {points} points."] if expansion is not None else []
     contents += [f"Effects: {', '.join(effects)}."] if physics is not None else []
     contents += [] if observer is None else [f"An observer of {observer.bandwidth_hz:.3g} Hz."]
+    observed = None if observer is None or judged is None else observer_context(observer, judged)
     return {
         "outputs": tuple(AXES[k] for k in gate.rows),
-        "observer": None if observer is None or judged is None else observer_context(observer, judged),
+        "observer": observed,
         "arms": 0 if physics is None else physics.arms,
         "memory": 0 if physics is None else physics.memory,
+        **_state_size(plan, observed),
         "process": expansion is not None,
         "physics": physics is not None,
         "both": expansion is not None and physics is not None,
@@ -89,6 +91,18 @@ def context(
         "tables": [(name, _shape(name, values), note, Own(_values(name, values))) for name, values, note in tables],
         "contents": " ".join(contents),
     }
+
+
+def _state_size(plan: Plan, observed: dict[str, Any] | None) -> dict[str, int]:
+    """How many numbers and counts a `wg_memory` holds: six wrenches, `fresh`, actuators; what an observer keeps."""
+    physics = plan.physics
+    numbers = 6 * len(AXES) + 1 + (0 if physics is None else physics.arms + physics.memory) + 1
+    counts = 1
+    if observed is not None:
+        follows = bool(observed["follow"])
+        numbers += 3 * (2 + int(observed["asked"]) + 2 * follows)
+        counts += 2 + follows
+    return {"state_numbers": numbers, "state_counts": counts}
 
 
 def _reach(reach: Reach) -> dict[str, Any]:

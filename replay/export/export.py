@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
@@ -51,11 +51,15 @@ FILES = {
     "wrenchgap_compensator.h": "compensator.h.jinja",
     "wrenchgap_compensator.c": "compensator.c.jinja",
     "wrenchgap_tables.h": "tables.h.jinja",
+    "wrenchgap_record.h": "record.h.jinja",
+    "wrenchgap_record.c": "record.c.jinja",
     "selftest.c": "selftest.c.jinja",
     "Makefile": "Makefile.jinja",
     "CMakeLists.txt": "CMakeLists.txt.jinja",
     "README.md": "README.md.jinja",
 }
+HASHED = ("wrenchgap_compensator.c", "wrenchgap_compensator.h", "wrenchgap_tables.h")
+"""Files whose content every record of a flight names (`export_id`)."""
 ESCAPES: dict[str, Callable[[str], str]] = {".c": c_comment, ".h": c_comment, ".md": markdown}
 """What makes a name harmless in a file, by its ending; `build_text` in all others."""
 
@@ -146,7 +150,7 @@ def export(
     return Export(
         model=kept,
         outputs=outputs,
-        files={name: _environment(name).get_template(t).render(**said) for name, t in FILES.items()},
+        files=_files(said),
         effects=effects,
         left_out=left_out,
         precision=cast(Precision, precision),
@@ -161,6 +165,20 @@ def export(
         correction_max=tuple(correction_max(plan, watched).tolist()),
         judged=in_loop,
     )
+
+
+def _files(said: dict[str, Any]) -> dict[str, str]:
+    """The text of every file by its name; those that are hashed first, as the header of records has their hash."""
+    texts: dict[str, str] = {}
+    for name in (*HASHED, *(n for n in FILES if n not in HASHED)):
+        known = said | ({} if name in HASHED else {"export": export_id(texts)})
+        texts[name] = _environment(name).get_template(FILES[name]).render(**known)
+    return {name: texts[name] for name in FILES}
+
+
+def export_id(texts: Mapping[str, str]) -> str:
+    """Sixteen hexadecimal digits that tell this code from any other: of the SHA-256 of the files in `HASHED`."""
+    return hashlib.sha256("\0".join(texts[name] for name in HASHED).encode()).hexdigest()[:16]
 
 
 def _of_process(plan: Plan) -> dict[str, Any]:

@@ -25,6 +25,7 @@ MODULES = {
     "Design": "design",
     "Explanation": "explanation",
     "Export": "export",
+    "FlownExport": "flown",
     "Learnt": "learning",
     "LogReport": "inspection",
     "Replay": "replay",

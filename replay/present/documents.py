@@ -38,6 +38,7 @@ VERSIONS = {
     "report": 1,
     "learn": 1,
     "replay": 1,
+    "replay-export": 1,
     "counterfactual": 1,
     "design": 1,
     "trend": 2,

@@ -44,7 +44,7 @@ __getattr__, __all__ = names_of(
         ),
         "wrenchgap.replay.between_flights": ("changed", "trend"),
         "wrenchgap.replay.modelling": ("Given", "calibrate", "draft_model", "save_draft"),
-        "wrenchgap.replay.onboard": ("combined", "export_compensator"),
+        "wrenchgap.replay.onboard": ("combined", "export_compensator", "prove_flown"),
     },
 )
 
@@ -85,3 +85,4 @@ if TYPE_CHECKING:
     from wrenchgap.replay.modelling import save_draft as save_draft
     from wrenchgap.replay.onboard import combined as combined
     from wrenchgap.replay.onboard import export_compensator as export_compensator
+    from wrenchgap.replay.onboard import prove_flown as prove_flown

@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
 
-Process = Annotated[Path, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.", show_default=False)]
+FOUND_OTHER = 3
+"""Exit code where the command did its work and the records are not what the export makes."""
+Model = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="MODEL",
+        help="Model file (.toml), or the name of a shipped model.",
+        autocompletion=o.complete_models,
+        show_default=False,
+    ),
+]
+Process = Annotated[
+    Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.", show_default=False)
+]
+Exported = Annotated[
+    Path | None,
+    typer.Option(
+        "--export",
+        metavar="FOLDER",
+        help="Instead of -m and --gp: prove that the code of this folder of `wrenchgap export` made LOG's records "
+        "(it is compiled and run).",
+        show_default=False,
+    ),
+]
 Source = Annotated[
     str | None,
     typer.Option(
@@ -36,8 +62,9 @@ Parquet = Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help=
 
 def replay(
     log: o.Log,
-    model: o.ModelOption,
-    gp: Process,
+    model: Model = None,
+    gp: Process = None,
+    export: Exported = None,
     output: o.LogOut = None,
     source: Source = None,
     no_filter: NoFilter = False,
@@ -64,14 +91,24 @@ def replay(
     LOG2 holds the recorded flight and, under /replay/, what the compensation would have commanded and why. Two runs
     give identical files; solve times are printed and put into the JSON only.
 
+    With --export, LOG holds records of an exported compensation in flight: its C is stepped again from the state and
+    input of each, and must give what was flown. The exit code is 3 where it does not.
+
     Example: `wrenchgap replay test.mcap -m tilt_hexarotor --gp torque.gp -o replayed.mcap --figure replay.png`
     """
+    if export is not None:
+        _prove(log, export, csv, run, idle=_said(locals()))
+        return
     from wrenchgap.compensate import Settings
+    from wrenchgap.flight.errors import UsageError
     from wrenchgap.learn.data.measurement import CUTOFF_HZ
     from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import checked
     from wrenchgap.replay.present.replay import write_files
 
+    if model is None or gp is None:
+        missing = "--model MODEL" if model is None else "--gp GP"
+        raise UsageError(f"replay {log}: {missing} is missing; give --model and --gp, or --export for a flown export")
     run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
     settings = Settings(
         filter_uncertain=not no_filter,
@@ -92,3 +129,32 @@ def replay(
     run.write("replay", result.to_json())
     run.result(result)
     run.wrote(log=output, table=csv, parquet=parquet, figure=figure)
+
+
+def _said(values: dict[str, Any]) -> list[str]:
+    """Options of `replay` that were given and that --export has no use for."""
+    usual = {name: one.default for name, one in inspect.signature(replay).parameters.items()}
+    idle = set(usual) - {"log", "export", "csv", "run"}
+    return sorted(f"--{name.replace('_', '-')}" for name in idle if values[name] not in (usual[name], []))
+
+
+def _prove(log: Path, folder: Path, csv: Path | None, run: Run, idle: list[str]) -> None:
+    """Whether the records in a log are what an exported folder makes of them."""
+    from wrenchgap.flight.errors import UsageError
+    from wrenchgap.replay.onboard import prove_flown
+    from wrenchgap.replay.present.documents import write_csv
+
+    if idle:
+        raise UsageError(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
+    run.claim({"--csv": csv}, log)
+    with run.progress("proving", "reading the log"):
+        found = prove_flown(log, folder)
+    if log.is_file():
+        run.note_input(log, "log")
+    run.write("replay-export", {**found.to_json(), "folder": str(folder)})
+    run.result(found)
+    if csv is not None:
+        write_csv(found.to_frame(), csv)
+    run.wrote(table=csv)
+    if not found.proved:
+        raise typer.Exit(FOUND_OTHER)

@@ -1,0 +1,375 @@
+"""A flight of an exported compensation, proved: its C is stepped again from the state and the input of every record.
+
+What a record is, and how it is logged, says `wrenchgap_record.h` in the exported folder. Records are found in any log,
+by their first bytes and their checksum: a file of records, a topic of bytes in an MCAP or a bag, a field of a ULog.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrenchgap.flight.errors import LogError, UsageError
+from wrenchgap.flight.flight import Array
+from wrenchgap.flight.formats import READERS
+from wrenchgap.flight.formats.reader import DoubtfulError, TableReader
+from wrenchgap.flight.result import Result
+from wrenchgap.replay.export.export import HASHED, export_id
+
+MAGIC = b"WGR1"
+HEAD = np.dtype(
+    {
+        "names": ["magic", "length", "export", "real", "numbers", "wholes", "zero", "number"],
+        "formats": ["S4", "<u4", "V8", "<u2", "<u2", "<u2", "<u2", "<u4"],
+    }
+)
+LONGEST = 1 << 16
+"""Bytes of a record: a state of some hundred numbers is the longest that an export has."""
+INPUT = {"wrench_desired": 6, "feedback": 6, "position_E": 3, "quat_EB": 4, "velocity_E": 3, "omega_B": 3} | {
+    "time": 1,
+    "voltage": 1,
+}
+OUTPUT = {
+    "wrench_cmd": 6,
+    "correction": 6,
+    "optimum": 6,
+    "expected": 6,
+    "sigma": 1,
+    "estimate": 3,
+    "beta": 1,
+    "cost": 1,
+}
+WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
+STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")
+FILES = (*HASHED, "wrenchgap_record.h", "wrenchgap_record.c")
+PRECISION = {8: "double", 4: "float"}
+AT_ONCE = 20_000
+"""Records that are stepped in one run of the program: some 30 MB."""
+
+
+class Deviation(NamedTuple):
+    """A number that the export does not make: of which period, in the units of `wg_output`, with both status."""
+
+    number: int
+    time: float
+    quantity: str
+    flown: float
+    made: float
+    status_flown: str
+    status_made: str
+
+
+@dataclass(frozen=True, repr=False)
+class FlownExport(Result):
+    """K recorded periods of an exported compensation, beside what its C makes of their states and inputs.
+
+    flown, made   (K,) structured arrays, as `record_type` has them; `made` has the state after the period
+    reset         (1,) the state that wg_reset leaves
+    tolerance     of two builds [N, Nm], and `tolerance_of_beta`
+    damaged       places that begin like a record and are none
+    others        records of other exports, by their ids
+    """
+
+    path: Path
+    folder: Path
+    export: str
+    precision: str
+    flown: NDArray[np.void]
+    made: NDArray[np.void]
+    reset: NDArray[np.void]
+    tolerance: float
+    tolerance_of_beta: float
+    damaged: int
+    others: dict[str, int]
+
+    def __len__(self) -> int:
+        return len(self.flown)
+
+    @cached_property
+    def identical(self) -> NDArray[np.bool_]:
+        """(K,) whether all that was put out is the same to the last bit."""
+        names = (*OUTPUT, "evaluations", "status")
+        return np.asarray(np.all([_rows(_bits(self.flown[n]) == _bits(self.made[n])) for n in names], axis=0))
+
+    @cached_property
+    def apart(self) -> Array:
+        """(K,) largest difference of command, correction, optimum, expected wrench and estimate [N, Nm], and of the
+        mismatch that is left, the root of `cost`.
+        """  # noqa: D205
+        parts = [_largest(self.flown[n], self.made[n]) for n in WRENCHES]
+        return np.asarray(np.max([*parts, _largest(np.sqrt(self.flown["cost"]), np.sqrt(self.made["cost"]))], axis=0))
+
+    @cached_property
+    def agrees(self) -> NDArray[np.bool_]:
+        """(K,) whether the outputs are the same within the tolerances, and the status."""
+        gates = [_largest(self.flown[n], self.made[n]) for n in ("sigma", "beta")]
+        scale = np.maximum(1.0, np.abs(self.made["sigma"].astype(float)))
+        return np.asarray(
+            (self.apart <= self.tolerance)
+            & (gates[0] <= self.tolerance_of_beta * scale)
+            & (gates[1] <= self.tolerance_of_beta)
+            & (self.flown["status"] == self.made["status"])
+        )
+
+    @cached_property
+    def begins(self) -> NDArray[np.bool_]:
+        """(K,) whether the state is that of wg_reset."""
+        return _rows(self.flown["state"] == self.reset["state"]) & _rows(self.flown["counts"] == self.reset["counts"])
+
+    @cached_property
+    def follows(self) -> NDArray[np.bool_]:
+        """(K,) whether the record before, if there is one, is that of the period before."""
+        numbers = self.flown["number"].astype(np.int64)
+        return np.concatenate(([False], np.diff(numbers) == 1))
+
+    @cached_property
+    def continues(self) -> NDArray[np.bool_]:
+        """(K,) whether the state is the one that the period before left, or that of wg_reset; true where the period
+        before is not recorded.
+        """  # noqa: D205
+        flown, made = self.flown["state"][1:].astype(float), self.made["state"][:-1].astype(float)
+        near = np.abs(flown - made) <= self.tolerance * np.maximum(1.0, np.abs(made))
+        same = _rows(near) & _rows(self.flown["counts"][1:] == self.made["counts"][:-1])
+        return np.concatenate(([True], same)) | self.begins | ~self.follows
+
+    @property
+    def proved(self) -> bool:
+        """Whether this export made every output, and nothing else changed its state between two periods."""
+        return bool(self.agrees.all() and self.continues.all())
+
+    @cached_property
+    def lost(self) -> int:
+        """Periods between the first and the last record that are not recorded."""
+        steps = np.diff(self.flown["number"].astype(np.int64))
+        return int(np.sum(steps[steps > 1] - 1))
+
+    @property
+    def statuses(self) -> dict[str, int]:
+        """How many periods ended with which status."""
+        return {_status(s): n for s, n in sorted(Counter(self.flown["status"].tolist()).items())}
+
+    def deviations(self, most: int) -> list[Deviation]:
+        """The largest deviation of each of the first `most` periods that do not agree."""
+        return [_deviation(self.flown[k], self.made[k]) for k in np.flatnonzero(~self.agrees)[:most]]
+
+
+def prove_flown(log: str | Path, folder: str | Path) -> FlownExport:
+    """Step the exported C in `folder` again from the records in `log`, and compare.
+
+    It compiles and runs the code of that folder, which is the code that was flown. Raises UsageError for a folder that
+    is no export, was changed since, or cannot be compiled, and LogError for a log without records of it.
+    """
+    path, place = Path(log), Path(folder)
+    export = _checked_export(place)
+    records, damaged = _records(path)
+    heads = np.frombuffer(b"".join(r[: HEAD.itemsize] for r in records), HEAD)
+    ids = [bytes(one).hex() for one in heads["export"]]
+    own = [r for r, one in zip(records, ids, strict=True) if one == export]
+    others = {one: n for one, n in Counter(ids).items() if one != export}
+    if not own:
+        raise LogError(
+            f"{path}: its {len(records)} records are of the export {', '.join(others)}, and {place} is {export}; "
+            "name the folder that was flown"
+        )
+    kinds = {r[: HEAD.itemsize - 4] for r in own}
+    if len(kinds) > 1:
+        raise LogError(f"{path}: its records are of {len(kinds)} builds of one export; expected one; cut the log apart")
+    kind = record_type(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0])
+    flown = np.frombuffer(b"".join(own), kind)
+    tolerances, made = _stepped(place, own, PRECISION[int(flown["real"][0])], kind)
+    return FlownExport(
+        path=path,
+        folder=place,
+        export=export,
+        precision=PRECISION[int(flown["real"][0])],
+        flown=flown,
+        made=made[1:],
+        reset=made[:1],
+        tolerance=tolerances[0],
+        tolerance_of_beta=tolerances[1],
+        damaged=damaged,
+        others=others,
+    )
+
+
+def record_type(head: np.void) -> np.dtype[Any]:
+    """The type of a record with this head."""
+    real = f"<f{int(head['real'])}"
+    fields = [(name, real, (size,) if size > 1 else ()) for name, size in (INPUT | OUTPUT).items()]
+    fields += [("evaluations", "<i4", ()), ("status", "<i4", ()), ("state", real, (int(head["numbers"]),))]
+    fields += [("counts", "<i4", (int(head["wholes"]),)), ("sum", "<u4", ())]
+    return np.dtype([*HEAD.descr, *fields])
+
+
+def _deviation(flown: np.void, made: np.void) -> Deviation:
+    """The number of a record that is furthest from what the export makes."""
+    names = [f"{name}[{i}]" if size > 1 else name for name, size in OUTPUT.items() for i in range(size)]
+    one, other = (np.concatenate([np.ravel(row[name]) for name in OUTPUT]).astype(float) for row in (flown, made))
+    apart = np.where(one == other, 0.0, np.abs(one - other))
+    worst = int(np.argmax(np.nan_to_num(apart, nan=np.inf)))
+    status = [_status(int(row["status"])) for row in (flown, made)]
+    return Deviation(
+        int(flown["number"]), float(flown["time"]), names[worst], float(one[worst]), float(other[worst]), *status
+    )
+
+
+def _checked_export(folder: Path) -> str:
+    """The id of an exported folder, whose code is as it was written."""
+    if not folder.is_dir():
+        raise UsageError(f"--export {folder}: no such folder; name the one that `wrenchgap export` wrote")
+    missing = [name for name in FILES if not (folder / name).is_file()]
+    if missing:
+        raise UsageError(
+            f"--export {folder}: has no {missing[0]}; expected a folder that `wrenchgap export` wrote (older ones keep "
+            "no records: export again)"
+        )
+    texts = {name: (folder / name).read_text(encoding="utf-8", errors="replace") for name in FILES}
+    said = re.search(r'#define WG_EXPORT "([0-9a-f]{16})"', texts["wrenchgap_record.h"])
+    found = export_id(texts)
+    if said is None or said[1] != found:
+        raise UsageError(
+            f"--export {folder}: {', '.join(HASHED)} are not as `wrenchgap export` wrote them "
+            f"({'no id' if said is None else said[1]} in wrenchgap_record.h, {found} of the code); export again"
+        )
+    return found
+
+
+def _records(path: Path) -> tuple[list[bytes], int]:
+    """Records in a log, in its order, and how many places begin like one and are none."""
+    if not path.exists():
+        raise LogError(f"{path}: no such file or folder")
+    for careful in (False, True):
+        records: list[bytes] = []
+        damaged = 0
+        try:
+            for data in _pieces(path, careful=careful):
+                damaged += _scan(data, records)
+        except DoubtfulError:
+            continue
+        break
+    if not records:
+        raise LogError(
+            f"{path}: no record of an exported compensation in it ({damaged} damaged); log what "
+            "wg_step_recorded fills, byte by byte (wrenchgap_record.h in the export)"
+        )
+    return records, damaged
+
+
+def _pieces(path: Path, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
+    """The payloads of a log's messages; a file of another kind, or of tables, whole."""
+    head = b""
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(64)
+    kind = next((one for one in READERS if one.accepts(path, head)), None)
+    if kind is not None and not issubclass(kind, TableReader):
+        for batch in kind(path, careful=careful).batches(lambda channel: True):
+            yield from batch.payloads if isinstance(batch.payloads, list) else batch.payloads.payloads()
+    elif head:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+            yield whole
+    else:
+        raise LogError(f"{path}: is empty, or no log; expected a file with records of an exported compensation")
+
+
+def _scan(data: bytes | mmap.mmap, records: list[bytes]) -> int:
+    """Put the records in `data` into `records`; returns how many begin like one and are none."""
+    damaged, place = 0, data.find(MAGIC)
+    while place >= 0:
+        length = int.from_bytes(data[place + 4 : place + 8], "little")
+        record = data[place : place + length] if HEAD.itemsize < length <= LONGEST else b""
+        if _is_record(record, length):
+            records.append(record)
+            place = data.find(MAGIC, place + length)
+        else:
+            damaged += 1
+            place = data.find(MAGIC, place + 1)
+    return damaged
+
+
+def _is_record(record: bytes, length: int) -> bool:
+    """Whether the checksum is right, and the head says a record of this length."""
+    if len(record) != length or length < HEAD.itemsize:
+        return False
+    head = np.frombuffer(record[: HEAD.itemsize], HEAD)[0]
+    if int(head["real"]) not in PRECISION or record_type(head).itemsize != length:
+        return False
+    return zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")
+
+
+def _stepped(
+    folder: Path, records: list[bytes], precision: str, kind: np.dtype[Any]
+) -> tuple[tuple[float, float], NDArray[np.void]]:
+    """The tolerances, and what the code makes: the state after wg_reset, then every record."""
+    with tempfile.TemporaryDirectory(prefix="wrenchgap-") as place:
+        program = Path(place) / "flown"
+        _run([*_compiler(), "-std=c99", "-O2", f"-DWG_{precision.upper()}", "-I", str(folder.resolve()), "-o",
+              str(program), str(Path(__file__).with_name("flown.c")),
+              *(str((folder / name).resolve()) for name in FILES if name.endswith(".c")), "-lm"],
+             f"--export {folder}: cannot be compiled")  # fmt: skip
+        answers = [_run([str(program)], f"--export {folder}: its code does not read the records", b"".join(part))
+                   for part in _parts(records)]  # fmt: skip
+    tolerances = np.frombuffer(answers[0][:16])
+    made = [np.frombuffer(answer[16:], kind) for answer in answers]
+    together = np.concatenate([made[0], *(one[1:] for one in made[1:])])
+    return (float(tolerances[0]), float(tolerances[1])), together
+
+
+def _parts(records: list[bytes]) -> Iterable[list[bytes]]:
+    return (records[k : k + AT_ONCE] for k in range(0, len(records), AT_ONCE))
+
+
+def _compiler() -> list[str]:
+    """The C compiler, with its options: $CC, or one of the usual names."""
+    asked = shlex.split(os.environ.get("CC", ""))
+    for words in (asked, ["cc"], ["gcc"], ["clang"]):
+        if words and (found := shutil.which(words[0])):
+            return [found, *words[1:]]
+    raise UsageError(
+        "--export: no C compiler found; sudo apt-get install gcc libc6-dev, or name one with CC=/path/to/cc"
+    )
+
+
+def _run(words: list[str], what: str, given: bytes = b"") -> bytes:
+    """What a program prints; raises UsageError, which begins with `what`, where it fails."""
+    done = subprocess.run(words, input=given, capture_output=True, check=False)
+    if done.returncode:
+        said = next((line for line in done.stderr.decode(errors="replace").splitlines() if "error" in line), "")
+        raise UsageError(f"{what}: {said or f'exit code {done.returncode}'}; export again")
+    return done.stdout
+
+
+def _bits(values: NDArray[Any]) -> NDArray[Any]:
+    return values.view(f"<u{values.dtype.itemsize}")
+
+
+def _rows(same: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether all of a row are true."""
+    return np.asarray(same if same.ndim == 1 else same.all(axis=1))
+
+
+def _largest(one: NDArray[Any], other: NDArray[Any]) -> Array:
+    """Largest difference of each row; none where both are the same or no number, infinite where one is none."""
+    first, second = one.astype(float), other.astype(float)
+    apart = np.where((first == second) | (np.isnan(first) & np.isnan(second)), 0.0, np.abs(first - second))
+    apart = np.nan_to_num(apart, nan=np.inf, posinf=np.inf)
+    return apart if apart.ndim == 1 else apart.max(axis=1)
+
+
+def _status(number: int) -> str:
+    return STATUS[number] if 0 <= number < len(STATUS) else f"status {number}"

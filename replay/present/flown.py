@@ -1,0 +1,107 @@
+"""A flight of an exported compensation beside what its C makes of the same states and inputs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wrenchgap.replay.export.flown import FlownExport
+from wrenchgap.replay.present.tables import Line, Part, note_lines, plain
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHOWN = 10
+"""Periods that do not agree, in the table."""
+
+
+def summary(found: FlownExport) -> str:
+    """The answer in one sentence."""
+    count, wrong, cut = len(found), int(np.sum(~found.agrees)), int(np.sum(~found.continues))
+    if found.proved:
+        return (
+            f"Proved: every one of {count:,} recorded periods is what the export {found.export} makes of its state and "
+            f"input, {int(np.sum(found.identical)):,} of them to the last bit."
+        )
+    parts = [f"{wrong:,} of {count:,} recorded periods are not what the export {found.export} makes"] if wrong else []
+    parts += [f"the state was changed from outside before {cut:,} of {count:,} periods"] if cut else []
+    return f"Not proved: {' and '.join(parts)}."
+
+
+def parts(found: FlownExport) -> list[Part]:
+    """The answer, how far apart, and the first periods that do not agree."""
+    out: list[Part] = [Line(summary(found), "bold" if found.proved else "bold red")]
+    out.append(
+        Line(
+            f"largest difference {found.apart.max():.3g} N or Nm, tolerance {found.tolerance:.3g} ({found.precision} "
+            f"precision); {int(np.sum(found.begins))} starts after wg_reset"
+        )
+    )
+    rows = [
+        (str(d.number), f"{d.time:.3f}", d.quantity, f"{d.flown:.9g}", f"{d.made:.9g}", d.status_flown, d.status_made)
+        for d in found.deviations(SHOWN)
+    ]
+    if rows:
+        heads = ("period", "time [s]", "quantity", "flown", "the export makes", "status flown", "status made")
+        out.append(plain("the first periods that do not agree", heads, rows))
+    out.append(plain("status", ("", "periods"), [(name, str(n)) for name, n in found.statuses.items()]))
+    return [*out, *note_lines(warnings(found), "warning")]
+
+
+def warnings(found: FlownExport) -> list[str]:
+    """What the records do not cover."""
+    said = []
+    if found.lost:
+        said.append(
+            f"{found.lost} periods between the first and the last record are not recorded: nothing is said of them"
+        )
+    if not (found.begins[0] or found.flown["number"][0] == 0):
+        said.append(f"the log begins with period {found.flown['number'][0]}: nothing is said of those before it")
+    if found.damaged:
+        said.append(f"damaged or cut records: {found.damaged}")
+    if found.others:
+        said.append(
+            f"{sum(found.others.values())} records of other exports were left out: {', '.join(sorted(found.others))}"
+        )
+    return said
+
+
+def to_json(found: FlownExport) -> dict[str, Any]:
+    """See docs/json.md."""
+    return {
+        "proved": found.proved,
+        "summary": summary(found),
+        "export": found.export,
+        "precision": found.precision,
+        "records": len(found),
+        "identical": int(np.sum(found.identical)),
+        "agree": int(np.sum(found.agrees)),
+        "state_changed": int(np.sum(~found.continues)),
+        "largest_difference": float(found.apart.max()),
+        "tolerance": found.tolerance,
+        "starts": int(np.sum(found.begins)),
+        "lost": found.lost,
+        "damaged": found.damaged,
+        "other_exports": dict(found.others),
+        "statuses": found.statuses,
+        "deviations": [d._asdict() for d in found.deviations(SHOWN)],
+        "warnings": warnings(found),
+    }
+
+
+def to_frame(found: FlownExport) -> pd.DataFrame:
+    """One row a record."""
+    import pandas as pd  # here: others need not wait for it
+
+    return pd.DataFrame(
+        {
+            "number": found.flown["number"],
+            "time": found.flown["time"],
+            "status": found.flown["status"],
+            "identical": found.identical,
+            "agrees": found.agrees,
+            "continues": found.continues,
+            "difference": found.apart,
+        }
+    )

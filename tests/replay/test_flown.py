@@ -1,0 +1,205 @@
+"""A flown export, proved from its records: what was changed on the way is found, what was not is proved."""
+
+import json
+import struct
+import subprocess
+import zlib
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+import wrenchgap as wg
+from tests.replay.exported_c import COMPILER, DT, OFFSET, STRICT, needs_compiler, process, with_effects
+from wrenchgap.compensate import Settings
+from wrenchgap.flight.errors import LogError, UsageError
+
+pytestmark = needs_compiler
+PERIODS, HEAVY, BAD, LOST = 400, 57, 111, (200, 201)
+FLIGHT = """
+#include "wrenchgap_record.h"
+#include <math.h>
+#include <stdio.h>
+int main(void)
+{
+    unsigned char record[WG_RECORD_BYTES];
+    wg_memory memory;
+    wg_input in = {0};
+    wg_output out;
+    wg_reset(&memory);
+    in.quat_EB[0] = 1;
+    in.voltage = 15;
+    for (uint32_t k = 0; k < 400; k++) {
+        const double t = 0.005 * k;
+        in.wrench_desired[0] = (wg_real)sin(9 * t);
+        in.wrench_desired[1] = (wg_real)cos(7 * t);
+        in.wrench_desired[2] = (wg_real)(35 + 2 * sin(5 * t));
+        in.wrench_desired[3] = (wg_real)(k == 57 ? 500.0 : 0.1);
+        in.wrench_desired[5] = (wg_real)(k == 111 ? NAN : 0.0);
+        in.omega_B[0] = (wg_real)(0.05 * sin(3 * t));
+        in.time = (wg_real)t;
+        wg_step_recorded(&memory, &in, &out, k, record);
+        if (k != 200 && k != 201)
+            fwrite(record, 1, sizeof record, stdout);
+    }
+    return 0;
+}
+"""
+
+
+def flown(folder, precision="double", gp=None, model=None, **options):
+    """An exported folder, and the records of a flight with it: another program, and another optimisation."""
+    settings = Settings(dt=DT, max_evaluations=12)
+    wg.export_compensator(
+        gp, model or with_effects(com_offset=OFFSET), folder, settings, precision=precision, **options
+    )
+    program, source = folder.parent / "flight", folder.parent / "flight.c"
+    source.write_text(FLIGHT)
+    sources = [source, folder / "wrenchgap_compensator.c", folder / "wrenchgap_record.c"]
+    words = [COMPILER, *STRICT, "-O0", "-fsanitize=address,undefined", "-I", folder, "-o", program, *sources, "-lm"]
+    subprocess.run([str(w) for w in words], check=True)
+    return subprocess.run([str(program)], capture_output=True, check=True).stdout
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    place = tmp_path_factory.mktemp("flown")
+    records = flown(place / "comp")
+    (place / "flight.bin").write_bytes(records)
+    return place
+
+
+def resealed(data, place, change):
+    """The record at `place` of `data` with its bytes changed and a checksum that is right."""
+    length = struct.unpack_from("<I", data, place + 4)[0]
+    record = bytearray(data[place : place + length])
+    change(record)
+    record[-4:] = struct.pack("<I", zlib.adler32(bytes(record[:-4])))
+    return data[:place] + bytes(record) + data[place + length :]
+
+
+def add(offset, value):
+    def change(record):
+        struct.pack_into("<d", record, offset, struct.unpack_from("<d", record, offset)[0] + value)
+
+    return change
+
+
+def test_every_period_is_proved_and_its_numbers_are_where_they_belong(flight):
+    found = wg.prove_flown(flight / "flight.bin", flight / "comp")
+    assert found.proved
+    assert len(found) == PERIODS - len(LOST)
+    assert found.lost == len(LOST)
+    assert found.statuses == {"WG_OK": PERIODS - 4, "WG_BAD_INPUT": 1, "WG_UNREACHABLE": 1}
+    assert found.flown["number"][found.flown["status"] == 4] == [HEAVY]
+    assert found.flown["number"][found.flown["status"] == 1] == [BAD]
+    ok = found.flown[found.flown["status"] == 0]
+    lever = np.cross(OFFSET, ok["wrench_desired"][:, :3])  # a force at O has this torque about the centre of mass
+    assert ok["correction"][:, 3:] == pytest.approx(lever, abs=1e-6)
+    assert ok["time"] == pytest.approx(DT * ok["number"])
+    assert found.begins.tolist()[:2] == [True, False]
+
+
+CASES = {
+    "single precision": {"precision": "float"},
+    "observer": {"observer": 2.0, "observer_max": 0.3},
+    "process, effects and observer that follows a lag": {"observer": 2.0, "observer_max": 0.3, "process": True},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_kind_of_export_is_proved(name, tmp_path):
+    options = dict(CASES[name])
+    effects = {"com_offset": OFFSET, "servo_lag": [0.06]}
+    model = with_effects(**effects)
+    desired = np.random.default_rng(1).normal(size=(50, 6)) * 0.2 + [0, 0, 35.0, 0, 0, 0]
+    gp = process(desired, "physics", ("past",), effects=effects) if options.pop("process", False) else None
+    (tmp_path / "flight.bin").write_bytes(flown(tmp_path / "comp", gp=gp, model=model, **options))
+    found = wg.prove_flown(tmp_path / "flight.bin", tmp_path / "comp")
+    assert found.proved, found
+    assert found.precision == options.get("precision", "double")
+    assert len(found) == PERIODS - len(LOST)
+
+
+def test_a_changed_output_is_found_with_its_period_and_quantity(flight, tmp_path):
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    torque_y = 28 + 8 * (27 + 4)
+    (tmp_path / "changed.bin").write_bytes(resealed(data, 30 * length, add(torque_y, 1e-6)))
+    found = wg.prove_flown(tmp_path / "changed.bin", flight / "comp")
+    assert not found.proved
+    (only,) = found.deviations(5)
+    assert (only.number, only.quantity) == (30, "wrench_cmd[4]")
+    assert only.flown - only.made == pytest.approx(1e-6, rel=1e-3)
+    assert found.apart.max() == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_a_state_that_something_else_wrote_to_is_found(flight, tmp_path):
+    """The optimum from which the next search starts, overwritten between two periods: the output may be right."""
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    state = 28 + 8 * (27 + 30) + 8
+    (tmp_path / "changed.bin").write_bytes(resealed(data, 30 * length, add(state + 8 * 4, 1e-3)))
+    found = wg.prove_flown(tmp_path / "changed.bin", flight / "comp")
+    assert not found.proved
+    assert found.flown["number"][~found.continues].tolist() == [30]
+    assert "changed from outside before 1 of 398 periods" in str(found)
+
+
+def test_records_are_found_between_other_bytes_and_damaged_ones_are_counted(flight, tmp_path):
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    damaged = bytearray(data[: 20 * length])
+    damaged[5 * length + 300] ^= 1
+    (tmp_path / "log").write_bytes(b"WGR1 in a title" + bytes(damaged) + b"\0\1WGR1\xff\xff\xff\xff" + data[:100])
+    found = wg.prove_flown(tmp_path / "log", flight / "comp")
+    assert found.proved
+    assert (len(found), found.lost, found.damaged) == (19, 1, 4)
+
+
+def test_records_on_a_topic_of_bytes(flight, tmp_path):
+    """std_msgs/UInt8MultiArray in a compressed MCAP, as the ROS 2 node publishes it."""
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    with (tmp_path / "flight.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/UInt8MultiArray", "ros2msg", b"uint8[] data\n")
+        channel = writer.register_channel("/compensator/record", "cdr", schema)
+        for k in range(0, len(data), length):
+            payload = b"\0\1\0\0" + struct.pack("<I", length) + data[k : k + length]
+            writer.add_message(channel, log_time=k, publish_time=k, data=payload)
+        writer.finish()
+    found = wg.prove_flown(tmp_path / "flight.mcap", flight / "comp")
+    assert found.proved
+    assert len(found) == PERIODS - len(LOST)
+
+
+def test_what_cannot_be_proved_is_refused_in_one_line(flight, tmp_path):
+    flown(tmp_path / "other", model=with_effects(com_offset=2 * OFFSET))
+    with pytest.raises(LogError, match="name the folder that was flown"):
+        wg.prove_flown(flight / "flight.bin", tmp_path / "other")
+    code = tmp_path / "other" / "wrenchgap_compensator.c"
+    code.write_text(code.read_text().replace("WG_OK", "0 * WG_OK"))
+    with pytest.raises(UsageError, match="not as `wrenchgap export` wrote them"):
+        wg.prove_flown(flight / "flight.bin", tmp_path / "other")
+    (tmp_path / "other" / "wrenchgap_record.h").unlink()
+    with pytest.raises(UsageError, match=r"has no wrenchgap_record\.h"):
+        wg.prove_flown(flight / "flight.bin", tmp_path / "other")
+    (tmp_path / "none.bin").write_bytes(bytes(1000))
+    with pytest.raises(LogError, match="no record"):
+        wg.prove_flown(tmp_path / "none.bin", flight / "comp")
+
+
+def test_the_command_says_so_by_its_exit_code(flight, tmp_path, run, refused):
+    changed = tmp_path / "changed.bin"
+    changed.write_bytes(resealed((flight / "flight.bin").read_bytes(), 0, add(28 + 8 * 27, 1.0)))
+    export = ("--export", flight / "comp")
+    for code, log in {0: flight / "flight.bin", 3: changed}.items():
+        done = run("replay", log, *export, "--json", f"{code}.json", "--csv", f"{code}.csv")
+        assert done.exit_code == code, done.output
+        assert json.loads((tmp_path / f"{code}.json").read_text())["proved"] == (code == 0)
+        assert len((tmp_path / f"{code}.csv").read_text().splitlines()) == 1 + PERIODS - len(LOST)
+    assert "Not proved: 1 of 398 recorded periods" in done.output
+    assert "--cutoff says nothing about a flown export" in refused("replay", changed, *export, "--cutoff", 3)
+    assert "--model MODEL is missing" in refused("replay", changed)
