@@ -19,13 +19,14 @@ import numpy as np
 
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.allocation import Allocation
+from wrenchgap.plant.allocation import ROUNDING, TURN, Allocation
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.state import Commands, State
 from wrenchgap.plant.tape import Program, Tape, program
 from wrenchgap.plant.traced_effects import leaves, rebuilt, wrapped
 from wrenchgap.plant.tracing import Node, Traced, Untraceable
+from wrenchgap.plant.vehicle import Arms
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
 STATE = (
@@ -37,6 +38,8 @@ STATE = (
     "voltage",
 )
 """Names of the state's numbers, in their order."""
+NO_STOP = 1e4
+"""Angle [rad] of a stop that no arm reaches: 1,600 turns; a model without stops has 1e9 degrees."""
 
 
 def rows_of(states: State) -> Array:
@@ -155,7 +158,7 @@ class _Tracer:
         for arm, condition in weak.items():
             tilt[arm] = np.where(condition, before[arm : arm + 1], tilt[arm : arm + 1])[0]
         turns = np.floor((before - tilt) / (2.0 * np.pi) + 0.5)
-        angles = np.clip(tilt + 2.0 * np.pi * turns, arms.tilt_min, arms.tilt_max)
+        angles = np.clip(_into_range(tilt + 2.0 * np.pi * turns, arms), arms.tilt_min, arms.tilt_max)
         turning = np.clip(np.sqrt(np.maximum(speed, 0.0)), rotors.speed_min, rotors.speed_max)
         return Commands(wrench, angles[None], turning[None])
 
@@ -197,3 +200,15 @@ def _between(last: Commands, before: Commands, back: float) -> Commands:
         return None if newer is None else back * older + (1.0 - back) * newer
 
     return Commands(*map(mixed, ("wrench_B", "tilt", "rotor_speed")))
+
+
+def _into_range(tilt: Traced, arms: Arms) -> Traced:
+    """Angles of the same direction within their range where there are such, as `plant.allocation` chooses them."""
+    out = Traced.of(tilt)
+    for arm in np.flatnonzero(arms.tilts & (np.minimum(arms.tilt_max, -arms.tilt_min) < NO_STOP)):
+        least, most, near = float(arms.tilt_min[arm]), float(arms.tilt_max[arm]), out[arm : arm + 1]
+        over, under = (-np.floor(ROUNDING - np.maximum(b, 0.0) / TURN) for b in (near - most, least - near))
+        other = near + TURN * (under - over)
+        beyond = np.maximum(least - other, other - most)
+        out[arm] = np.where(np.less(beyond, ROUNDING)[0], other, near)[0]
+    return out

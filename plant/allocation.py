@@ -9,8 +9,8 @@ The rotors of one arm turn at equal speed. An arm that cannot tilt contributes o
 vehicles are the special case without lateral columns. Source: Kamel et al., "The Voliro
 omniorientational hexacopter", 2018.
 
-Angles are unwrapped from sample to sample and held while an arm's thrust is below `hold_thrust`; then limited in
-rate and range; rotor speeds are limited in range.
+Angles are unwrapped from sample to sample and held while an arm's thrust is below `hold_thrust`; turned by whole turns
+into their range where that has the same direction; then limited in rate and range; rotor speeds are limited in range.
 """
 
 from __future__ import annotations
@@ -29,6 +29,10 @@ from wrenchgap.plant.vehicle import GRAVITY, Arms, Rotors, Vehicle
 HOLD_THRUST, HOLD_SHARE = 0.2, 0.05
 """Arm thrust [N], and share of an arm's thrust in hover, below which the tilt direction is meaningless and the angle
 is held. The smaller counts: 0.2 N is more than an arm of a 30 g vehicle ever pushes."""
+
+TURN = 2.0 * np.pi
+ROUNDING = 1e-9
+"""By which an angle [rad, turns] may be beyond an end of its range and still count as at it."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,8 @@ class Allocation:
         path = np.vstack((before, tilt)) if len(before) else tilt
         if not np.all(np.abs(np.diff(path, axis=0)) < np.pi):  # else unwrapped as they are
             tilt = np.unwrap(path, axis=0)[len(before) :]
+        if not np.all((tilt >= arms.tilt_min) & (tilt <= arms.tilt_max)):
+            tilt = _turned_into_range(tilt, arms.tilt_min, arms.tilt_max, previous_tilt)
         tilt, rate_limited = _limit_rate(tilt, arms.tilt_rate_max, previous_tilt, dt)
         in_range = np.clip(tilt, arms.tilt_min, arms.tilt_max)
         return Commands(wrench_B, in_range, limited), Saturation(
@@ -146,6 +152,27 @@ def _hold(tilt: Array, weak: NDArray[np.bool_], previous: Array | None) -> Array
     padded = np.vstack((start, tilt))
     index = np.where(np.vstack((np.zeros(weak.shape[1], dtype=bool), weak)), 0, np.arange(len(padded))[:, None])
     return np.asarray(np.take_along_axis(padded, np.maximum.accumulate(index, axis=0), axis=0)[1:])
+
+
+def _turned_into_range(tilt: Array, least: Array, most: Array, previous: Array | None) -> Array:
+    """Angles (N, A) that point the same way, each next to the one before and by whole turns within its range.
+
+    Where no such angle is in range, the one next to the angle before is returned, beyond the range. Without this an
+    arm whose range is wider than half a turn would stand at a stop although the same direction lies within.
+    """
+    out, last = np.empty_like(tilt), np.zeros(tilt.shape[1]) if previous is None else previous
+    for k, wanted in enumerate(tilt):
+        near = wanted + TURN * np.floor((last - wanted) / TURN + 0.5)
+        other = near + TURN * (whole_turns(least - near) - whole_turns(near - most))
+        inside = (other >= least - ROUNDING) & (other <= most + ROUNDING)
+        out[k] = np.where(inside, other, near)
+        last = np.clip(out[k], least, most)
+    return out
+
+
+def whole_turns(beyond: Array) -> Array:
+    """How many whole turns bring an angle back over an end of its range that it is `beyond` by [rad]; 0 within."""
+    return np.ceil(np.maximum(beyond, 0.0) / TURN - ROUNDING)
 
 
 def _limit_rate(tilt: Array, rate_max: Array, previous: Array | None, dt: float | None) -> tuple[Array, int]:

@@ -19,6 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.plant.allocation import ROUNDING
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -371,6 +372,15 @@ def unwrapped(angle: float, before: float) -> float:
 
 
 @compiled
+def into_range(angle: float, least: float, most: float) -> float:
+    """The angle of the same direction within a range, as `plant.allocation`; the angle itself where there is none."""
+    turn = 2.0 * math.pi
+    back = max(math.ceil((angle - most) / turn - ROUNDING), 0) - max(math.ceil((least - angle) / turn - ROUNDING), 0)
+    other = angle - turn * back
+    return other if least - ROUNDING <= other <= most + ROUNDING else angle
+
+
+@compiled
 def allocate(a: Allocator, law: Law, dt: float, wrench: Array, memory: Memory, tilt: Array, speed: Array) -> None:
     """`Allocation.allocate` of one wrench (6,) about the believed centre of mass, behind the angles sent last."""
     w = a.wrench
@@ -401,8 +411,11 @@ def allocate(a: Allocator, law: Law, dt: float, wrench: Array, memory: Memory, t
     slow, far = False, False
     if not fresh:
         for i in range(len(tilt)):
-            tilt[i] = unwrapped(tilt[i], before[i])
+            tilt[i] = into_range(unwrapped(tilt[i], before[i]), a.tilt_min[i], a.tilt_max[i])
             slow = slow or not abs(tilt[i] - before[i]) <= a.tilt_rate_max[i] * dt
+    else:
+        for i in range(len(tilt)):
+            tilt[i] = into_range(tilt[i], a.tilt_min[i], a.tilt_max[i])
     if slow:
         for i in range(len(tilt)):
             most = a.tilt_rate_max[i] * dt

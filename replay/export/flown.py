@@ -6,16 +6,14 @@ by their first bytes and their checksum: a file of records, a topic of bytes in 
 
 from __future__ import annotations
 
-import mmap
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import tempfile
-import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,38 +24,13 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Array
-from wrenchgap.flight.formats import READERS
-from wrenchgap.flight.formats.reader import DoubtfulError, TableReader
 from wrenchgap.flight.result import Result
 from wrenchgap.replay.export.export import HASHED, export_id
+from wrenchgap.replay.export.records import HEAD, OUTPUT, PRECISION, read_records, record_type
 
-MAGIC = b"WGR1"
-HEAD = np.dtype(
-    {
-        "names": ["magic", "length", "export", "real", "numbers", "wholes", "zero", "number"],
-        "formats": ["S4", "<u4", "V8", "<u2", "<u2", "<u2", "<u2", "<u4"],
-    }
-)
-LONGEST = 1 << 16
-"""Bytes of a record: a state of some hundred numbers is the longest that an export has."""
-INPUT = {"wrench_desired": 6, "feedback": 6, "position_E": 3, "quat_EB": 4, "velocity_E": 3, "omega_B": 3} | {
-    "time": 1,
-    "voltage": 1,
-}
-OUTPUT = {
-    "wrench_cmd": 6,
-    "correction": 6,
-    "optimum": 6,
-    "expected": 6,
-    "sigma": 1,
-    "estimate": 3,
-    "beta": 1,
-    "cost": 1,
-}
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
 STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")
 FILES = (*HASHED, "wrenchgap_record.h", "wrenchgap_record.c")
-PRECISION = {8: "double", 4: "float"}
 AT_ONCE = 20_000
 """Records that are stepped in one run of the program: some 30 MB."""
 
@@ -176,7 +149,7 @@ def prove_flown(log: str | Path, folder: str | Path) -> FlownExport:
     """
     path, place = Path(log), Path(folder)
     export = _checked_export(place)
-    records, damaged = _records(path)
+    records, damaged = read_records(path)
     heads = np.frombuffer(b"".join(r[: HEAD.itemsize] for r in records), HEAD)
     ids = [bytes(one).hex() for one in heads["export"]]
     own = [r for r, one in zip(records, ids, strict=True) if one == export]
@@ -205,15 +178,6 @@ def prove_flown(log: str | Path, folder: str | Path) -> FlownExport:
         damaged=damaged,
         others=others,
     )
-
-
-def record_type(head: np.void) -> np.dtype[Any]:
-    """The type of a record with this head."""
-    real = f"<f{int(head['real'])}"
-    fields = [(name, real, (size,) if size > 1 else ()) for name, size in (INPUT | OUTPUT).items()]
-    fields += [("evaluations", "<i4", ()), ("status", "<i4", ()), ("state", real, (int(head["numbers"]),))]
-    fields += [("counts", "<i4", (int(head["wholes"]),)), ("sum", "<u4", ())]
-    return np.dtype([*HEAD.descr, *fields])
 
 
 def _deviation(flown: np.void, made: np.void) -> Deviation:
@@ -247,69 +211,6 @@ def _checked_export(folder: Path) -> str:
             f"({'no id' if said is None else said[1]} in wrenchgap_record.h, {found} of the code); export again"
         )
     return found
-
-
-def _records(path: Path) -> tuple[list[bytes], int]:
-    """Records in a log, in its order, and how many places begin like one and are none."""
-    if not path.exists():
-        raise LogError(f"{path}: no such file or folder")
-    for careful in (False, True):
-        records: list[bytes] = []
-        damaged = 0
-        try:
-            for data in _pieces(path, careful=careful):
-                damaged += _scan(data, records)
-        except DoubtfulError:
-            continue
-        break
-    if not records:
-        raise LogError(
-            f"{path}: no record of an exported compensation in it ({damaged} damaged); log what "
-            "wg_step_recorded fills, byte by byte (wrenchgap_record.h in the export)"
-        )
-    return records, damaged
-
-
-def _pieces(path: Path, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
-    """The payloads of a log's messages; a file of another kind, or of tables, whole."""
-    head = b""
-    if path.is_file():
-        with path.open("rb") as file:
-            head = file.read(64)
-    kind = next((one for one in READERS if one.accepts(path, head)), None)
-    if kind is not None and not issubclass(kind, TableReader):
-        for batch in kind(path, careful=careful).batches(lambda channel: True):
-            yield from batch.payloads if isinstance(batch.payloads, list) else batch.payloads.payloads()
-    elif head:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
-            yield whole
-    else:
-        raise LogError(f"{path}: is empty, or no log; expected a file with records of an exported compensation")
-
-
-def _scan(data: bytes | mmap.mmap, records: list[bytes]) -> int:
-    """Put the records in `data` into `records`; returns how many begin like one and are none."""
-    damaged, place = 0, data.find(MAGIC)
-    while place >= 0:
-        length = int.from_bytes(data[place + 4 : place + 8], "little")
-        record = data[place : place + length] if HEAD.itemsize < length <= LONGEST else b""
-        if _is_record(record, length):
-            records.append(record)
-            place = data.find(MAGIC, place + length)
-        else:
-            damaged += 1
-            place = data.find(MAGIC, place + 1)
-    return damaged
-
-
-def _is_record(record: bytes, length: int) -> bool:
-    """Whether the checksum is right, and the head says a record of this length."""
-    if len(record) != length or length < HEAD.itemsize:
-        return False
-    head = np.frombuffer(record[: HEAD.itemsize], HEAD)[0]
-    if int(head["real"]) not in PRECISION or record_type(head).itemsize != length:
-        return False
-    return zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")
 
 
 def _stepped(

@@ -1,5 +1,7 @@
 """The allocation: closed form for six arms, inverse of the actuation, saturation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from wrenchgap.plant import model_file
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import HOLD_THRUST, Allocation
+from wrenchgap.plant.loop_kernels import into_range
 
 HEXAROTOR = model_file.load("tilt_hexarotor").vehicle
 WRENCHES = st.lists(st.floats(-1, 1), min_size=6, max_size=6)
@@ -62,6 +65,54 @@ def test_unwraps_through_half_a_turn(hexarotor):
     tilt = Allocation(hexarotor).allocate(W)[0].tilt
     assert np.abs(np.diff(tilt, axis=0)).max() < 0.2
     assert abs(tilt[-1, 0] - tilt[0, 0]) == pytest.approx(2 * np.pi, abs=0.1)
+
+
+def with_stops(vehicle, least_deg, most_deg):
+    """The hexarotor with arms that turn from one stop to another."""
+    arms = replace(
+        vehicle.arms,
+        tilt_min=np.full_like(vehicle.arms.tilt_min, np.radians(least_deg)),
+        tilt_max=np.full_like(vehicle.arms.tilt_max, np.radians(most_deg)),
+    )
+    return replace(vehicle, arms=arms)
+
+
+@pytest.mark.parametrize("stops", [(-200.0, 200.0), (-300.0, 300.0), (-120.0, 170.0), (-90.0, 90.0)])
+def test_an_arm_at_a_stop_is_turned_round_where_its_range_has_the_direction(hexarotor, stops):
+    """A force turns one and a half times about x and back: what is in range is made, at once and in steps."""
+    angle = np.radians(np.concatenate((np.arange(0, 540), np.arange(540, -1, -1))))
+    W = np.zeros((len(angle), 6))
+    W[:, 0], W[:, 1], W[:, 2] = 8.0, 40 * np.sin(angle), 40 * np.cos(angle)
+    vehicle = with_stops(hexarotor, *stops)
+    allocation, free = Allocation(vehicle), Allocation(hexarotor).allocate(W)[0].tilt
+    asked = np.angle(np.exp(1j * free))
+    tilt = allocation.allocate(W)[0].tilt
+    least, most = np.radians(stops)
+    assert (tilt >= least - 1e-9).all()
+    assert (tilt <= most + 1e-9).all()
+    reachable = np.zeros(asked.shape, dtype=bool)
+    for turns in (-1, 0, 1):
+        reachable |= (asked + 2 * np.pi * turns >= least) & (asked + 2 * np.pi * turns <= most)
+    made = np.abs(np.angle(np.exp(1j * (tilt - asked)))) < 1e-9
+    assert (made | ~reachable).all()
+    assert reachable.all() == (most - least >= 2 * np.pi)
+    assert tilt[-1] == pytest.approx(free[0], abs=1e-9)
+    rows = [None]
+    for w in W:
+        rows.append(allocation.allocate(w[None], previous_tilt=rows[-1])[0].tilt[-1])
+    np.testing.assert_allclose(rows[1:], tilt, atol=1e-9)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.floats(-50, 50), st.floats(-20, 0), st.floats(0.01, 20))
+def test_into_range_keeps_the_direction_and_is_in_range_where_any_is(angle, least, width):
+    most = least + width
+    found = into_range.py_func(angle, least, most)
+    assert np.cos(found - angle) == pytest.approx(1.0, abs=1e-12)
+    exists = any(least <= angle + 2 * np.pi * k <= most for k in range(-20, 21))
+    assert (least - 1e-8 <= found <= most + 1e-8) or not exists
+    if least <= angle <= most:
+        assert found == angle
 
 
 def test_one_at_a_time_is_the_same_as_all_at_once(hexarotor):

@@ -96,6 +96,7 @@ def replay(
 
     Example: `wrenchgap replay test.mcap -m tilt_hexarotor --gp torque.gp -o replayed.mcap --figure replay.png`
     """
+    # Long because every option is one line of the signature.
     if export is not None:
         _prove(log, export, csv, run, idle=_said(locals()))
         return

@@ -1,0 +1,112 @@
+"""Records of a flown export: what they hold, and how they are found in a log (`wrenchgap_record.h` in the export)."""
+
+from __future__ import annotations
+
+import mmap
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.formats import READERS
+from wrenchgap.flight.formats.reader import DoubtfulError, TableReader
+
+MAGIC = b"WGR1"
+HEAD = np.dtype(
+    {
+        "names": ["magic", "length", "export", "real", "numbers", "wholes", "zero", "number"],
+        "formats": ["S4", "<u4", "V8", "<u2", "<u2", "<u2", "<u2", "<u4"],
+    }
+)
+LONGEST = 1 << 16
+"""Bytes of a record: a state of some hundred numbers is the longest that an export has."""
+INPUT = {"wrench_desired": 6, "feedback": 6, "position_E": 3, "quat_EB": 4, "velocity_E": 3, "omega_B": 3} | {
+    "time": 1,
+    "voltage": 1,
+}
+OUTPUT = {
+    "wrench_cmd": 6,
+    "correction": 6,
+    "optimum": 6,
+    "expected": 6,
+    "sigma": 1,
+    "estimate": 3,
+    "beta": 1,
+    "cost": 1,
+}
+PRECISION = {8: "double", 4: "float"}
+
+
+def record_type(head: np.void) -> np.dtype[Any]:
+    """The type of a record with this head."""
+    real = f"<f{int(head['real'])}"
+    fields = [(name, real, (size,) if size > 1 else ()) for name, size in (INPUT | OUTPUT).items()]
+    fields += [("evaluations", "<i4", ()), ("status", "<i4", ()), ("state", real, (int(head["numbers"]),))]
+    fields += [("counts", "<i4", (int(head["wholes"]),)), ("sum", "<u4", ())]
+    return np.dtype([*HEAD.descr, *fields])
+
+
+def read_records(path: Path) -> tuple[list[bytes], int]:
+    """Records in a log, in its order, and how many places begin like one and are none."""
+    if not path.exists():
+        raise LogError(f"{path}: no such file or folder")
+    for careful in (False, True):
+        records: list[bytes] = []
+        damaged = 0
+        try:
+            for data in _pieces(path, careful=careful):
+                damaged += _scan(data, records)
+        except DoubtfulError:
+            continue
+        break
+    if not records:
+        raise LogError(
+            f"{path}: no record of an exported compensation in it ({damaged} damaged); log what "
+            "wg_step_recorded fills, byte by byte (wrenchgap_record.h in the export)"
+        )
+    return records, damaged
+
+
+def _pieces(path: Path, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
+    """The payloads of a log's messages; a file of another kind, or of tables, whole."""
+    head = b""
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(64)
+    kind = next((one for one in READERS if one.accepts(path, head)), None)
+    if kind is not None and not issubclass(kind, TableReader):
+        for batch in kind(path, careful=careful).batches(lambda channel: True):
+            yield from batch.payloads if isinstance(batch.payloads, list) else batch.payloads.payloads()
+    elif head:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+            yield whole
+    else:
+        raise LogError(f"{path}: is empty, or no log; expected a file with records of an exported compensation")
+
+
+def _scan(data: bytes | mmap.mmap, records: list[bytes]) -> int:
+    """Put the records in `data` into `records`; returns how many begin like one and are none."""
+    damaged, place = 0, data.find(MAGIC)
+    while place >= 0:
+        length = int.from_bytes(data[place + 4 : place + 8], "little")
+        record = data[place : place + length] if HEAD.itemsize < length <= LONGEST else b""
+        if _is_record(record, length):
+            records.append(record)
+            place = data.find(MAGIC, place + length)
+        else:
+            damaged += 1
+            place = data.find(MAGIC, place + 1)
+    return damaged
+
+
+def _is_record(record: bytes, length: int) -> bool:
+    """Whether the checksum is right, and the head says a record of this length."""
+    if len(record) != length or length < HEAD.itemsize:
+        return False
+    head = np.frombuffer(record[: HEAD.itemsize], HEAD)[0]
+    if int(head["real"]) not in PRECISION or record_type(head).itemsize != length:
+        return False
+    return zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")
