@@ -123,6 +123,12 @@ class Combined:
         if not (np.isfinite(wrench).all() and np.isfinite(omega).all()):
             self._hold()
             raise UsageError(f"combined: desired wrench {wrench.tolist()} or rates {omega.tolist()} are not finite")
+        if self.feedforward is not None:
+            try:
+                self.feedforward.check_voltage(state)
+            except UsageError:
+                self._hold()
+                raise
         known = plausible(state)
         if known:
             self._observe(omega)

@@ -166,6 +166,8 @@ class Compensator:
         if physics is not None and physics.outputs != model.outputs:
             raise UsageError(f"compensate: physics on {physics.outputs}, the model on {model.outputs}; they must agree")
         named = model if isinstance(model, PhysicsMismatch) else physics
+        effects = () if named is None else named.model.effects
+        self._powered = any(item.effect.needs_voltage for item in effects)
         vehicle = named.model.vehicle if vehicle is None and named is not None else vehicle
         self.reach = None if vehicle is None else reach_of(vehicle)
         bound = _bounds(model, self.settings, self.reach)
@@ -239,10 +241,11 @@ class Compensator:
         except UsageError:
             self.forget()
             raise
+        self.check_voltage(state)
         if self._fast is not None:
             return self._fast_step(self._fast, wanted, state, started)
         wrench, limited = (wanted, False) if self.reach is None else self.reach.nearest(wanted)
-        if state is not None and self.needs_state and not plausible(state):
+        if state is not None and self.needs_state and not plausible(state, powered=self._powered):
             self.forget()
             zero = np.zeros(len(AXES))
             return Result(wrench, zero, zero, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
@@ -273,6 +276,12 @@ class Compensator:
         return Result(
             command, correction, found, sigma, beta, cost, iterations, optimum.accepted, limited, trouble, took
         )
+
+    def check_voltage(self, states: State | None) -> None:
+        """Raise UsageError, and forget the past, where an effect needs the voltage and the states have none at all."""
+        if self._powered and states is not None and states.voltage is None:
+            self.forget()
+            raise UsageError("compensate: effect battery_sag needs the voltage, and the state has none")
 
     def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
         if state is None and self.needs_state:

@@ -34,9 +34,8 @@ from wrenchgap.compensate.optimiser import Optimiser, Optimum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, trace
 from wrenchgap.compensate.reach import Reach
-from wrenchgap.compensate.step_row import BETA, COST, EXPECTED, IMPLAUSIBLE, LIMITED, SIGMA, state_row
+from wrenchgap.compensate.step_row import BETA, COST, EXPECTED, IMPLAUSIBLE, LIMITED, SIGMA, VOLTAGE_MAX, state_row
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
-from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.expansion import Expands, Expansion, straight_line
 from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
@@ -165,7 +164,7 @@ class Stepper:
         self._wrench[0] = wrench
         if state is not None and self._looks:
             self._state[0] = state_row(state)
-            self._check_voltage(self._state)
+            self._judge_voltage(self._state)
         self.trouble = ""
         row: Array = self._row[0]
         if advance(*self._packed, self.memory, self._wrench, self._state, self._row, False) == 0:
@@ -180,8 +179,8 @@ class Stepper:
         `wrenches` (K, 6) in B [N, Nm], `states` (K, 15) as `physics_program.STATE` has them.
         """
         trouble, done = dict[int, str](), 0
-        self._check_voltage(states)
         wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")
+        self._judge_voltage(states)
         while done < len(wrenches):
             made = advance(*self._packed, self.memory, wrenches[done:], states[done:], out[done:], True)
             done += made
@@ -206,10 +205,11 @@ class Stepper:
         expected(gate, kernel, lines, room, np.array(wrench, dtype=float), found, False)
         return found
 
-    def _check_voltage(self, states: Array) -> None:
+    def _judge_voltage(self, states: Array) -> None:
+        """Make a state (K, 15) none, in place, whose voltage is none and is needed; the kernels look at the rest."""
         physics = self.plan.physics
-        if physics is not None and physics.needs_voltage and not np.isfinite(states[:, -1]).all():
-            raise UsageError("compensate: effect battery_sag needs the voltage, and the state has none")
+        if physics is not None and physics.needs_voltage:
+            states[~(np.abs(states[:, -1]) <= VOLTAGE_MAX), 0] = np.nan
 
     def _hand_over(self, wanted: Array, state: Array, out: Array, expects: bool) -> None:
         """One step whose optima L-BFGS finds, or whose demand or state is none that a vehicle can have."""

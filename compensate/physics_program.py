@@ -157,8 +157,8 @@ class _Tracer:
             speed[group] = thrust / float(rotors.c_f[group].sum())
         for arm, condition in weak.items():
             tilt[arm] = np.where(condition, before[arm : arm + 1], tilt[arm : arm + 1])[0]
-        turns = np.floor((before - tilt) / (2.0 * np.pi) + 0.5)
-        angles = np.clip(_into_range(tilt + 2.0 * np.pi * turns, arms), arms.tilt_min, arms.tilt_max)
+        turns = np.floor((before - tilt) / TURN + 0.5)
+        angles = np.clip(_into_range(Traced.of(tilt + TURN * turns), arms), arms.tilt_min, arms.tilt_max)
         turning = np.clip(np.sqrt(np.maximum(speed, 0.0)), rotors.speed_min, rotors.speed_max)
         return Commands(wrench, angles[None], turning[None])
 
@@ -204,7 +204,7 @@ def _between(last: Commands, before: Commands, back: float) -> Commands:
 
 def _into_range(tilt: Traced, arms: Arms) -> Traced:
     """Angles of the same direction within their range where there are such, as `plant.allocation` chooses them."""
-    out = Traced.of(tilt)
+    out = tilt.copy()
     for arm in np.flatnonzero(arms.tilts & (np.minimum(arms.tilt_max, -arms.tilt_min) < NO_STOP)):
         least, most, near = float(arms.tilt_min[arm]), float(arms.tilt_max[arm]), out[arm : arm + 1]
         over, under = (-np.floor(ROUNDING - np.maximum(b, 0.0) / TURN) for b in (near - most, least - near))

@@ -22,11 +22,12 @@ method of multipliers (Boyd et al., Foundations and Trends in Machine Learning 3
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.vehicle import GRAVITY, Body, Vehicle
@@ -47,6 +48,8 @@ ROUNDS, PULLS = 100, 30
 takes a bounded time; `NEAR` is what they reach."""
 NEAR = 1e-2
 """Share of the authority to which the nearest wrench is found."""
+LIMITS = "c_f times the square of speed_max"
+CHECK = "check mass [kg], c_f [N s^2], speed_max [rad/s], tilt_min_deg and tilt_max_deg in the model"
 WEIGHT = 1.0
 """Penalty of the search, in limits. On 180 random demands on three of the shipped vehicles `ROUNDS` rounds came to
 1e-3 of the authority of the best with 1, to 6e-4 with 3, 4e-2 with 0.3 and 6e-3 with 10."""
@@ -139,7 +142,7 @@ class Reach:
 
 @lru_cache(maxsize=8)
 def reach_of(vehicle: Vehicle) -> Reach:
-    """The reach of a vehicle, made once."""
+    """The reach of a vehicle, made once. Raises ModelError for one that cannot hover."""
     if not vehicle.has_rotors:
         authority = THRUST_TO_WEIGHT * vehicle.body.mass * GRAVITY * np.array([1.0] * 3 + [_gyration(vehicle.body)] * 3)
         return _reach(np.zeros((0, 6)), [], np.zeros(0), authority, vehicle)
@@ -199,4 +202,9 @@ def _reach(rows: Array, tilting: list[int], weak: Array, authority: Array, vehic
     )
     hover = np.zeros(len(AXES))
     hover[2] = vehicle.body.mass * GRAVITY
-    return made if not made.inside(hover) else Reach(**{**vars(made), "hover": hover})
+    if not made.inside(hover):
+        raise ModelError(
+            f"{vehicle.name}: cannot hover within its own limits: it weighs {hover[2]:.3g} N, and {LIMITS} give "
+            f"at most {authority[2]:.3g} N along z; {CHECK}"
+        )
+    return replace(made, hover=hover)

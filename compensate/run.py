@@ -47,6 +47,7 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
 
     Raises UsageError where the states are needed and None.
     """
+    compensator.check_voltage(states)
     outputs = len(compensator.model.outputs)
     rows = np.empty((len(wrenches), EXPECTED + 2 * outputs))
     took, trouble = np.empty(len(wrenches)), dict[int, str]()

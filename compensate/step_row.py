@@ -27,6 +27,8 @@ STATE_MAX = (1e8, 1e8, 1e8, 2.0, 2.0, 2.0, 2.0, 1e3, 1e3, 1e3, 1e3, 1e3, 1e3, 1e
 """Largest numbers that the state of a flight can have: position in E [m] (with room for geocentric ones), quaternion,
 velocity [m/s], body rates [rad/s], time [s] (with room for that of the day). What is beyond is a fault, not a
 flight."""
+VOLTAGE_MAX = 1e4
+"""Largest voltage of a battery [V] that a flight can have."""
 IMPLAUSIBLE = "the state is not finite, or none that a flight can have: no correction"
 
 
@@ -37,6 +39,7 @@ def state_row(state: State) -> Array:
     return np.concatenate(parts)
 
 
-def plausible(state: State) -> bool:
-    """Whether the first of the states is one that a flight can have; the voltage is not asked for."""
-    return bool(np.all(np.abs(state_row(state)[:-1]) <= STATE_MAX))
+def plausible(state: State, *, powered: bool = False) -> bool:
+    """Whether the first of the states is one that a flight can have; its voltage too where an effect is `powered`."""
+    row = state_row(state)
+    return bool(np.all(np.abs(row[:-1]) <= STATE_MAX) and (not powered or abs(row[-1]) <= VOLTAGE_MAX))

@@ -76,10 +76,13 @@ def _name(text: str) -> str:
     return text.strip()
 
 
-_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Number = Annotated[_Finite, expected("a finite number")]
-Positive = Annotated[_Finite, Field(gt=0), expected("a positive number")]
-NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not negative")]
+MOST, LEAST = 1e12, 1e-15
+"""Largest size of a number in a file, and smallest of one that is positive: no quantity of a flying vehicle in SI units
+comes near either, and products of a few still fit single precision."""
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MOST, le=MOST)]
+Number = Annotated[_Finite, expected("a finite number, of a size up to 1e12")]
+Positive = Annotated[_Finite, Field(ge=LEAST), expected("a positive number, from 1e-15 to 1e12")]
+NotNegative = Annotated[_Finite, Field(ge=0), expected("a number that is not negative, up to 1e12")]
 Integer = Annotated[int, expected("a whole number")]
 Flag = Annotated[bool, Field(strict=True), expected("true or false")]
 Text = Annotated[str, Field(strict=True), expected("text")]
@@ -90,7 +93,7 @@ Name = Annotated[
     expected(f"a name: printable text of one line, not empty, of {LONGEST_NAME} characters at most"),
 ]
 Names = Annotated[tuple[Text, ...], expected("a list of names")]
-Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers")]
+Vector = Annotated[tuple[_Finite, _Finite, _Finite], expected("three finite numbers, of a size up to 1e12")]
 Axes = Annotated[tuple[Text, ...], AfterValidator(_axes), expected(f"a list of at most five of {', '.join(AXES)}")]
 Direction = Annotated[Vector, AfterValidator(_direction)]
 _Known = Annotated[float, Field(strict=True)]
@@ -190,7 +193,7 @@ def inside(folder: Path, name: str, where: str) -> Path:
     Raises ModelError for all but ordinary files in that folder or below, also after links were followed: who reads a
     model of somebody else's opens nothing else of his machine.
     """
-    said = f"{where}: {_shortened(repr(name))}"
+    said = f"{where}: {shortened(repr(name))}"
     try:
         path = (folder / name).resolve()
         ordinary = path.is_file() or not path.exists()
@@ -209,7 +212,7 @@ def beside(folder: Path, name: str, ending: str, where: str) -> Path:
     """A file that is there, `inside`, and ends as it should."""
     path = inside(folder, name, where)
     if not path.is_file() or path.suffix.lower() != ending:
-        said = f"{where}: {_shortened(repr(name))}"
+        said = f"{where}: {shortened(repr(name))}"
         raise ModelError(f"{said}: no such {ending} file in the folder of the file that names it")
     return path
 
@@ -226,7 +229,7 @@ def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlki
     except RecursionError:
         raise error("is not TOML: tables or lists within one another without end") from None
     except Exception as found:  # a damaged document makes tomlkit raise many kinds
-        raise error(f"is not TOML: {_shortened(' '.join(str(found).split()))}") from None
+        raise error(f"is not TOML: {shortened(' '.join(str(found).split()))}") from None
 
 
 def check_schema(document: Mapping[str, Any], schema: int, error: type[WrenchgapError] = ModelError) -> None:
@@ -248,9 +251,10 @@ def _line(found: ErrorDetails, where: str, page: str) -> str:
         return f"{path}: is missing{f'; see {page}' if page else ''}"
     shapes = {"model_type": f"a table [{path}]", "dict_type": f"a table [{path}]", "tuple_type": f"tables [[{path}]]"}
     got = repr(found["input"])
-    got = _shortened(got)
+    got = shortened(got)
     return f"{path}: got {got}, {f'expected {shapes[kind]}' if kind in shapes else found['msg']}"
 
 
-def _shortened(text: str) -> str:
+def shortened(text: str) -> str:
+    """What a message quotes of a text: `LONGEST` characters at most."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

@@ -17,6 +17,7 @@ from typing import Any
 
 from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.plant.reader import shortened
 from wrenchgap.viewer.inbox import LARGEST_NUMBER
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
@@ -68,11 +69,13 @@ def parse(text: str, where: str = "saved view") -> ViewState:
         raise UsageError(f"{where}: not JSON ({error}); expected what `Save view` wrote") from None
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-        raise UsageError(f"{where}: schema is {found!r}, expected {SCHEMA!r}; expected what `Save view` wrote")
+        raise UsageError(
+            f"{where}: schema is {shortened(repr(found))}, expected {SCHEMA!r}; expected what `Save view` wrote"
+        )
     known = {f.name for f in fields(ViewState)}
     unknown = sorted(set(content) - known - {"schema"})
     if unknown:
-        raise UsageError(f"{where}: unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        raise UsageError(f"{where}: unknown entry {shortened(repr(unknown[0]))}; known are {', '.join(sorted(known))}")
     entry = _Entries(content, where)
     return ViewState(
         flight=entry.text("flight"),
@@ -152,7 +155,7 @@ class _Entries:
 
     def _checked(self, name: str, value: Any, good: bool, expected: str) -> Any:
         if not good:
-            raise UsageError(f"{self._where}: {name} is {value!r}, expected {expected}")
+            raise UsageError(f"{self._where}: {name} is {shortened(repr(value))}, expected {expected}")
         return value
 
 

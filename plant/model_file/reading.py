@@ -18,6 +18,7 @@ from wrenchgap.plant.model_file.command import CommandTable
 from wrenchgap.plant.model_file.past import FileTable, ParameterTable, VersionTable
 from wrenchgap.plant.model_file.told import Told, inertia_of, of_inertia, of_number, of_vector, told, told_of
 from wrenchgap.plant.reader import (
+    MOST,
     Axes,
     Direction,
     Flag,
@@ -44,6 +45,8 @@ SCHEMA = 1
 MASS_PROPERTIES = ("mass", "inertia", "com", "imu_position")
 """Keys of [vehicle] that may have a tolerance, in the order of `Tolerances`."""
 PAGE = "docs/model-file.md"
+WEAKEST = 1e-6
+"""Share of the strongest rotor's full thrust that a rotor must have: the allocation divides by it."""
 
 
 def _possible(given: Told) -> Told:
@@ -158,6 +161,19 @@ class VehicleTable(Table):
             if isinstance(arm, dict) and isinstance(arm.get("rotors"), list):
                 arm["rotors"] = [over(values.get("rotor"), rotor) for rotor in arm["rotors"]]
         return {**values, "arms": arms}
+
+    @model_validator(mode="after")
+    def _comparable_rotors(self) -> VehicleTable:
+        """No rotor's full thrust is below `WEAKEST` of the strongest's: a unit or a digit is wrong, or it is none."""
+        rotors = [(f"arms[{i}].rotors[{k}]", r) for i, arm in enumerate(self.arms) for k, r in enumerate(arm.rotors)]
+        full = {place: rotor.c_f * rotor.speed_max**2 for place, rotor in rotors}
+        for place, thrust in full.items():
+            if not WEAKEST * max(full.values()) <= thrust <= MOST:
+                raise broken(
+                    f"{place}: its full thrust, c_f speed_max^2, is {thrust:.3g} N, and that of the strongest rotor "
+                    f"{max(full.values()):.3g} N; check c_f [N s^2] and speed_max [rad/s]"
+                )
+        return self
 
     @model_validator(mode="after")
     def _own_names(self) -> VehicleTable:

@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from glob import glob as matching
 from glob import has_magic
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -55,7 +54,7 @@ def found(names: Sequence[str], vehicle: str | None = None) -> list[Source]:
     """
     out: dict[str, Source] = {}
     for name in names:
-        some = list(_expanded(name, vehicle))
+        some = list(_expanded(name, vehicle, set()))
         if not some:
             raise UsageError(
                 f"{name}: no logs found; expected .mcap, .bag, .db3, .ulg, .bin, .csv or .parquet files, a folder or "
@@ -65,25 +64,41 @@ def found(names: Sequence[str], vehicle: str | None = None) -> list[Source]:
     return sorted(out.values(), key=lambda one: one.url)
 
 
-def _expanded(name: str, vehicle: str | None) -> Iterator[Source]:
+def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Source]:
+    """Sources of one name; each of the lists and folders in `seen` is gone through once, whatever names it again."""
     if "://" in name:
         yield from _remote(name, vehicle)
         return
     path = Path(name)
+    if path.suffix.lower() in LISTS or path.is_dir():
+        if path.resolve() in seen:
+            return
+        seen.add(path.resolve())
     if path.suffix.lower() in LISTS and path.is_file():
         lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
         for line in lines:
             if line and not line.startswith("#"):
-                yield from _expanded(line, vehicle)
+                yield from _expanded(line, vehicle, seen)
     elif path.is_dir():
-        yield from (_local(one, vehicle) for one in _in_folder(path))
+        yield from (_local(one, vehicle) for one in _in_folder(path, seen))
     elif has_magic(name):
-        for one in sorted(map(Path, matching(name, recursive=True))):  # noqa: PTH207
-            yield from _expanded(str(one), vehicle) if one.is_dir() else [_local(one, vehicle)] if is_log(one) else []
+        for one in _matching(path):
+            yield from (
+                _expanded(str(one), vehicle, seen) if one.is_dir() else [_local(one, vehicle)] if is_log(one) else []
+            )
     elif path.is_file():
         yield _local(path, vehicle)
     else:
         raise UsageError(f"{name}: no such file or folder")
+
+
+def _matching(pattern: Path) -> list[Path]:
+    """What a pattern matches; `**` follows no links, and nothing whose name begins with a dot is found."""
+    parts = pattern.parts
+    first = next(k for k, part in enumerate(parts) if has_magic(part))
+    base = Path(*parts[:first])
+    found = base.glob(str(Path(*parts[first:])))
+    return sorted(one for one in found if not any(p.startswith(".") for p in one.relative_to(base).parts))
 
 
 def is_log(path: Path | PurePosixPath) -> bool:
@@ -91,14 +106,15 @@ def is_log(path: Path | PurePosixPath) -> bool:
     return path.suffix.lower() in SINGLE or storage(Path(path)) is not None
 
 
-def _in_folder(folder: Path) -> Iterator[Path]:
-    """Logs of a folder and of all in it; a ROS 2 bag is one."""
+def _in_folder(folder: Path, seen: set[Path]) -> Iterator[Path]:
+    """Logs of a folder and of all in it; a ROS 2 bag is one. Links may lead to a folder that is in `seen`."""
     if (folder / "metadata.yaml").is_file():
         yield folder
         return
     for one in sorted(folder.iterdir()):
-        if one.is_dir() and not one.name.startswith("."):
-            yield from _in_folder(one)
+        if one.is_dir() and not one.name.startswith(".") and one.resolve() not in seen:
+            seen.add(one.resolve())
+            yield from _in_folder(one, seen)
         elif one.is_file() and is_log(one) and not one.name.startswith("."):
             yield one
 

@@ -6,6 +6,8 @@ import ast
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from wrenchgap._escaping import completable
+
 ROLES = (
     *("commanded", "desired", "actuators", "tilt", "rotor_speed", "imu", "gyroscope", "accelerometer"),
     *("odometry", "pose", "twist"),
@@ -21,7 +23,7 @@ def complete_models(incomplete: str) -> list[str]:
     shipped = {p.stem for p in (_ROOT / "models").glob("*.toml")}
     folder = Path(incomplete).parent if "/" in incomplete else Path()
     files = {str(p) for p in folder.glob("*.toml")} if folder.is_dir() else set()
-    return sorted(name for name in shipped | files if name.startswith(incomplete))
+    return sorted(name for name in shipped | files if name.startswith(incomplete) and completable(name))
 
 
 def complete_effects(incomplete: str) -> list[tuple[str, str]]:
@@ -46,7 +48,8 @@ def _class_name(item: ast.stmt) -> str:
 def complete_trajectories(incomplete: str) -> list[str]:
     """Trajectories by name, read from the source likewise; and files, where a path is being typed."""
     if "/" in incomplete or incomplete.endswith(".toml"):
-        return sorted(str(p) for p in Path(incomplete).parent.glob("*.toml") if str(p).startswith(incomplete))
+        files = map(str, Path(incomplete).parent.glob("*.toml"))
+        return sorted(name for name in files if name.startswith(incomplete) and completable(name))
     source = ast.parse((_ROOT / "plant" / "trajectory" / "__init__.py").read_text(encoding="utf-8"))
     tables = [i.value for i in source.body if isinstance(i, ast.AnnAssign) and ast.unparse(i.target) == "TRAJECTORIES"]
     keys = [key for table in tables if isinstance(table, ast.Dict) for key in table.keys]

@@ -10,7 +10,7 @@ from wrenchgap.compensate import Combined
 from wrenchgap.compensate.fast import ENOUGH, Plan
 from wrenchgap.compensate.physics_program import STATE
 from wrenchgap.compensate.reach import FAR, PULLS, ROUNDS, SLACK, Reach
-from wrenchgap.compensate.step_row import STATE_MAX
+from wrenchgap.compensate.step_row import STATE_MAX, VOLTAGE_MAX
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.replay.compensation.compensators import Judged
@@ -21,10 +21,6 @@ from wrenchgap.replay.export.observer import observer_context
 _FIELDS = (("position_E", 0, 3), ("quat_EB", 3, 4), ("velocity_E", 7, 3), ("omega_B", 10, 3), ("time", 13, 1))
 STATE_FIELDS = (*_FIELDS, ("voltage", 14, 1))
 """Fields of a `wg_input` that hold the state, with their places in `STATE`."""
-
-
-VOLTAGE_MAX = 1e4
-"""Largest voltage of a battery [V]; see `compensate.step_row.STATE_MAX`."""
 
 
 def context(

@@ -13,6 +13,7 @@ need not think of it:
     CSV                `csv_cell`       replay.present.documents, viewer.export_formats
     TOML, MCAP         `storable`       plant.model_file, plant.trajectory_file, flight.write, replay.batch.store
     TOML's comments    `printable`      plant.drafts.text
+    shell completion   `completable`    replay.cli.completion
 """
 
 from __future__ import annotations
@@ -46,6 +47,11 @@ _SEVERAL_LINES = _Printable({ord("\n"): "\n", ord("\t"): "\t"})
 def printable(text: object, *, lines: bool = False) -> str:
     """Text without control characters, marks of direction and lone surrogates; line breaks stay where `lines`."""
     return str(text).translate(_SEVERAL_LINES if lines else _PRINTABLE)
+
+
+def completable(text: str) -> bool:
+    """Whether a shell that completes this name takes it as a name: shells put it, unquoted, on the command line."""
+    return re.fullmatch(r"[\w./+@%,:][\w./+@%,:=-]*", text, re.ASCII) is not None
 
 
 def storable(text: str) -> str:

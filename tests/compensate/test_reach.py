@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 import wrenchgap as wg
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
 from wrenchgap.compensate.reach import FAR, NEAR, SHARE, THRUST_TO_WEIGHT, reach_of
-from wrenchgap.flight.errors import UsageError
+from wrenchgap.flight.errors import ModelError, UsageError
+from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.state import State
@@ -17,6 +18,7 @@ from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import about_origin
 
 NAMES = ("tilt_hexarotor", "voliro_x", "crazyflie", "asymmetric_quadrotor", "variable_tilt_hexacopter")
+TORQUES = ("torque_x", "torque_y", "torque_z")
 REST = State(np.zeros(1), np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]), np.zeros((1, 3)), np.zeros((1, 3)))
 
 
@@ -168,3 +170,68 @@ def test_an_observer_does_not_learn_a_rate_that_jumps():
     one.step(HOVER, replace(REST, omega_B=np.full((1, 3), 10.0)))
     assert one.estimate == pytest.approx(np.zeros(3), abs=1e-12)
     assert one.step(HOVER, REST).wrench_cmd == pytest.approx(HOVER, abs=1e-9)
+
+
+@pytest.mark.parametrize("stops", [(-200.0, 200.0), (-300.0, 300.0)])
+@pytest.mark.parametrize("solver", ["newton", "onboard"])
+def test_a_slow_somersault_of_the_thrust_leaves_no_arm_at_its_stop(stops, solver):
+    """Every demand can be reached; afterwards hover is that of a fresh start, and the allocation makes it."""
+    model = wg.load_model("tilt_hexarotor")
+    arms = model.vehicle.arms
+    wide = {"tilt_min": np.full(6, np.radians(stops[0])), "tilt_max": np.full(6, np.radians(stops[1]))}
+    vehicle = replace(model.vehicle, arms=replace(arms, **wide))
+    model = replace(model, vehicle=vehicle)
+    model = model.with_effects([make_effect(vehicle, "com_offset", [0.004, -0.007, 0.005])])
+
+    def made():
+        return Compensator(PhysicsMismatch(model.wrench_model, TORQUES), Settings(dt=0.005, solver=solver))
+
+    weight = vehicle.body.mass * GRAVITY
+    one, allocation, before = made(), Allocation(vehicle), None
+    angles = np.linspace(0.0, np.radians(229.0), 300)
+    for angle in angles:
+        said = one.step(weight * np.array([np.sin(angle), 0, np.cos(angle), 0, 0, 0]), REST)
+        assert not said.limited
+        before = allocation.allocate(about_origin(vehicle.body, said.wrench_cmd[None]), previous_tilt=before)[0].tilt[0]
+    hover = np.array([0, 0, weight, 0, 0, 0])
+    after = one.step(hover, REST).wrench_cmd
+    assert after == pytest.approx(made().step(hover, REST).wrench_cmd, abs=1e-6)
+    commands, saturation = allocation.allocate(about_origin(vehicle.body, after[None]), previous_tilt=before)
+    assert saturation.tilt_range == 0
+    assert nominal_wrench(vehicle, commands)[0] == pytest.approx(about_origin(vehicle.body, after[None])[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("voltage", [np.nan, np.inf, 1e300, None])
+@pytest.mark.parametrize("observed", [False, True])
+def test_a_voltage_that_is_none_leaves_nothing_behind(voltage, observed):
+    model = wg.load_model("tilt_hexarotor")
+    effects = {"battery_sag": [0.5, 0.02], "com_offset": [0.004, -0.007, 0.005]}
+    model = model.with_effects([make_effect(model.vehicle, name, values) for name, values in effects.items()])
+    hover = np.array([0, 0, model.vehicle.body.mass * GRAVITY, 0, 0, 0])
+    powered = replace(REST, voltage=np.full(1, 15.0))
+
+    def made():
+        known = Compensator(PhysicsMismatch(model.wrench_model, TORQUES), Settings(dt=0.005))
+        return Combined(model.vehicle, 0.005, 2.0, known) if observed else known
+
+    one = made()
+    one.step(hover + np.array([3.0, -4.0, 0.0, 1.0, -1.0, 0.5]), powered)
+    odd = replace(REST, voltage=None if voltage is None else np.full(1, voltage))
+    if voltage is None:
+        with pytest.raises(UsageError, match="needs the voltage"):
+            one.step(hover, odd)
+    else:
+        assert np.isnan(one.step(hover, odd).cost)
+    fresh = made()
+    if observed:
+        fresh._estimate = one._estimate.copy()
+    assert one.step(hover, powered).wrench_cmd == pytest.approx(fresh.step(hover, powered).wrench_cmd, abs=1e-6)
+
+
+def test_a_vehicle_that_cannot_hover_is_not_compensated():
+    """Thrust coefficients per rpm^2: a demand of the weight was answered with a thirtieth of it."""
+    model = wg.load_model("tilt_hexarotor")
+    rotors = model.vehicle.rotors
+    weak = replace(model.vehicle, rotors=replace(rotors, c_f=rotors.c_f * (2 * np.pi / 60) ** 2))
+    with pytest.raises(ModelError, match=r"cannot hover within its own limits.*check mass"):
+        reach_of(weak)

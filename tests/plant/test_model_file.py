@@ -1,6 +1,7 @@
 """Model files: read whole, wrong keys named, comments kept, effects round-tripped."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -193,3 +194,21 @@ def test_a_name_that_names_nothing_is_refused(old, new, message):
     with pytest.raises(ModelError, match=message) as caught:
         model_file.loads(named().replace(old, new, 1))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("c_f = 7.2e-6", "c_f = 1e-320"), "expected a positive number, from 1e-15"),
+        (("c_f = 7.2e-6", "c_f = 1e300"), "expected a positive number, from 1e-15"),
+        (("c_f = 7.2e-6", "c_f = 1e11"), "its full thrust, c_f speed_max"),
+        (("mass = 4.0", "mass = 1e308"), "expected a positive number, from 1e-15"),
+    ],
+)
+def test_numbers_that_no_vehicle_has_are_refused(tmp_path, change, words):
+    """They ended as commands that were no numbers."""
+    text = (Path(__file__).parents[2] / "models" / "tilt_hexarotor.toml").read_text()
+    assert change[0] in text
+    (tmp_path / "odd.toml").write_text(text.replace(*change))
+    with pytest.raises(ModelError, match=words):
+        model_file.load(tmp_path / "odd.toml")

@@ -43,14 +43,23 @@ def test_what_is_right_is_read():
         ({"name": 3}, "cart.name: got 3, expected text"),
         ({"name": "a", "brakes": 1}, "cart.brakes: got 1, expected true or false"),
         ({"name": "a", "load": 4}, "cart.load: got 4, expected a table [cart.load]"),
-        ({"name": "a", "load": {"corn": "much"}}, "cart.load.corn: got 'much', expected a finite number"),
+        (
+            {"name": "a", "load": {"corn": "much"}},
+            "cart.load.corn: got 'much', expected a finite number, of a size up to 1e12",
+        ),
         ({"name": "a", "wheels": {"radius": 1}}, "cart.wheels: got {'radius': 1}, expected tables [[cart.wheels]]"),
         ({"name": "a", "wheels": [{"radius": 1}, 2]}, "cart.wheels[1]: got 2, expected a table [cart.wheels[1]]"),
-        ({"name": "a", "wheels": [{"radius": -1}]}, "cart.wheels[0].radius: got -1, expected a positive number"),
-        ({"name": "a", "wheels": [{"radius": True}]}, "cart.wheels[0].radius: got True, expected a positive number"),
+        (
+            {"name": "a", "wheels": [{"radius": -1}]},
+            "cart.wheels[0].radius: got -1, expected a positive number, from 1e-15 to 1e12",
+        ),
+        (
+            {"name": "a", "wheels": [{"radius": True}]},
+            "cart.wheels[0].radius: got True, expected a positive number, from 1e-15 to 1e12",
+        ),
         (
             {"name": "a", "wheels": [{"radius": 1, "place": [0, float("nan"), 0]}]},
-            "cart.wheels[0].place: got [0, nan, 0], expected three finite numbers",
+            "cart.wheels[0].place: got [0, nan, 0], expected three finite numbers, of a size up to 1e12",
         ),
     ],
 )

@@ -137,6 +137,25 @@ def test_lists_globs_and_folders_name_the_same_logs(logs, tmp_path):
     assert {s.vehicle for s in sources.found([str(logs)], "mine")} == {"mine"}
 
 
+@pytest.mark.timeout(30)
+def test_lists_and_links_that_lead_back_are_followed_once(logs, tmp_path, monkeypatch):
+    """A list that names itself, thirty lists that name the next one twice, links to their own folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "round.txt").write_text(f"round.txt\n{logs}\n")
+    assert sources.found(["round.txt"]) == sources.found([str(logs)])
+    for k in range(30):
+        (tmp_path / f"{k}.txt").write_text(f"{k + 1}.txt\n" * 2)
+    (tmp_path / "30.txt").write_text(f"{logs}\n")
+    assert sources.found(["0.txt"]) == sources.found([str(logs)])
+    folder = tmp_path / "links"
+    folder.mkdir()
+    (folder / "one.mcap").write_bytes(b"x")
+    for name in "xy":
+        (folder / name).symlink_to(".")
+    assert [s.name for s in sources.found([str(folder)])] == ["one.mcap"]
+    assert {s.name for s in sources.found([f"{folder}/**/*.mcap"])} == {"one.mcap"}
+
+
 def test_an_etag_stands_for_the_content():
     tagged = sources.Source("s3://bucket/a/b.mcap", "a", 10, "abc")
     assert sources.identity(tagged) == "etag:abc"

@@ -250,6 +250,38 @@ def test_completion_offers_what_is_there():
     assert completion.complete_topics("im") == ["imu="]
 
 
+def test_completion_offers_no_name_that_a_shell_would_run(tmp_path, monkeypatch):
+    """Shells put what is completed on the command line as it is, and zsh evaluates it even before."""
+    monkeypatch.chdir(tmp_path)
+    nasty = (
+        "$(touch pwned)",
+        "`id`",
+        "a;id",
+        "a b",
+        "a\x1b]0;x\x07",
+        "-rf",
+        "a\\$(id)",
+        "=id",
+        "a|b",
+        "~root",
+        "a'b",
+        "*",
+    )
+    for name in (*nasty, "fitted", "my_quad-2.1"):
+        (tmp_path / f"{name}.toml").touch()
+    assert set(completion.complete_models("")) - {"fitted.toml", "my_quad-2.1.toml"} <= set(shipped_models())
+    assert completion.complete_models("f") == ["fitted.toml"]
+    assert completion.complete_trajectories("x/$") == []
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "$(id).toml").touch()
+    (tmp_path / "x" / "ramp.toml").touch()
+    assert completion.complete_trajectories("x/r") == ["x/ramp.toml"]
+
+
+def shipped_models():
+    return [path.stem for path in (ROOT / "models").glob("*.toml")]
+
+
 def test_a_fault_leaves_a_traceback_in_a_file(run, monkeypatch):
     monkeypatch.delenv("WRENCHGAP_DEBUG", raising=False)
     monkeypatch.setattr(model_file, "load", lambda name: 1 / 0)

@@ -1,12 +1,14 @@
 """A view that was saved is the view that is opened; whatever else is offered gets one clear line."""
 
 import json
+from time import process_time
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.viewer.background import told
 from wrenchgap.viewer.scene_drawing import Shown
 from wrenchgap.viewer.view_state import ViewState, parse
 
@@ -69,3 +71,14 @@ def test_what_is_no_view_is_told_in_one_line(change, words):
 def test_nonsense_is_told_too(text):
     with pytest.raises(UsageError, match="saved view"):
         parse(text)
+
+
+def test_a_long_value_is_quoted_in_part_and_told_at_once():
+    """A text of a megabyte that looks like a path at every second character took hours to shorten, under the lock."""
+    nasty = json.dumps({"schema": "/!" * 500_000})
+    with pytest.raises(UsageError) as caught:
+        parse(nasty)
+    assert len(str(caught.value)) < 300
+    started = process_time()
+    assert len(told(UsageError("/!" * 500_000))) <= 1000
+    assert process_time() - started < 1.0
