@@ -1,0 +1,83 @@
+"""Flat tops: a sensor that reached the end of its range reads one value, over and over, while the motion goes on.
+
+A channel is clipped where its largest (or smallest) value comes in several runs of equal samples, and much more often
+than the values next to it: noise and quantisation repeat those as often. What a flight did beyond is not in the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.flight import Array, Flight
+
+RUNS = 2
+"""Runs of equal samples at the end of the range, at least: a rest at one value is a single one."""
+SAMPLES = 6
+"""Of these runs together."""
+NEIGHBOURS, OFTENER = 10, 4.0
+"""Values next to the end of the range, and how much more often than each of them it must come."""
+STOPS = 0.05
+"""Share of clipped samples from which on the log stops: the rms of such a channel is off by several per cent."""
+
+
+@dataclass(frozen=True)
+class Clipped:
+    """A channel at one end of its range: the `value`, and the `count` of its samples there, of `total`."""
+
+    name: str
+    value: float
+    count: int
+    total: int
+
+    @property
+    def share(self) -> float:
+        """Of the samples."""
+        return self.count / self.total
+
+
+def clipped(flight: Flight) -> Iterator[Check]:
+    """Axes of gyroscope and accelerometer that are clipped."""
+    if flight.imu is None:
+        return
+    for sensor, unit, values in (
+        ("gyroscope", "rad/s", flight.imu.omega_B),
+        ("accelerometer", "m/s^2", flight.imu.specific_force_B),
+    ):
+        found = [one for axis, column in zip("xyz", values.T, strict=True) for one in flat_tops(axis, column)]
+        if not found:
+            continue
+        said = ", ".join(f"{c.name} at {c.value:+.4g} {unit} in {c.count} samples" for c in found)
+        share = max(c.share for c in found)
+        words = (
+            f"{sensor} reaches the end of its range: {said} ({100 * share:.2g} %); what it missed is in no filter or "
+        )
+        words += "fit: set a larger range in the driver"
+        yield Check("clipped", "bad" if share > STOPS else "warn", words)
+
+
+def flat_tops(name: str, values: Array) -> Iterator[Clipped]:
+    """The ends of a channel (N,) at which it is clipped."""
+    for sign in (1.0, -1.0):
+        top = float(np.max(sign * values, initial=-np.inf))
+        if not np.isfinite(top) or np.sum(values == sign * top) < SAMPLES:
+            continue
+        at = sign * values == top
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
+        lengths = edges[1::2] - edges[::2]
+        flat = lengths[lengths > 1]
+        if len(flat) < RUNS or flat.sum() < SAMPLES or at.all():
+            continue
+        if at.sum() > OFTENER * _most_beside(sign * values, top):
+            yield Clipped(name, sign * top, int(at.sum()), len(values))
+
+
+def _most_beside(values: Array, top: float) -> int:
+    """How often the most frequent of the `NEIGHBOURS` values below the largest comes."""
+    count = min(len(values), 50 * NEIGHBOURS + int(np.sum(values == top)))
+    high = np.partition(values, len(values) - count)[len(values) - count :]
+    _, often = np.unique(high[high < top], return_counts=True)
+    return int(max(often[-NEIGHBOURS:], default=0))
