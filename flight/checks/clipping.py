@@ -1,7 +1,8 @@
 """Flat tops: a sensor that reached the end of its range reads one value, over and over, while the motion goes on.
 
-A channel is clipped where its largest (or smallest) value comes in several runs of equal samples, and much more often
-than the values next to it: noise and quantisation repeat those as often. What a flight did beyond is not in the log.
+A channel is clipped where its largest (or smallest) value comes in runs of equal samples while other axes go on, and
+much more often than the values next to it: noise and quantisation repeat those as often, at rest everything stands
+still, and a sensor that is logged faster than it reads repeats every value. What a flight did beyond is not in the log.
 """
 
 from __future__ import annotations
@@ -14,10 +15,9 @@ import numpy as np
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Array, Flight
 
-RUNS = 2
-"""Runs of equal samples at the end of the range, at least: a rest at one value is a single one."""
 SAMPLES = 6
-"""Of these runs together."""
+"""In runs at the end of the range, at least: of white noise the largest value repeats itself once in a flight of years,
+and 3 or 12 find the same logs among those of benchmarks/meaning and the recorded ones."""
 NEIGHBOURS, OFTENER = 10, 4.0
 """Values next to the end of the range, and how much more often than each of them it must come."""
 STOPS = 0.05
@@ -43,11 +43,12 @@ def clipped(flight: Flight) -> Iterator[Check]:
     """Axes of gyroscope and accelerometer that are clipped."""
     if flight.imu is None:
         return
+    readings = np.hstack((flight.imu.omega_B, flight.imu.specific_force_B))
     for sensor, unit, values in (
         ("gyroscope", "rad/s", flight.imu.omega_B),
         ("accelerometer", "m/s^2", flight.imu.specific_force_B),
     ):
-        found = [one for axis, column in zip("xyz", values.T, strict=True) for one in flat_tops(axis, column)]
+        found = [one for axis, column in zip("xyz", values.T, strict=True) for one in flat_tops(axis, column, readings)]
         if not found:
             continue
         said = ", ".join(f"{c.name} at {c.value:+.4g} {unit} in {c.count} samples" for c in found)
@@ -59,20 +60,22 @@ def clipped(flight: Flight) -> Iterator[Check]:
         yield Check("clipped", "bad" if share > STOPS else "warn", words)
 
 
-def flat_tops(name: str, values: Array) -> Iterator[Clipped]:
-    """The ends of a channel (N,) at which it is clipped."""
+def flat_tops(name: str, values: Array, readings: Array) -> Iterator[Clipped]:
+    """The ends of a channel (N,) at which it is clipped; `readings` (N, C) are all channels of the sensors."""
     for sign in (1.0, -1.0):
         top = float(np.max(sign * values, initial=-np.inf))
         if not np.isfinite(top) or np.sum(values == sign * top) < SAMPLES:
             continue
         at = sign * values == top
         edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
-        lengths = edges[1::2] - edges[::2]
-        flat = lengths[lengths > 1]
-        if len(flat) < RUNS or flat.sum() < SAMPLES or at.all():
-            continue
-        if at.sum() > OFTENER * _most_beside(sign * values, top):
+        flat = sum(b - a for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1 and _moves(readings[a:b]))
+        if flat >= SAMPLES and at.sum() > OFTENER * _most_beside(sign * values, top):
             yield Clipped(name, sign * top, int(at.sum()), len(values))
+
+
+def _moves(readings: Array) -> bool:
+    """Whether any channel changes."""
+    return bool(np.any(np.abs(np.diff(readings, axis=0)) > 0.0))
 
 
 def _most_beside(values: Array, top: float) -> int:
