@@ -21,9 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks import attitude, odometry, presence, stamps, wrench
-from wrenchgap.flight.checks.clipping import clipped
-from wrenchgap.flight.checks.gyroscope_scale import gyroscope_scale
+from wrenchgap.flight.checks import attitude, clipping, gyroscope_scale, odometry, presence, stamps, wrench
 from wrenchgap.flight.checks.masking import masked
 from wrenchgap.flight.checks.motion import Seen, seen
 from wrenchgap.flight.clocks import Timing
@@ -34,7 +32,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     presence.constant,
     presence.units,
     presence.unmeasured,
-    clipped,
+    clipping.clipped,
     stamps.stamps,
     stamps.dropped,
 )
@@ -55,7 +53,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     stuck = any(check.name == "constant-channel" and check.level == "bad" for check in found)
     moved = None if stuck else seen(flight)
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
-    found += [] if stuck else gyroscope_scale(flight, found)
+    found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
     found = wrench.behind_body_frame(found, found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 
