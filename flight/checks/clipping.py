@@ -7,7 +7,7 @@ still, and a sensor that is logged faster than it reads repeats every value. Wha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +43,7 @@ def clipped(flight: Flight) -> Iterator[Check]:
     """Axes of gyroscope and accelerometer that are clipped."""
     if flight.imu is None:
         return
-    readings = np.hstack((flight.imu.omega_B, flight.imu.specific_force_B))
+    readings = (flight.imu.omega_B, flight.imu.specific_force_B)
     for sensor, unit, values in (
         ("gyroscope", "rad/s", flight.imu.omega_B),
         ("accelerometer", "m/s^2", flight.imu.specific_force_B),
@@ -60,17 +60,18 @@ def clipped(flight: Flight) -> Iterator[Check]:
         yield Check("clipped", "bad" if share > STOPS else "warn", words)
 
 
-def flat_tops(name: str, values: Array, readings: Array) -> Iterator[Clipped]:
-    """The ends of a channel (N,) at which it is clipped; `readings` (N, C) are all channels of the sensors."""
+def flat_tops(name: str, values: Array, readings: Sequence[Array]) -> Iterator[Clipped]:
+    """The ends of a channel (N,) at which it is clipped; `readings` (N, C) are the channels of all sensors."""
     for sign in (1.0, -1.0):
-        top = float(np.max(sign * values, initial=-np.inf))
-        if not np.isfinite(top) or np.sum(values == sign * top) < SAMPLES:
+        end = float(values.max() if sign > 0.0 else values.min())
+        at = values == end
+        if not np.isfinite(end) or np.count_nonzero(at) < SAMPLES:
             continue
-        at = sign * values == top
         edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
-        flat = sum(b - a for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1 and _moves(readings[a:b]))
-        if flat >= SAMPLES and at.sum() > OFTENER * _most_beside(sign * values, top):
-            yield Clipped(name, sign * top, int(at.sum()), len(values))
+        runs = zip(edges[::2], edges[1::2], strict=True)
+        flat = sum(b - a for a, b in runs if b - a > 1 and any(_moves(v[a:b]) for v in readings))
+        if flat >= SAMPLES and at.sum() > OFTENER * _most_beside(sign * values, sign * end):
+            yield Clipped(name, end, int(at.sum()), len(values))
 
 
 def _moves(readings: Array) -> bool:
