@@ -5,6 +5,8 @@ A fault changes a flight, the file that was written of it, or the model. It says
 
 from __future__ import annotations
 
+# Long because the faults are one list, each beside the few lines that make it.
+
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

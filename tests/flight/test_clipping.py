@@ -67,6 +67,17 @@ def test_rest_is_no_flat_top():
     assert list(clipped(flight_of(gyro, accel))) == []
 
 
+@pytest.mark.parametrize("still", [0.0, 1.0])
+def test_a_channel_that_hardly_ever_changes_is_not_clipped(still):
+    """A planar flight of a simulator without noise: one rate is zero but for a moment, the others go on."""
+    gyro = moving()
+    gyro[:, 0] = still
+    gyro[3000:4000, 0] += np.abs(gyro[3000:4000, 1])
+    assert list(clipped(flight_of(gyro))) == []
+    gyro[:, 0] = still
+    assert list(clipped(flight_of(gyro))) == []
+
+
 def test_an_axis_that_was_not_measured_is_passed_over():
     gyro = moving()
     gyro[:, 0] = np.nan
