@@ -5,8 +5,6 @@ A fault changes a flight, the file that was written of it, or the model. It says
 
 from __future__ import annotations
 
-# Long because the faults are one list, each beside the few lines that make it.
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -19,6 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.meaning.files import hour, microseconds, milliseconds, two_vehicles
 from wrenchgap.flight.flight import Array, Flight
+
+# Long because the faults are one list, each beside the few lines that make it.
 
 GRAVITY = 9.80665
 SAME = "the same flight"

@@ -16,8 +16,8 @@ from wrenchgap.flight.check import Check
 from wrenchgap.flight.flight import Array, Flight
 
 SAMPLES = 6
-"""In runs at the end of the range, at least: of white noise the largest value repeats itself once in a flight of years,
-and 3 or 12 find the same logs among those of benchmarks/meaning (seed 31) and the 78 recorded ones: so for `OFTENER`."""
+"""In runs at the end of the range, at least: white noise does not repeat its largest value. With 3 or 12, and `OFTENER`
+halved or doubled, the same logs are found among those of benchmarks/meaning (seed 31) and 78 recorded ones."""
 MOST = 0.5
 """Share of the samples: a channel that hardly ever changes is another check's (`constant-channel`, `frozen`)."""
 NEIGHBOURS, OFTENER = 10, 4.0
