@@ -17,6 +17,8 @@ NAMES: dict[str, str] = {
     "body-frame": "the axes of the IMU against the attitude",
     "inertial-frame": "the attitude: frames, order of the quaternion",
     "gyroscope": "the unit of the gyroscope, and whether it shows the attitude's motion",
+    "gyroscope-scale": "the scale of the gyroscope against the attitude, axis by axis",
+    "clipped": "flat tops of the IMU at one value",
     "odometry-rate": "the unit of the odometry's own body rates",
     "velocity": "the odometry's velocity against its position",
     "odometry-scale": "the unit of the odometry against the accelerometer",

@@ -30,6 +30,7 @@ Stamps = NDArray[np.int64]
 
 SAME_OFFSET = 1.0  # s, stamps that far from the log's clock are still of that clock: transport delay
 SAME_RATE = 0.01  # relative, a difference in rate that is a drift and not another kind of time
+TILT = 5.2  # residuals over the span: by which arrivals in bursts can tilt a line, 1.5 times their range of sqrt(12)
 SHORT = 2.0  # s, a topic that is shorter has no rate worth the name
 EDGE_WINDOW = 0.5  # s, a foreign clock's map has one knot per window
 UNIT_RATES = {
@@ -52,17 +53,23 @@ class Relation:
     """How a topic's stamps relate to its log times: `rate` (stamp seconds per log second), median `offset` [s].
 
     `residual` [s] is the standard deviation of the stamps from the best line: jitter of the transport, or the bends
-    of a clock that is not steady.
+    of a clock that is not steady. `span` [s] is the time that they are from.
     """
 
     rate: float
     offset: float
     residual: float
+    span: float = np.inf
+
+    @property
+    def doubt(self) -> float:
+        """By how much the rate may be off because messages arrive late, and in bursts."""
+        return TILT * self.residual / self.span
 
     @property
     def same_rate(self) -> bool:
-        """Whether the stamps advance as the log's clock does."""
-        return abs(self.rate - 1.0) <= SAME_RATE
+        """Whether the stamps advance as the log's clock does, as far as can be told."""
+        return abs(self.rate - 1.0) <= SAME_RATE + self.doubt
 
     @property
     def unit(self) -> float | None:
@@ -91,7 +98,7 @@ def relation(log_time_ns: Stamps, header_ns: Stamps) -> Relation:
     rate, _, inliers = _line(x, y)
     x, y = x[inliers], y[inliers]
     slope, intercept = _straight(x, y)
-    return Relation(rate, offset, float(np.std(y - intercept - slope * x)))
+    return Relation(rate, offset, float(np.std(y - intercept - slope * x)), float(np.ptp(x)))
 
 
 def without_jumps(log_time_ns: Stamps, header_ns: Stamps) -> tuple[Stamps, tuple[tuple[int, float], ...]]:
@@ -162,12 +169,16 @@ def clock_map(log_time_ns: Stamps, header_ns: Stamps) -> ClockMap:
 
 @dataclass(frozen=True)
 class Timing:
-    """Stamps [ns] by topic on the flight's one clock, and what had to be done to get there."""
+    """Stamps [ns] by topic on the flight's one clock, and what had to be done to get there.
+
+    `mapped` are the topics whose times were mapped to another clock.
+    """
 
     stamps: dict[str, Stamps]
     relations: dict[str, Relation]
     notes: tuple[str, ...]
     jumps: dict[str, tuple[tuple[int, float], ...]] = field(default_factory=dict)
+    mapped: tuple[str, ...] = ()
 
 
 def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing:
@@ -190,9 +201,9 @@ def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing
     }
     base = next((topic for topic in motion if topic in relations and not relations[topic].same_rate), None)
     if base is None:
-        stamps, notes = _in_log_clock(tables, relations)
+        stamps, notes, mapped = _in_log_clock(tables, relations)
     else:
-        stamps, notes = _in_clock_of(base, tables, relations)
+        stamps, notes, mapped = _in_clock_of(base, tables, relations)
     unstamped = [topic for topic in tables if topic not in relations]
     if unstamped and base is None:
         notes.append(f"Log time is used for {', '.join(unstamped)}: no header stamps.")
@@ -200,32 +211,34 @@ def one_clock(tables: Mapping[str, Table], motion: Iterable[str] = ()) -> Timing
         f"{topic}: its stamps jump by {', '.join(f'{by:+.3f} s' for _, by in found)} against log time: taken out."
         for topic, found in jumps.items()
     ]
-    return Timing(stamps, relations, tuple(notes), jumps)
+    return Timing(stamps, relations, tuple(notes), jumps, tuple(mapped))
 
 
 def _in_log_clock(
     tables: Mapping[str, Table], relations: Mapping[str, Relation]
-) -> tuple[dict[str, Stamps], list[str]]:
+) -> tuple[dict[str, Stamps], list[str], list[str]]:
     foreign = [topic for topic, found in relations.items() if not found.same]
     stamped_alone = len(foreign) == len(tables) and _agree([relations[topic] for topic in foreign])
     stamps: dict[str, Stamps] = {}
     notes: list[str] = []
+    mapped: list[str] = []
     for topic, table in tables.items():
         if table.header_ns is None:
             stamps[topic] = table.log_time_ns
         elif topic in foreign and not stamped_alone:
+            mapped.append(topic)
             stamps[topic] = clock_map(table.log_time_ns, table.header_ns).inverse(table.header_ns)
             notes.append(f"Two clocks: {topic} {_describe(relations[topic])}; its stamps were mapped to log time.")
         else:
             stamps[topic] = table.header_ns
     if stamped_alone and foreign:
-        notes.append(f"Header stamps are used; they differ from log time: {_describe(relations[foreign[0]])}.")
-    return stamps, notes
+        notes.append(_one_foreign(relations[foreign[0]]))
+    return stamps, notes, mapped
 
 
 def _in_clock_of(
     base: str, tables: Mapping[str, Table], relations: Mapping[str, Relation]
-) -> tuple[dict[str, Stamps], list[str]]:
+) -> tuple[dict[str, Stamps], list[str], list[str]]:
     reference = tables[base]
     assert reference.header_ns is not None
     to_base = clock_map(reference.log_time_ns, reference.header_ns)
@@ -237,15 +250,21 @@ def _in_clock_of(
         else:
             stamps[topic] = to_base(_log_times(table, relations.get(topic)))
             mapped.append(topic)
-    then = f"; mapped to it: {', '.join(mapped)}." if mapped else "."
-    notes = [f"Two clocks: {base} {_describe(relations[base])}. All times are given in that clock{then}"]
+    if not mapped:
+        return stamps, [_one_foreign(relations[base])], mapped
+    then = f"mapped to it: {', '.join(mapped)}."
+    notes = [f"Two clocks: {base} {_describe(relations[base])}. All times are given in that clock; {then}"]
     residual = relations[base].residual
-    if residual > STRAIGHT and mapped:
+    if residual > STRAIGHT:
         notes.append(
             f"The two clocks are not in a linear relation (residual {1e3 * residual:.0f} ms): the map is "
             f"piecewise linear, {EDGE_WINDOW} s each; expect tens of ms of error between topics of different clocks."
         )
-    return stamps, notes
+    return stamps, notes, mapped
+
+
+def _one_foreign(found: Relation) -> str:
+    return f"Header stamps are used; they differ from log time: {_describe(found)}."
 
 
 def _log_times(table: Table, found: Relation | None) -> Stamps:
@@ -262,7 +281,7 @@ def _agree(relations: list[Relation]) -> bool:
     first = relations[0] if relations else None
     return all(
         first is not None
-        and abs(other.rate - first.rate) <= SAME_RATE
+        and abs(other.rate - first.rate) <= SAME_RATE + first.doubt + other.doubt
         and abs(other.offset - first.offset)
         <= SAME_OFFSET + 5 * (first.residual + other.residual) + abs(1.0 - first.rate) * 10.0
         for other in relations

@@ -7,6 +7,7 @@
     rotor_speed=/esc.rpm*0.10472      a factor on everything
     commanded=/wrench:Nmm             torques in Nmm
     commanded=/wrench:torque*0.4      a factor on one of the vectors
+    imu=/imu:gyro.x*1.05              a factor on one axis of the sensor, before it is turned
     odometry=/odom:ned,frd,mm         world north-east-down, body forward-right-down, lengths in millimetres
     odometry=/odom:wxyz               the quaternion's scalar comes first in the fields x y z w
     imu=/imu:ms                       stamps in milliseconds
@@ -67,9 +68,10 @@ TURNING = ("force", "torque", "gyro", "accel", "attitude", "velocity", "rate")
 ALL_UNITS = ", ".join([*UNITS, *STAMPS])
 EXPECTED = (
     "expected words out of frd, ned, wxyz, inverse, axes=-yxz, roll=DEG, pitch=DEG, yaw=DEG, VECTOR*FACTOR, "
-    f"{ALL_UNITS}"
+    f"VECTOR.x*FACTOR, {ALL_UNITS}"
 )
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_AXIS_FACTOR = re.compile(rf"([a-z]+)\.([xyz])\*({NUMBER})")
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,20 @@ class Meaning:
                 turn = _turn(rest) @ turn
         return turn
 
+    @property
+    def turns(self) -> bool:
+        """Whether the log's axes are not the body's."""
+        return any(word == "frd" or "=" in word for word in self.words)
+
+    def axis_scales(self, vector: str) -> Array:
+        """Factors (3,) of the axes of one of the vectors, besides `scale`."""
+        scales = np.ones(3)
+        for word in self.words:
+            found = _AXIS_FACTOR.fullmatch(word)
+            if found and found[1] == vector:
+                scales["xyz".index(found[2])] *= float(found[3])
+        return scales
+
     def scale(self, vector: str) -> float:
         """Factor of one of the vectors."""
         scale = 1.0 if vector == "attitude" else self.factor
@@ -126,6 +142,8 @@ class Meaning:
                 out[:, columns] = self._attitude(out[:, columns])
                 continue
             out[:, columns] *= self.scale(vector)
+            if vector in TURNING:
+                out[:, columns] *= self.axis_scales(vector)
             if vector == "position":
                 out[:, columns] = out[:, columns] @ self.world.T
             elif vector in TURNING and quantity != "twist":
@@ -174,6 +192,9 @@ def suited(word: str) -> tuple[str, ...] | None:
     every = {vector for vectors in VECTORS_OF.values() for vector in vectors}
     if scaled:
         return (scaled[1],) if scaled[1] in every - {"attitude"} else None
+    axis = _AXIS_FACTOR.fullmatch(word)
+    if axis:
+        return (axis[1],) if axis[1] in {*TURNING} - {"attitude"} else None
     own, rest = _split(word)
     if own and own not in TURNING:
         return None

@@ -18,13 +18,20 @@ from scipy.spatial.transform import Rotation
 from benchmarks.meaning.files import hour, microseconds, milliseconds, two_vehicles
 from wrenchgap.flight.flight import Array, Flight
 
+# Long because the faults are one list, each beside the few lines that make it.
+
 GRAVITY = 9.80665
+SAME = "the same flight"
+"""In place of the name of a check: logs of one flight are refused together."""
 Change = Callable[[Flight], Flight]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """`named` are the checks that say it; `flight`, `file` and `model` (of the text of its file) are changed by it."""
+    """`named` are the checks that say it; `flight`, `file` and `model` (of the text of its file) are changed by it.
+
+    `again` makes a second log of the flight, which is opened beside the first.
+    """
 
     name: str
     named: tuple[str, ...]
@@ -32,6 +39,7 @@ class Fault:
     file: Callable[[Path], None] | None = None
     model: Callable[[str], str] | None = None
     tilting: bool | None = None  # only for vehicles whose arms do, or do not, tilt
+    again: Change | None = None
 
 
 def _imu(flight: Flight, gyro: Any = None, accel: Any = None) -> Flight:
@@ -143,6 +151,39 @@ def _held(role: str, name: str, columns: Any, seconds: float, value: float | Non
         return replace(flight, **{role: replace(series, **{name: values})})
 
     return apply
+
+
+def _dead(flight: Flight, name: str, share: float = 0.7) -> Flight:
+    """A sensor of the IMU reads one value from that share of the flight to its end."""
+    imu = flight.imu
+    assert imu is not None
+    values = getattr(imu, name).copy()
+    first = int(share * len(values))
+    values[first:] = values[first]
+    return replace(flight, imu=replace(imu, **{name: values}))
+
+
+def _clipped(flight: Flight, name: str, share: float = 0.97) -> Flight:
+    """A sensor of the IMU whose range ends where that share of its readings lies, on the axis that moves most."""
+    imu = flight.imu
+    assert imu is not None
+    values = getattr(imu, name).copy()
+    axis = int(np.argmax(values.std(axis=0)))
+    middle = float(np.median(values[:, axis]))
+    size = float(np.quantile(np.abs(values[:, axis] - middle), share))
+    values[:, axis] = np.clip(values[:, axis], middle - size, middle + size)
+    return replace(flight, imu=replace(imu, **{name: values}))
+
+
+def _cut(flight: Flight) -> Flight:
+    """From 4 s on, stamped an hour later, in single precision."""
+    out: dict[str, Any] = {"start_ns": flight.start_ns + 3_600_000_000_000, "content_hash": "0" * 64}
+    for role, series in flight.series().items():
+        first = int(np.searchsorted(series.time, 4.0))
+        arrays = {k: v[first:].astype(np.float32) for k, v in vars(series).items() if isinstance(v, np.ndarray)}
+        arrays = {k: v.astype(float) for k, v in arrays.items()} | {"time": series.time[first:] - 4.0}
+        out[role] = replace(series, **arrays)
+    return replace(flight, **out)
 
 
 def _odometry_stuck(flight: Flight) -> Flight:
@@ -260,6 +301,9 @@ FAULTS: tuple[Fault, ...] = (
     Fault("gyroscope in deg/s, IMU and wrench alone", ("gyroscope",), _wrench_alone(partial(_imu, gyro=180 / np.pi))),
     Fault("gyroscope in deg/s, IMU and actuators alone", ("gyroscope",), _alone(partial(_imu, gyro=180 / np.pi))),
     Fault("gyroscope twice too large", ("gyroscope",), partial(_imu, gyro=2.0)),
+    Fault("gyroscope scaled by 0.9", ("gyroscope-scale",), partial(_imu, gyro=0.9)),
+    Fault("gyroscope scaled by 1.03", ("gyroscope-scale",), partial(_imu, gyro=1.03)),
+    Fault("gyroscope's y scaled by 0.95", ("gyroscope-scale",), partial(_imu, gyro=np.diag([1.0, 0.95, 1.0]))),
     Fault("IMU forward-right-down", ("body-frame",), partial(_imu, gyro=FRD_B, accel=FRD_B)),
     Fault("IMU turned by 90 deg", ("body-frame",), _turned(90.0)),
     Fault("IMU turned by 45 deg", ("body-frame",), _turned(45.0)),
@@ -318,6 +362,10 @@ FAULTS: tuple[Fault, ...] = (
     Fault("kappa as torque coefficient", ("kappa",), model=_number("kappa", lambda v: 1e-5 * v)),
     Fault("gyroscope's x stuck for 3 s", ("frozen",), partial(_stuck, axis=0)),
     Fault("IMU stuck for 3 s", ("frozen",), partial(_stuck, axis=-1)),
+    Fault("gyroscope dead to the end", ("frozen",), partial(_dead, name="omega_B")),
+    Fault("accelerometer dead to the end", ("frozen",), partial(_dead, name="specific_force_B")),
+    Fault("gyroscope clipped", ("clipped",), partial(_clipped, name="omega_B")),
+    Fault("accelerometer clipped", ("clipped",), partial(_clipped, name="specific_force_B")),
     Fault("odometry stuck for 3 s", ("frozen",), _odometry_stuck),
     Fault("odometry's twist stuck for 3 s", ("frozen",), _twist_stuck),
     Fault(
@@ -342,5 +390,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("stamps in microseconds", ("clock-unit",), file=microseconds),
     Fault("two vehicles in one log", ("vehicles",), file=two_vehicles, tilting=False),
     Fault("a clock that is set in mid-flight", ("clock-jump",), file=hour),
+    Fault("the same flight under two names", (SAME,), again=lambda f: replace(f, start_ns=f.start_ns + 10**9)),
+    Fault("a cut of the flight beside it", (SAME,), again=_cut),
 )  # fmt: skip
 """All of them."""

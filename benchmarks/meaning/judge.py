@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.meaning.answers import answer
-from benchmarks.meaning.faults import Fault
+from benchmarks.meaning.faults import SAME, Fault
 from wrenchgap import load_model, save_log
 from wrenchgap.flight.check import Check
 from wrenchgap.flight.errors import WrenchgapError
@@ -54,10 +54,15 @@ def judge(vehicle: str, flight: Flight, model: str, fault: Fault, folder: Path, 
     save_log(replace(changed, reference=None, desired=None), log, force=True)
     if fault.file is not None:
         fault.file(log)
+    beside = []
+    if fault.again is not None:
+        beside = [folder / "again.mcap"]
+        save_log(replace(fault.again(changed), reference=None, desired=None), beside[0], force=True)
     model_path.write_text(model if fault.model is None else fault.model(model), encoding="utf-8")
-    stopped, checks = _opened(log, model_path)
+    stopped, checks = _opened([log, *beside], model_path)
     said = [check for check in checks if check.level != "ok" and check.name not in HARMLESS]
     named = any(check.name in fault.named for check in said) or any(f": {name}:" in stopped for name in fault.named)
+    named = named or any(name == SAME and f"is {name} as" in stopped for name in fault.named)
     mends = [check for check in said if check.mend and check.name in fault.named]
     refused = REFUSED.search(stopped)
     mend = mends[0].mend if mends else refused[1] if refused else None
@@ -71,17 +76,17 @@ def judge(vehicle: str, flight: Flight, model: str, fault: Fault, folder: Path, 
     return replace(row, firm=found.firm, wrong=found.wrong)
 
 
-def _opened(log: Path, model: Path, **how: Any) -> tuple[str, Sequence[Check]]:
-    """The refusal, and every check (asked again without the gate where it refused)."""
+def _opened(logs: Sequence[Path], model: Path, **how: Any) -> tuple[str, Sequence[Check]]:
+    """The refusal, and every check of the first log (asked again without the gate where it refused)."""
     try:
         loaded = load_model(model)
     except WrenchgapError as error:
         return f": inertia: {error}" if "moment" in str(error) else str(error), ()
     try:
-        opened: OpenFlight = open_flights([log], loaded, **how)[0]
+        opened: OpenFlight = open_flights(logs, loaded, **how)[0]
     except WrenchgapError as error:
         try:
-            return str(error), open_flights([log], loaded, gate=False, **how)[0].checks
+            return str(error), open_flights(logs[:1], loaded, gate=False, **how)[0].checks
         except WrenchgapError:
             return str(error), ()
     return "", opened.checks
@@ -97,7 +102,7 @@ def _mended(log: Path, model: Path, options: str) -> bool:
         for flag, word in said:
             how |= {"cutoff_hz": float(word)} if flag == "--cutoff" else {}
             how |= {"unmeasured": word.split(",")} if flag == "--unmeasured" else {}
-        stopped, _ = _opened(log, model, **how)
+        stopped, _ = _opened([log], model, **how)
         refused = REFUSED.search(stopped)
         if refused is None:
             return not stopped

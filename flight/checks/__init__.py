@@ -2,6 +2,8 @@
 
     presence    roles, sizes that betray a unit, channels without a reading
     attitude    IMU against attitude: units, axes, gravity, frames
+    gyroscope_scale  the gyroscope's scale against the attitude, to a per cent
+    clipping    flat tops of the IMU
     odometry    the odometry against itself and against the accelerometer
     wrench      the commanded force against the specific force
     stamps      gaps, jitter, clocks
@@ -19,7 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks import attitude, odometry, presence, stamps, wrench
+from wrenchgap.flight.checks import attitude, clipping, gyroscope_scale, odometry, presence, stamps, wrench
 from wrenchgap.flight.checks.masking import masked
 from wrenchgap.flight.checks.motion import Seen, seen
 from wrenchgap.flight.clocks import Timing
@@ -30,6 +32,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     presence.constant,
     presence.units,
     presence.unmeasured,
+    clipping.clipped,
     stamps.stamps,
     stamps.dropped,
 )
@@ -50,6 +53,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
     stuck = any(check.name == "constant-channel" and check.level == "bad" for check in found)
     moved = None if stuck else seen(flight)
     found += [] if stuck else [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
+    found += [] if stuck else gyroscope_scale.gyroscope_scale(flight, found)
     found = wrench.behind_body_frame(found, found)
     return tuple(sorted(found, key=lambda check: ("bad", "warn", "ok").index(check.level)))
 

@@ -3,7 +3,8 @@
 A spike is beyond what is physically possible *and* far beyond everything else on its channel: a channel in another unit
 is large throughout, and has no spikes. A channel has frozen where one that otherwise changes with every sample repeats
 itself for a while, away from the ends of the log and from the channel's own limits (a command may rest at those), while
-most of the other channels go on: at rest everything stands still.
+most of the other channels go on: at rest everything stands still. A sensor of the IMU may also have died, until the end
+of the log: there the other sensors alone are asked, because commands go on where a vehicle has landed.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ JUMP = 5.0
 """Times the 99th percentile of its steps by which a channel leaps to a value and from it."""
 STIRRING = 0.2
 """Share of its usual steps that another channel makes where the flight goes on."""
+ALIVE = 0.5
+"""Share of the other sensors' channels that go on where one of the IMU has died and the vehicle has not landed."""
 MOST = 0.5
 """Share of the flight that may be frozen."""
 
@@ -67,6 +70,7 @@ def masked(flight: Flight) -> tuple[Flight, tuple[Check, ...], tuple[TimeLeftOut
         names = ", ".join(dict.fromkeys(name for *_, name in runs))
         a, b = runs[0][:2]
         words = f"{role} ({names}) stands still for {b - a:.2f} s at {a:.2f} s"
+        words += ", to the end of the log" if runs[0][1] == series.time[-1] else ""
         words += f" and {len(runs) - 1} time(s) more" if len(runs) > 1 else ""
         if share > MOST:
             mend = f"--topic {role}=none" if role in ("imu", "odometry") else None
@@ -119,8 +123,12 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
         for name, values, longest in channels:
             if longest < FROZEN_SAMPLES:
                 continue
-            for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED):
+            for start, stop, jumps in _runs(series[role].time, values, limited=role in LIMITED, dies=role == "imu"):
                 if role in LIMITED and not jumps and _saturated(series, lively, start, stop):
+                    continue
+                if stop == series[role].time[-1]:
+                    if _dead(series, lively, name, start, stop):
+                        yield role, start, stop, name
                     continue
                 sensors = {r for r in ("imu", "odometry") if r in series}
                 witnesses = (
@@ -136,6 +144,19 @@ def _frozen(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
                 ]
                 if len(others) >= 2 and np.mean(others) > 0.25:
                     yield role, start, stop, name
+
+
+def _dead(series: dict[str, Series], lively: dict[str, list[_Channel]], name: str, start: float, stop: float) -> bool:
+    """Whether a channel of the IMU died: most channels of the odometry and of the IMU's other sensor go on."""
+    others = [
+        moving
+        for role in ("imu", "odometry")
+        for label, column, _ in lively.get(role, [])
+        if role != "imu" or label.partition(" ")[0] != name.partition(" ")[0]
+        for moving in [_moves(series[role].time, column, start, stop)]
+        if moving is not None
+    ]
+    return len(others) >= 2 and float(np.mean(others)) > ALIVE
 
 
 def _saturated(series: dict[str, Series], lively: dict[str, list[_Channel]], start: float, stop: float) -> bool:
@@ -168,10 +189,11 @@ def _lively(series: Series, names: tuple[str, ...]) -> list[_Channel]:
     return found
 
 
-def _runs(time: Array, column: Array, *, limited: bool) -> Iterator[tuple[float, float, bool]]:
+def _runs(time: Array, column: Array, *, limited: bool, dies: bool) -> Iterator[tuple[float, float, bool]]:
     """Start and stop [s] of runs of one value, and whether the column leaps to zero and back.
 
-    A command that rests at its limit came there; one that is zero from one sample to the next was lost.
+    A command that rests at its limit came there; one that is zero from one sample to the next was lost. With `dies` a
+    run may last to the end.
     """
     steps = np.diff(column)
     same = steps == 0.0
@@ -180,7 +202,10 @@ def _runs(time: Array, column: Array, *, limited: bool) -> Iterator[tuple[float,
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first < FROZEN_SAMPLES or time[last] - time[first] < FROZEN_SECONDS:
             continue
-        if first == 0 or last == len(same):
+        if first == 0 or (last == len(same) and not dies):
+            continue
+        if last == len(same):
+            yield float(time[first]), float(time[last]), False
             continue
         usual = JUMP * float(np.percentile(np.abs(steps), 99)) if usual is None else usual
         jumps = column[first] == 0.0 and min(abs(steps[first - 1]), abs(steps[last])) > usual

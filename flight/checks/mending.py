@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Sequence
 
 from wrenchgap.flight.flight import Flight
-from wrenchgap.flight.meaning import UNITS
+from wrenchgap.flight.meaning import UNITS, Meaning
 
 ACCELEROMETER_UNITS = {word: scale for word, (scale, vectors) in UNITS.items() if vectors == ("accel",)}
 ONE = 0.05
@@ -24,6 +24,12 @@ def option(flight: Flight, words: str, *parts: str) -> str:
     if parts == ("imu",) and not {"gyroscope", "accelerometer"}.isdisjoint(flight.mapping):
         found = {part: _source(flight, part) for part in _sensors(words)}
     return " ".join(f"--topic {shlex.quote(f'{part}={_with(source, words)}')}" for part, source in found.items())
+
+
+def turns(flight: Flight, *parts: str) -> bool:
+    """Whether a word behind the topic of one of these parts turns its axes."""
+    words = ",".join(flight.mapping.get(part, "").partition(":")[2] for part in parts).split(",")
+    return Meaning(tuple(words)).turns
 
 
 def _sensors(words: str) -> tuple[str, ...]:

@@ -85,9 +85,13 @@ def _jumps(timing: Timing) -> Iterator[Check]:
 
 
 def _others(timing: Timing) -> Iterator[Check]:
-    for topic, clock in timing.relations.items():
-        if clock.unit is not None:
-            continue
+    relations = {topic: clock for topic, clock in timing.relations.items() if clock.unit is None}
+    if relations and not timing.mapped and not any(clock.same for clock in relations.values()):
+        topic, clock = next(iter(relations.items()))
+        words = "All stamps are of one clock, which is not the recorder's: they are used as they are"
+        yield Check("clock", "ok", f"{words} ({topic}: {_described(clock)}).")
+        return
+    for topic, clock in relations.items():
         if not clock.same:
             yield Check("clock", "warn", f"{topic}: {_described(clock)}; see the notes for how they are used.")
         elif abs(clock.offset) > SLOW_LINK:

@@ -24,6 +24,7 @@ from threadpoolctl import threadpool_limits
 
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.changed.by_flight import FlightRow, rows_by_flight, values_by_flight
 from wrenchgap.learn.changed.laws import together
@@ -222,15 +223,9 @@ def checked(suspects: Sequence[OpenFlight], healthy: Sequence[OpenFlight], model
     for side, word in ((suspects, "suspect"), (healthy, "healthy")):
         if not side:
             raise UsageError(f"changed: no {word} flight; give suspect flights, and healthy ones with --healthy")
-    seen: dict[str, OpenFlight] = {}
+    repeats = Repeats()
     for one in (*healthy, *suspects):
-        other = seen.get(one.flight.content_hash)
-        if other is not None:
-            raise LogError(
-                f"{one.flight.path}: is the same flight as {other.flight.path}; name each flight once, as "
-                "healthy or as suspect"
-            )
-        seen[one.flight.content_hash] = one
+        repeats.refuse(one.flight, remedy="name each flight once, as healthy or as suspect")
     usual = float(np.median([_thrust(f) for f in healthy]))
     for one in suspects:
         ratio = _thrust(one) / max(usual, 1e-9)

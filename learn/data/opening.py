@@ -15,6 +15,7 @@ from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
 from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
+from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
 from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside, part
 from wrenchgap.learn.data.between import within as kept_within
@@ -306,18 +307,18 @@ def open_flights(
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
     (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept`, `keep` and `gate` are those of
-    `opened`; `load` reads as `flight.load` does. Raises LogError for the same log twice, UsageError for an unknown axis
-    or phase.
+    `opened`; `load` reads as `flight.load` does. Raises LogError for the same flight twice (`flight.repeats`),
+    UsageError for an unknown axis or phase.
     """
     found: list[OpenFlight] = []
     how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}
     absent = axis_names([*axis_names(unmeasured), *model.unmeasured])
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
+    repeats = Repeats()
     for log in logs:
         raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
-        for other in found:
-            if other.flight.content_hash == raw.content_hash:
-                raise LogError(f"{log}: is the same flight as {other.flight.path}; name each flight once")
+        if len(logs) > 1:
+            repeats.refuse(raw, "" if isinstance(log, Flight) else str(log))
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
         moved = flight.shifted(raw, shifts or {})
         found.append(opened(moved, model, accept=accept, keep=keep, gate=gate, **how))

@@ -28,6 +28,10 @@ DRIFTS = 2e-3
 """Change of an offset over a flight that is worth a warning [s]: one sample at 500 Hz."""
 UNLIKE = 2e-3
 """Difference between the lags of attitude and velocity beyond which one shift cannot undo both [s]."""
+AUTOPILOTS = ("px4", "ardupilot")
+"""Whose topics, as readers make them, are stamped by one clock."""
+IN_STEP = 0.9
+"""Share of the samples of one series that have the stamps of another where both are of one table."""
 IDLE_SPEED, IDLE_RATE = 0.05, 0.02
 """Slower motion [m/s, rad/s] drives no effect, and no error of one."""
 
@@ -49,9 +53,10 @@ class UnevenOffset:
 
 @dataclass(frozen=True)
 class Drift:
-    """An offset changes over the flight: two clocks."""
+    """An offset changes over the flight: two clocks, or, where one clock stamps both, a delay that changes."""
 
     offset: Offset
+    one_clock: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,8 @@ class FlightTiming:
     `controller` of the commanded behind the desired wrench, `responses` of the vehicle behind its commands.
 
     `effect_error` (one for each of `sensors`) is the error that the offset makes in an effect driven by the odometry,
-    as a share of that effect; None where it is not the odometry that is late. `duration` [s].
+    as a share of that effect; None where it is not the odometry that is late. `duration` [s]. Signals whose names
+    begin with one of `one_clock` are known to be stamped by one.
     """  # noqa: D205
 
     flight: str
@@ -87,6 +93,7 @@ class FlightTiming:
     tracking: tuple[Offset, ...] = ()
     controller: Offset | None = None
     responses: tuple[Response, ...] = ()
+    one_clock: tuple[str, ...] = ()
 
     @property
     def offsets(self) -> tuple[Offset, ...]:
@@ -100,7 +107,8 @@ class FlightTiming:
         found: list[TimingWarning] = [*self._odometry()]
         for o in (*self.sensors, *(r.offset for r in self.responses)):
             if o.drifts and abs(o.drift or 0.0) * self.duration > DRIFTS:
-                found.append(Drift(o))
+                both = o.first, o.second
+                found.append(Drift(o, any(all(name.startswith(one) for name in both) for one in self.one_clock)))
         late = tuple(r for r in self.responses if r.matters)
         feedback = tuple(r.axis for r in self.responses if r.offset.problem is Problem.FEEDBACK)
         found += [LateResponse(late)] if late else []
@@ -138,7 +146,26 @@ def timing(flight: Flight, within: Intervals = EVERYWHERE, answers: tuple[Respon
     duration = float(max(b for _, b in ends) - min(a for a, _ in ends)) if ends else 0.0
     errors = tuple(_effect_error(o, flight.odometry) if flight.imu is not None else None for o in sensors)
     tracking, controller = tracking_offsets(flight, within), controller_offset(flight, within)
-    return FlightTiming(flight.name, duration, sensors, errors, tracking, controller, answers)
+    return FlightTiming(flight.name, duration, sensors, errors, tracking, controller, answers, _one_clock(flight))
+
+
+def _one_clock(flight: Flight) -> tuple[str, ...]:
+    """How names of signals begin that one clock stamped: all of an autopilot's own log, or those of one topic."""
+    if _one_autopilot(flight) or _one_table(flight):
+        return ("",)
+    return ("odometry ",) if flight.odometry is not None and " + " not in flight.odometry.topic else ()
+
+
+def _one_autopilot(flight: Flight) -> bool:
+    topics = [topic for s in flight.series().values() for topic in s.topic.split(" + ")]
+    return any(all(f"/{name}/" in topic for topic in topics) for name in AUTOPILOTS)
+
+
+def _one_table(flight: Flight) -> bool:
+    """Whether nearly all samples of the slower series bear stamps of the fastest one, to the nanosecond."""
+    times = [s.time for s in flight.series().values()]
+    longest = max(times, key=len, default=np.zeros(0))
+    return all(np.mean(np.isin(time, longest)) > IN_STEP for time in times)
 
 
 def timing_of(opened: OpenFlight, model: Model) -> FlightTiming:

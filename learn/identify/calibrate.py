@@ -21,6 +21,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Lack, Untried, inapplicable, unexcited
 from wrenchgap.learn.data.blocks import contrast, significant
@@ -115,9 +116,10 @@ def calibrate(
     """Trim a model on healthy flights; `unseen` are tested on and never fitted.
 
     Effects of `TRIMMED` that the model has already are fitted anew, others stay as they are. Raises FitError where the
-    flights are too short to hold anything out.
+    flights are too short to hold anything out, LogError where a flight is fitted and tested on.
     """
     report = progress or (lambda fraction, words: None)
+    refuse_seen([f.flight for f in flights], [f.flight for f in unseen])
     report(0.0, "timing of the topics")
     bare = model.without(e.name for e in model.effects if e.name in TRIMMED)
     data = dataset_of(flights, model)

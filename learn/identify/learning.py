@@ -15,6 +15,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.comparison import Comparison, compare
 from wrenchgap.learn.data.dataset import dataset
@@ -141,8 +142,9 @@ def learn(
     With a mean other than physics, the nominal vehicle is what leaves it (`settings` by default as the paper's, with
     physics where the model has effects). With `best_inputs` the process looks at what predicts held-out time best,
     with `guard` it is compared with other inputs and with every effect of the catalogue. Raises UsageError for physics
-    without any.
+    without any, LogError where a flight is learnt from and tested on.
     """
+    refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     settings = settings or FitSettings(mean=default_mean(model))
     outputs = measured_outputs(flights, outputs)
     others = None

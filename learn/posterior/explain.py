@@ -30,6 +30,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import Result
 from wrenchgap.learn.data.applicable import Lack, Untried
 from wrenchgap.learn.data.blocks import LEAST_EVIDENCE, by_block
@@ -184,9 +185,10 @@ def explain(
 
     Among `names`, by default the catalogue; what is not tried and why is in the result. `validation` flights are not
     fitted, the result is tested on them. `jobs` processes, by default one for each core. Raises ModelError for unknown
-    names, FitError where the flights are too short.
+    names, FitError where the flights are too short, LogError where a flight is fitted and tested on.
     """
     report = progress or (lambda fraction, words: None)
+    refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     report(0.0, "timing of the topics")
     timing = tuple(timing_of(f, model) for f in flights)
     data = dataset([r for f in flights for r in f.records], model, answering_axes(timing))

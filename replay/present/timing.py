@@ -20,6 +20,7 @@ from wrenchgap.learn.diagnose.timing import (
 from wrenchgap.replay.present.numbers import entries
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
+TWO_CLOCKS = "two clocks; record both with one"
 LEGEND = (
     "delay: positive where the signal is later than its reference   form: of a late response   consequence: error of "
     "effects that are driven by the odometry; error that a model without the lag leaves"
@@ -129,10 +130,11 @@ def _warning(warning: TimingWarning) -> str:
         case UnevenOffset(offsets):
             listed = ", ".join(f"{o.second} {1e3 * (o.seconds or 0.0):+.1f} ms" for o in offsets)
             return f"The delay differs between its signals ({listed}): an estimator's filter rather than a clock."
-        case Drift(o):
+        case Drift(o, one_clock):
+            why = "one clock stamps both, so a delay changes: an estimator's, or a link's" if one_clock else TWO_CLOCKS
             return (
                 f"{o.second} against {o.first}: the offset moves by {_per_minute(o.drift)} +- "
-                f"{_per_minute(o.drift_std, sign=False)} ms/min: two clocks; record both with one."
+                f"{_per_minute(o.drift_std, sign=False)} ms/min: {why}."
             )
         case LateResponse(responses):
             listed = ", ".join(f"{r.axis} {milliseconds(r.offset)} ms ({FORMS[r.shape]})" for r in responses)

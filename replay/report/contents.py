@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight import AXES, WrenchgapError
+from wrenchgap.flight.repeats import refuse_seen
 from wrenchgap.flight.result import PRESENTATION, Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Lack, inapplicable
@@ -136,6 +137,7 @@ def report(
     or on top of other effects.
     """
     tell = progress or (lambda fraction, words: None)
+    refuse_seen([f.flight for f in flights], [f.flight for f in validation])
     if gp is not None:
         gp.check_vehicle(model.vehicle.name)
         check_effects(gp, model)

@@ -106,6 +106,42 @@ def test_what_may_stand_still_is_kept():
     assert "frozen" not in found_in(every)
 
 
+@pytest.mark.parametrize("name", ["omega", "force"])
+def test_a_sensor_that_dies_is_left_out_to_the_end_of_the_log(name):
+    one = checked(moving(change=spoilt(name, slice(800, None))))
+    found = {c.name: c for c in one.checks}["frozen"]
+    assert found.level == "warn"
+    assert "at 8.00 s, to the end of the log" in found.words
+    assert one.imu.time[-1] == pytest.approx(8.0)
+    assert found_in(moving(change=spoilt(name, slice(400, None))))["frozen"].level == "bad"
+
+
+def test_rest_after_a_landing_is_no_dead_sensor():
+    """Free of noise, as in a simulator: everything but the commands stands still to the end."""
+    still = slice(800, None)
+    landed = moving(change=lambda n, v: v if n == "wrench" else spoilt(n, still)(n, v))
+    quat = landed.odometry.quat_EB.copy()
+    quat[still] = quat[800]
+    assert "frozen" not in found_in(replace(landed, odometry=replace(landed.odometry, quat_EB=quat)))
+
+
+@pytest.mark.parametrize(("noise", "level"), [(0.1, "ok"), (1.0, "warn")])
+def test_rates_that_an_attitude_shows_by_half_do_not_agree(noise, level):
+    """Noise of the attitude as large as its motion: a factor of 0.6 is not "ok", and the causes are named."""
+    flight = moving()
+    rng = np.random.default_rng(3)
+    shaken = Rotation.from_quat(flight.odometry.quat_EB, scalar_first=True) * Rotation.from_rotvec(
+        white(rng, len(flight.odometry.time), 0.03 * noise)
+    )
+    noisy = replace(flight.odometry, quat_EB=shaken.as_quat(scalar_first=True))
+    found = {c.name: c for c in checked(replace(flight, odometry=noisy)).checks}["gyroscope"]
+    assert found.level == level
+    if level == "warn":
+        assert found.mend is None
+        for part in ("Noise of the attitude", "--shift odometry=SECONDS", "gyro*"):
+            assert part in found.words
+
+
 def test_an_imu_stuck_for_most_of_the_log_is_bad():
     assert found_in(moving(change=spoilt("omega", slice(200, 1000))))["frozen"].level == "bad"
 

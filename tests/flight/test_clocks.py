@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wrenchgap.flight import inspect
 from wrenchgap.flight.clocks import clock_map, relation, without_jumps
 
 RNG = np.random.default_rng(5)
@@ -84,6 +85,39 @@ def test_one_foreign_clock_for_all_needs_no_map(logs, loaded):
     found = loaded(logs.Recording().plain("/command/wrench", time, 3 * time, time).plain("/imu", time, 3 * time, time))
     np.testing.assert_allclose(found.commanded.time, found.imu.time, atol=1e-9)
     np.testing.assert_allclose(found.imu.time, time - time[0], atol=1e-9)
+
+
+def clock_checks(recording, path):
+    return [(c.level, c.words) for c in inspect(recording.save(path / "log.mcap")).checks if c.name == "clock"]
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0])
+def test_one_autopilot_that_counts_from_its_start_is_one_clock(rate, logs, loaded, tmp_path):
+    """Every topic bears the stamps of one clock: nothing is mapped, and nothing is warned of."""
+    time = np.arange(0.01, 10, 0.01)
+    recording = logs.Recording()
+    for topic in ("/command/wrench", "/imu", "/odometry"):
+        late = np.maximum.accumulate(rate * time + RNG.exponential(0.01, len(time)))
+        recording.plain(topic, time, late, 77.0 + time)
+    found = loaded(recording)
+    assert not any("Two clocks" in note for note in found.notes)
+    np.testing.assert_allclose(found.imu.time, time - time[0], atol=1e-9)
+    ((level, words),) = clock_checks(recording, tmp_path)
+    assert level == "ok"
+    assert "one clock" in words
+
+
+def test_messages_that_arrive_in_bursts_have_no_rate_of_their_own(logs, loaded, tmp_path):
+    """A radio that sends every 0.5 to 0.9 s: in 4 s of log that tilts the line of the arrivals by 4 per cent."""
+    recording, time = logs.Recording(), np.arange(0.01, 4, 0.01)
+    for topic, every in (("/imu", 0.5), ("/command/wrench", 0.7), ("/odometry", 0.9)):
+        arrived = np.maximum.accumulate(np.ceil(time / every) * every)
+        recording.plain(topic, time, arrived, logs.START_NS * 1e-9 + time)
+    found = loaded(recording)
+    assert not any("Two clocks" in note for note in found.notes)
+    for series in (found.imu, found.commanded, found.odometry):
+        np.testing.assert_allclose(series.time, time - time[0], atol=1e-6)
+    assert all("a slow link" in words for _, words in clock_checks(recording, tmp_path))
 
 
 def test_transport_delay_is_no_second_clock(logs, loaded):

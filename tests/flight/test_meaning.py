@@ -43,6 +43,17 @@ def test_axes_and_units_of_an_imu(read, logs):
     assert np.allclose(found.imu.specific_force_B, motion.specific_force_B)
 
 
+def test_a_factor_on_one_axis_of_the_sensor_comes_before_the_turn(read, logs):
+    motion = logs.Motion(TIME)
+    sensed = motion.omega_B @ FRD_OF_FLU * [1.0, 0.5, 1.0]
+    down = vectors("angular_velocity", sensed) | vectors("linear_acceleration", motion.specific_force_B @ FRD_OF_FLU)
+    _, found = read({"imu": "/imu:frd,gyro.y*2"}, imu=down)
+    assert np.allclose(found.imu.omega_B, motion.omega_B)
+    assert np.allclose(found.imu.specific_force_B, motion.specific_force_B)
+    with pytest.raises(UsageError, match=r"'gyro.w\*2' means nothing.*VECTOR.x\*FACTOR"):
+        meaning("gyro.w*2", 1.0, "/imu:gyro.w*2", ["imu"])
+
+
 @pytest.mark.parametrize("word", ["yaw=45", "roll=180,yaw=-90", "pitch=12.5"])
 def test_a_sensor_that_is_mounted_turned(word, read, logs):
     """v_B = R v_sensor; the words apply in the order given."""

@@ -16,6 +16,7 @@ SOME = (
     *("accelerometer in g", "accelerometer without gravity", "IMU forward-right-down", "IMU turned by 45 deg"),
     *("odometry NED and FRD", "odometry in mm", "wrench forward-right-down", "torque in Nmm"),
     *("rotors in another order", "rotors in another order, no wrench", "every spin turned over"),
+    *("gyroscope scaled by 0.9", "gyroscope dead to the end", "accelerometer clipped"),
     *("inertia ten times too large", "gyroscope's x stuck for 3 s", "IMU at 10 Hz", "stamps in milliseconds"),
 )
 MASKED = ("frozen", "spikes", "clock-jump")
@@ -36,6 +37,15 @@ def test_a_fault_is_named_and_mended(name, flown, tmp_path):
         assert row.seen, row
         assert not row.stopped or "--accept" in row.stopped
         assert "\n" not in row.stopped
+
+
+@pytest.mark.parametrize("name", ["the same flight under two names", "a cut of the flight beside it"])
+def test_one_flight_under_two_names_is_refused_in_one_line(name, flown, tmp_path):
+    (fault,) = [f for f in FAULTS if f.name == name]
+    row = judge("hex", flown, HEX.model(), fault, tmp_path)
+    assert row.named, row
+    assert "name each flight once" in row.stopped
+    assert "\n" not in row.stopped
 
 
 @pytest.mark.parametrize("case", [c for c in HEALTHY if c.manner == HEALTHY[0].manner], ids=lambda c: c.name)

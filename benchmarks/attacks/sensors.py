@@ -1,0 +1,104 @@
+"""Sensors that lie, and one flight under two names: what an operator who notices nothing gets from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.attacks import Attack, Outcome
+from wrenchgap import load_model, open_flights, save_log, simulate
+from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.flight import Flight
+
+AREA = "Sensors that lie"
+MODEL = "tilt_hexarotor"
+SECONDS = 14.0
+Change = Callable[[Flight], Flight]
+
+
+def flown() -> Flight:
+    """A flight with motion about every axis."""
+    return simulate(load_model(MODEL), "multi_axis", duration=SECONDS, seed=5)
+
+
+def _imu(flight: Flight, name: str, change: Callable[[np.ndarray], np.ndarray]) -> Flight:
+    imu = flight.imu
+    assert imu is not None
+    return replace(flight, imu=replace(imu, **{name: change(getattr(imu, name).copy())}))
+
+
+def scaled(flight: Flight) -> Flight:
+    """A gyroscope that reads 10 % too little."""
+    return _imu(flight, "omega_B", lambda v: 0.9 * v)
+
+
+def dead(flight: Flight) -> Flight:
+    """A gyroscope that reads one value from 70 % of the flight on."""
+
+    def stopped(values: np.ndarray) -> np.ndarray:
+        first = int(0.7 * len(values))
+        values[first:] = values[first]
+        return values
+
+    return _imu(flight, "omega_B", stopped)
+
+
+def flat(flight: Flight) -> Flight:
+    """A gyroscope whose range ends at 90 % of what it reads."""
+    return _imu(flight, "omega_B", lambda v: np.clip(v, -0.9 * np.abs(v).max(), 0.9 * np.abs(v).max()))
+
+
+def said(change: Change, check: str, folder: Path) -> Outcome:
+    """Whether the log is refused by this check, or opened with a warning of it."""
+    log = save_log(change(flown()), folder / "log.mcap")
+    try:
+        (opened,) = open_flights(log, load_model(MODEL))
+    except LogError as error:
+        return Outcome(f": {check}: " in str(error) and "\n" not in str(error), f"refused: {str(error)[:160]}")
+    found = [one for one in opened.checks if one.name == check and one.level != "ok"]
+    return Outcome(bool(found), found[0].words if found else "nothing was said")
+
+
+def copied(folder: Path) -> Outcome:
+    """A cut of the training flight, stamped an hour later and in single precision, as the flight to test on."""
+    flight = flown()
+    cut: dict[str, Any] = {"start_ns": flight.start_ns + 3_600_000_000_000}
+    for role, series in flight.series().items():
+        rows = slice(int(np.searchsorted(series.time, 3.0)), None)
+        arrays = {k: v[rows].astype(np.float32) for k, v in vars(series).items() if isinstance(v, np.ndarray)}
+        arrays = {k: v.astype(float) for k, v in arrays.items()} | {"time": series.time[rows] - 3.0}
+        cut[role] = replace(series, **arrays)
+    logs = [save_log(flight, folder / "train.mcap"), save_log(replace(flight, **cut), folder / "test.mcap")]
+    try:
+        open_flights(logs, load_model(MODEL))
+    except LogError as error:
+        return Outcome("is the same flight as" in str(error), "refused, with both names")
+    return Outcome(False, "both were opened")
+
+
+ATTACKS = (
+    Attack(
+        "a gyroscope scaled by 0.9, in front of a good attitude",
+        "refused: gyroscope-scale, with the factor",
+        lambda folder: said(scaled, "gyroscope-scale", folder),
+    ),
+    Attack(
+        "a gyroscope that dies until the end of the log",
+        "left out from there on, and said",
+        lambda folder: said(dead, "frozen", folder),
+    ),
+    Attack(
+        "a gyroscope at the end of its range",
+        "said, with value and count",
+        lambda folder: said(flat, "clipped", folder),
+    ),
+    Attack(
+        "a cut of the training flight as the test, other stamps and precision",
+        "refused",
+        copied,
+    ),
+)
