@@ -21,6 +21,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
@@ -40,8 +41,14 @@ from wrenchgap.flight.formats.reader import (
 
 PIECE = 2**16
 """Bytes that are decompressed at once."""
+UNFOLDED = 50
+"""Times its size that a compressed file may take on the disk, which is often memory, before it counts."""
 FETCHED, ROWS, BYTES = 128, 4096, 2**22
-"""Rows of a table that are fetched and taken at once, and bytes of their messages, about."""
+"""Rows of a table that are fetched and taken at once, at most, and bytes of their messages, about."""
+STEPS = 100_000
+"""Of a query, after which the time is looked at."""
+COPIES, LONGEST = 8, 10**9
+"""A message may have so much of the budget, as it is copied several times; and so many bytes, as sqlite's own limit is."""
 Row = tuple[Any, Any, Any]
 PAYLOAD = itemgetter(2)
 
@@ -57,18 +64,24 @@ class Rosbag2SqliteReader(Reader):
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Go through the table of messages as it was written."""
-        gathered = Gatherer()
+        gathered = Gatherer(self.account)
         try:
             database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(self.account.memory / COPIES, LONGEST)))
+            database.set_progress_handler(self._over_time, STEPS)
             database.text_factory = lambda text: text.decode(errors="replace")
             try:
                 channels, self._broken = _channels(database)
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
                 for several in _several(rows):
+                    self.account.check_time()
                     yield from self._taken(several, channels, wanted, gathered)
             finally:
                 database.close()
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
+            self.account.check_time()  # which interrupts a query
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_TOOBIG:
+                self.account.ask(self.account.memory * 2, "a message of a size that no recorder writes")
             if not gathered.total:
                 raise LogError(
                     f"{self.path}: not a readable ROS 2 bag ({one_line(error)}); expected an SQLite file with the "
@@ -78,6 +91,14 @@ class Rosbag2SqliteReader(Reader):
         if self._broken:
             self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
         yield from gathered.flush()
+
+    def _over_time(self) -> bool:
+        """Whether a query is to be interrupted."""
+        try:
+            self.account.check_time()
+        except BudgetError:
+            return True
+        return False
 
     def _taken(
         self, rows: list[Row], channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer
@@ -130,16 +151,18 @@ def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:
     """Rows in lists, of so many bytes; where the database is damaged those before the damage, then the error."""
     found: list[Row] = []
     size = known = 0
+    fetched = 1  # as long as messages of many MB may follow
     try:
         while True:
-            found.extend(islice(rows, FETCHED))  # keeps those before an error
+            found.extend(islice(rows, fetched))  # keeps those before an error
             if len(found) == known:
                 break
             try:
-                size += sum(map(len, map(PAYLOAD, found[known:])))
+                sizes = list(map(len, map(PAYLOAD, found[known:])))
             except TypeError:  # one that is no message
-                size = BYTES
-            known = len(found)
+                sizes = [BYTES]
+            size, known = size + sum(sizes), len(found)
+            fetched = min(FETCHED, 2 * fetched, 1 + BYTES // max(1, *sizes))
             if size >= BYTES or known >= ROWS:
                 yield found
                 found, size, known = [], 0, 0
@@ -182,12 +205,15 @@ class Rosbag2FolderReader(Reader):
         for path in files:
             with tempfile.TemporaryDirectory() as scratch:
                 plain = self._unpacked(path, Path(scratch))
-                reader: Reader = (McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader)(plain)
+                kind = McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader
+                reader: Reader = kind(plain, account=self.account)
                 if plain.stat().st_size == 0:
                     self.notes.append(f"{path.name} is empty.")
                     continue
                 try:
                     yield from reader.batches(wanted)
+                except BudgetError:
+                    raise
                 except LogError as error:
                     unreadable.append(LogError(str(error).replace(str(plain), str(path))))
                 self.notes += reader.notes
@@ -210,11 +236,14 @@ class Rosbag2FolderReader(Reader):
         if path.suffix != ".zstd":
             return path
         plain = scratch / path.name.removesuffix(".zstd")
+        usual, written = UNFOLDED * path.stat().st_size, 0
         with path.open("rb") as source, plain.open("wb") as target:
             stream = zstandard.ZstdDecompressor().stream_reader(source)
             try:
                 while piece := stream.read(PIECE):
-                    target.write(piece)
+                    written += target.write(piece)
+                    self.account.ask(written - usual, f"{path.name}, unfolded to more than {UNFOLDED} times its size,")
+                    self.account.check_time()
             except zstandard.ZstdError as error:
                 self.notes.append(f"{path.name} is damaged ({one_line(error)}): read as far as it goes.")
         return plain
