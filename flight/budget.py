@@ -13,6 +13,7 @@ import math
 import os
 import re
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,14 @@ from numba.core import event
 
 from wrenchgap.flight.errors import LogError, UsageError
 
-LEAST_MEMORY, MOST_MEMORY = 1_000_000_000, 4_000_000_000
-"""Bytes, by default: half of the machine's memory, but no less and no more. Ten hours at 100 Hz count some 1 GB."""
+MEMORY, MEMORY_PER_BYTE, MOST_MEMORY = 1e9, 100.0, 4e9
+"""Bytes, by default: so many, and so many for each byte of the file, but no more than half of the machine's memory or
+the third. Ten hours at 100 Hz are 3.6 GB in MCAP and count some 1 GB; a byte of a table counts 30 at most."""
 SECONDS, SECONDS_PER_MB = 20.0, 2.0
-"""Of processor time, by default. The slowest format, JSON in MCAP, takes 0.2 s for a MB; a board computer is some ten
-times slower, and imports its libraries meanwhile."""
+"""Of processor time, by default: so many, and so many for each MB of the file. Ten times what the slowest format takes
+here, for a board computer that imports its libraries meanwhile."""
+OFTEN = 0.05
+"""Seconds by the clock between two looks at the processor time, which asks the kernel."""
 UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -61,21 +65,19 @@ class Budget:
 
     def account(self, path: Path, size: int) -> Account:
         """What is left of the budget for a log of so many bytes, from now on."""
-        memory = default_memory() if self.memory is None else self.memory
+        memory = default_memory(size) if self.memory is None else self.memory
         return Account(path, memory, SECONDS + SECONDS_PER_MB * size / 1e6 if self.seconds is None else self.seconds)
 
 
-def default_memory() -> float:
-    """Half of the memory of the machine, or of the container [bytes], within `LEAST_MEMORY` and `MOST_MEMORY`."""
+def default_memory(size: int) -> float:
+    """What a file of so many bytes may take [bytes]: see `MEMORY`. A container's memory is that of the machine."""
     try:
         available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):  # no POSIX
         available = 2 * MOST_MEMORY
-    try:
+    with suppress(OSError, ValueError):  # no container, or one without a limit
         available = min(available, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
-    except (OSError, ValueError):  # no container, or one without a limit
-        pass
-    return min(max(available / 2, LEAST_MEMORY), MOST_MEMORY)
+    return min(MEMORY + MEMORY_PER_BYTE * size, max(available / 2, MEMORY), MOST_MEMORY)
 
 
 @dataclass
@@ -87,6 +89,7 @@ class Account:
     seconds: float = math.inf
     taken: float = 0.0
     _began: float = field(default_factory=lambda: _worked())
+    _look: float = 0.0
 
     def take(self, size: float, what: str) -> None:
         """Count bytes that are kept from now on; raises BudgetError, which says of `what`, where they are too many."""
@@ -103,11 +106,14 @@ class Account:
             )
 
     def check_time(self) -> None:
-        """Raise BudgetError where the reading has taken longer than it may."""
+        """Raise BudgetError where the reading has taken longer than it may; looks at most every `OFTEN` seconds."""
+        if (now := time.monotonic()) < self._look:
+            return
+        self._look = now + OFTEN
         if _worked() - self._began > self.seconds:
             raise BudgetError(
-                f"{self.path}: reading it takes more than {self.seconds:.0f} s of processor time, the budget for a file "
-                f"of this size. If the file is sound, allow more: --budget {4 * self.seconds:.0f}s"
+                f"{self.path}: reading it takes more than {self.seconds:.3g} s of processor time, which is the budget. "
+                f"If the file is sound, allow more: --budget {math.ceil(4 * self.seconds)}s"
             )
 
 

@@ -31,6 +31,7 @@ from wrenchgap.flight.flight import (
     Series,
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
+from wrenchgap.flight.formats.table_roles import listed
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.preferred import assignment
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
@@ -75,7 +76,7 @@ def assigned(
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
     """The flight that a log holds under an assignment of roles, and its clocks; the log's columns are given away."""
     if not assignment.sources:
-        found = ", ".join(f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items())
+        found = listed([f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items()], 240)
         raise LogError(
             f"{log.path}: no topic plays a role; topics: {found}. Map one with --topic imu=/your/topic, and see "
             "`wrenchgap inspect`"

@@ -77,8 +77,11 @@ def parquet_text(path: Path, size: int) -> None:
     import pyarrow.parquet
 
     word = pa.DictionaryArray.from_arrays(pa.array(np.zeros(size, dtype=np.int32)), pa.array(["x" * 100_000]))
-    table = pa.table({"time_s": np.arange(size) * 0.01, "gyro_x": np.zeros(size), "note": word.cast(pa.large_string())}
-                     if size < 1000 else {"time_s": np.arange(size) * 0.01, "gyro_x": np.zeros(size), "note": word})
+    table = pa.table(
+        {"time_s": np.arange(size) * 0.01, "gyro_x": np.zeros(size), "note": word.cast(pa.large_string())}
+        if size < 1000
+        else {"time_s": np.arange(size) * 0.01, "gyro_x": np.zeros(size), "note": word}
+    )
     pa.parquet.write_table(table, path, compression="zstd", store_schema=False)
 
 
@@ -116,11 +119,21 @@ def mcap_channels(path: Path, size: int) -> None:
     _save(path, found)
 
 
+def mcap_imus(path: Path, size: int) -> None:
+    """`size` topics that could each be the IMU, two messages each."""
+    found = _mcap([("sensor_msgs/msg/Imu", "ros2msg", b"")], [(1, f"/imu_{i}", "cdr") for i in range(size)])
+    payload = b"\0\1\0\0" + bytes(12) + bytes(37 * 8)
+    found += [_message(i, 10**9 + t * 10**7 + i, payload) for t in range(2) for i in range(size)]
+    _save(path, found)
+
+
 def mcap_schemas(path: Path, size: int) -> None:
     """`size` channels, each of a type of its own that has to be parsed."""
     names = [f"lab_msgs/msg/X{i}" for i in range(size)]
-    found = _mcap([(n, "ros2msg", f"float64[3] x{i}".encode()) for i, n in enumerate(names)],
-                  [(i + 1, f"/topic_{i}", "cdr") for i in range(size)])
+    found = _mcap(
+        [(n, "ros2msg", f"float64[3] x{i}".encode()) for i, n in enumerate(names)],
+        [(i + 1, f"/topic_{i}", "cdr") for i in range(size)],
+    )
     found += [_message(i, 10**9 + i, b"\0\1\0\0" + bytes(24)) for i in range(size)]
     _save(path, found)
 
@@ -139,7 +152,9 @@ def mcap_chunks(path: Path, size: int) -> None:
 
 def mcap_arrays(path: Path, size: int) -> None:
     """`size` messages of a million numbers each, in chunks that are small in the file."""
-    found = _mcap([("sensor_msgs/msg/JointState", "ros2msg", b"float64[1000000] position")], [(1, "/joint_states", "cdr")])
+    found = _mcap(
+        [("sensor_msgs/msg/JointState", "ros2msg", b"float64[1000000] position")], [(1, "/joint_states", "cdr")]
+    )
     for i in range(size):
         inner = structured.joined([_message(0, 10**9 + i * 10**7, b"\0\1\0\0" + bytes(8_000_000))])
         found.append((structured.CHUNK, structured.chunk(inner, b"zstd")))
@@ -185,7 +200,9 @@ def _connection(number: int, text: bytes = b"float64 x") -> bytes:
     return _bag_record({b"op": b"\x07", b"conn": struct.pack("<I", number), b"topic": topic}, data)
 
 
-def _bag(path: Path, chunks: Sequence[tuple[bytes, bytes, int]], connections: int, counts: Sequence[dict[int, int]]) -> None:
+def _bag(
+    path: Path, chunks: Sequence[tuple[bytes, bytes, int]], connections: int, counts: Sequence[dict[int, int]]
+) -> None:
     """Chunks (compression, packed, plain size) without indices of messages, and connections."""
     magic = b"#ROSBAG V2.0\n"
     body, places = b"", []
@@ -249,7 +266,9 @@ def db3_generated(path: Path, size: int) -> None:
 def db3_topics(path: Path, size: int) -> None:
     """`size` topics with a message each."""
     database = _database(path, "BLOB")
-    database.executemany("INSERT INTO topics VALUES (?, ?, 'lab_msgs/msg/X', 'cdr')", [(i, f"/t{i}") for i in range(size)])
+    database.executemany(
+        "INSERT INTO topics VALUES (?, ?, 'lab_msgs/msg/X', 'cdr')", [(i, f"/t{i}") for i in range(size)]
+    )
     rows = ((i, i, 10**9 + i, bytes(12)) for i in range(size))
     database.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows)
     database.commit()
@@ -269,6 +288,7 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "parquet-rows": (parquet_rows, "a.parquet", 50_000_000, 20),
     "parquet-text": (parquet_text, "a.parquet", 100_000, 2),
     "mcap-channels": (mcap_channels, "a.mcap", 65_534, 10),
+    "mcap-imus": (mcap_imus, "a.mcap", 65_534, 5),
     "mcap-schemas": (mcap_schemas, "a.mcap", 65_534, 10),
     "mcap-chunks": (mcap_chunks, "a.mcap", 100, 1),
     "mcap-arrays": (mcap_arrays, "a.mcap", 1000, 1),

@@ -25,8 +25,7 @@ from wrenchgap.flight.formats.packed import Packer
 from wrenchgap.flight.formats.reader import Channel, Places, one_line
 from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.formats.walk import DTYPES as DTYPES
-from wrenchgap.flight.formats.walk import FIELD
-from wrenchgap.flight.formats.walk import Definitions, Layout, Uneven, Walk
+from wrenchgap.flight.formats.walk import FIELD, Definitions, Layout, Uneven, Walk
 from wrenchgap.flight.formats.walk import UndecodableError as UndecodableError
 
 ACTUATORS = {
@@ -179,7 +178,9 @@ class Decoder:
         parts = [(index, columns.pop(name)) for index, columns in self.parts if name in columns]
         shape = np.max([values.shape[1:] for _, values in parts], axis=0).astype(int)
         dtype = np.result_type(*{values.dtype for _, values in parts})
-        self.account.take(dtype.itemsize * self.count * np.prod(shape), f"the column {name:.100} of {self.count} messages")
+        self.account.take(
+            dtype.itemsize * self.count * np.prod(shape), f"the column {name:.100} of {self.count} messages"
+        )
         complete = sum(len(i) for i, v in parts if v.shape[1:] == tuple(shape)) == self.count
         if not complete and dtype.kind != "S":
             dtype = np.dtype(float)

@@ -225,7 +225,9 @@ class Packer:
         left = np.arange(len(places)) if left is None else left
         while len(left) and self.tried[key] < MOST_TEMPLATES:
             self.tried[key] += 1
-            template = Template.of(places.taken(left[:1]).payloads()[0], self.kind, self.encoding, definitions, self.account)
+            template = Template.of(
+                places.taken(left[:1]).payloads()[0], self.kind, self.encoding, definitions, self.account
+            )
             if template is None:
                 unfit, left = np.append(unfit, left[0]), left[1:]
             else:

@@ -50,7 +50,7 @@ PIECE = 2**24
 UNFOLDED = 4
 """Bytes that a byte of a chunk takes, with where its messages lie."""
 CONNECTION, ENTRIES, OBJECT = 1500, 500, 150
-"""Bytes of a connection or chunk, of the entries of one in the other besides their numbers, and of an entry of rosbags'."""
+"""Bytes of a connection or chunk, of entries besides their numbers, and of an entry of rosbags' own index."""
 PACKERS: dict[Callable[[bytes], bytes], Callable[[], Any]] = {
     decompressors[Compression.BZ2.value]: bz2.BZ2Decompressor,
     decompressors[Compression.LZ4.value]: lz4.frame.LZ4FrameDecompressor,

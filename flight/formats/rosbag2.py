@@ -48,7 +48,7 @@ FETCHED, ROWS, BYTES = 128, 4096, 2**22
 STEPS = 100_000
 """Of a query, after which the time is looked at."""
 COPIES, LONGEST = 8, 10**9
-"""A message may have so much of the budget, as it is copied several times; and so many bytes, as sqlite's own limit is."""
+"""A message may have an eighth of the budget, as it is copied; and so many bytes, which is sqlite's own limit."""
 Row = tuple[Any, Any, Any]
 PAYLOAD = itemgetter(2)
 
