@@ -71,10 +71,9 @@ class Budget:
 
 def default_memory(size: int) -> float:
     """What a file of so many bytes may take [bytes]: see `MEMORY`. A container's memory is that of the machine."""
-    try:
-        available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):  # no POSIX
-        available = 2 * MOST_MEMORY
+    available = 2 * MOST_MEMORY
+    with suppress(AttributeError, ValueError, OSError):  # no POSIX
+        available = float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     with suppress(OSError, ValueError):  # no container, or one without a limit
         available = min(available, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
     return min(MEMORY + MEMORY_PER_BYTE * size, max(available / 2, MEMORY), MOST_MEMORY)
@@ -123,7 +122,7 @@ def in_bytes(size: float) -> str:
     return f"{size / UNITS[unit]:.3g} {unit}" if size < 1e15 else f"{size / 1e12:.0e} TB"
 
 
-class _Compiling(event.Listener):  # type: ignore[misc]
+class _Compiling(event.Listener):
     """Sums the seconds for which numba compiles, of this process."""
 
     depth = 0
@@ -143,7 +142,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
 
 
 _compiling = _Compiling()
-event.register("numba:compile", _compiling)
+event.register("numba:compile", _compiling)  # type: ignore[no-untyped-call]
 
 
 def _worked() -> float:

@@ -201,14 +201,19 @@ def _connection(number: int, text: bytes = b"float64 x") -> bytes:
 
 
 def _bag(
-    path: Path, chunks: Sequence[tuple[bytes, bytes, int]], connections: int, counts: Sequence[dict[int, int]]
+    path: Path,
+    chunks: Sequence[tuple[bytes, bytes, int]],
+    connections: int,
+    counts: Sequence[dict[int, int]],
+    indices: bytes,
 ) -> None:
-    """Chunks (compression, packed, plain size) without indices of messages, and connections."""
+    """Chunks (compression, packed, plain size), `indices` of their messages as they stand behind each, connections."""
     magic = b"#ROSBAG V2.0\n"
     body, places = b"", []
     for compression, packed, size in chunks:
         places.append(len(magic) + 4096 + len(body))
         body += _bag_record({b"op": b"\x05", b"compression": compression, b"size": struct.pack("<I", size)}, packed)
+        body += indices
     index = len(magic) + 4096 + len(body)
     tail = b"".join(_connection(i) for i in range(connections))
     for place, inside in zip(places, counts, strict=True):
@@ -227,23 +232,40 @@ def _bag(
     path.write_bytes(magic + head[:-4] + struct.pack("<I", 4096 - len(head)) + b" " * (4096 - len(head)) + body + tail)
 
 
-def _bag_message(number: int, time: int, load: bytes) -> bytes:
-    at = struct.pack("<II", 1 + time // 1000, time % 1000 * 10**6)
-    return _bag_record({b"op": b"\x02", b"conn": struct.pack("<I", number), b"time": at}, load)
+def _bag_messages(connections: Sequence[int], start: int) -> tuple[bytes, bytes]:
+    """A message of each of the connections, from byte `start` of a chunk on, and their index."""
+    places: dict[int, list[bytes]] = {}
+    parts = []
+    for i, number in enumerate(connections):
+        at = struct.pack("<II", 1, i * 1000)
+        places.setdefault(number, []).append(at + struct.pack("<I", start))
+        parts.append(_bag_record({b"op": b"\x02", b"conn": struct.pack("<I", number), b"time": at}, bytes(8)))
+        start += len(parts[-1])
+    records = b"".join(parts)
+    about = {b"op": b"\x04", b"ver": struct.pack("<I", 1)}
+    index = b"".join(
+        _bag_record(
+            about | {b"conn": struct.pack("<I", number), b"count": struct.pack("<I", len(listed))}, b"".join(listed)
+        )
+        for number, listed in places.items()
+    )
+    return records, index
 
 
 def bag_bz2(path: Path, size: int) -> None:
     """A chunk of `size` MB of zeros behind two messages, in a few hundred bytes."""
-    plain = _connection(0) + b"".join(_bag_message(0, i, bytes(8)) for i in range(2))
+    head = _connection(0)
+    records, index = _bag_messages([0, 0], len(head))
     packer = bz2.BZ2Compressor(9)
-    packed = packer.compress(plain) + b"".join(packer.compress(bytes(2**20)) for _ in range(size)) + packer.flush()
-    _bag(path, [(b"bz2", packed, len(plain) + size * 2**20)], 1, [{0: 2}])
+    packed = packer.compress(head + records) + b"".join(packer.compress(bytes(2**20)) for _ in range(size))
+    packed += packer.flush()
+    _bag(path, [(b"bz2", packed, len(head + records) + size * 2**20)], 1, [{0: 2}], index)
 
 
 def bag_connections(path: Path, size: int) -> None:
     """`size` connections, one message each."""
-    plain = b"".join(_bag_message(i, i % 1000, bytes(8)) for i in range(size))
-    _bag(path, [(b"none", plain, len(plain))], size, [dict.fromkeys(range(size), 1)])
+    records, index = _bag_messages(range(size), 0)
+    _bag(path, [(b"none", records, len(records))], size, [dict.fromkeys(range(size), 1)], index)
 
 
 def _database(path: Path, data: str) -> sqlite3.Connection:

@@ -80,13 +80,18 @@ class Encoded(ABC):
     def _gather(self) -> None:
         """Make columns of the last messages."""
         rows, self._rows, self._held = self._rows, [], 0
+        cells: dict[str, tuple[list[int], list[Value]]] = {}
+        for i, row in enumerate(rows):
+            for name, value in row.items():
+                where, values = cells.setdefault(name, ([], []))
+                where.append(i)
+                values.append(value)
         columns: Columns = {}
-        for name in dict.fromkeys(name for row in rows for name in row):
-            cells = [row.get(name) for row in rows]
-            width = max((len(cell) for cell in cells if isinstance(cell, list)), default=0)
+        for name, (where, values) in cells.items():
+            width = max((len(cell) for cell in values if isinstance(cell, list)), default=0)
             self.account.take(NUMBER + 8 * len(rows) * max(width, 1), f"columns, of which {name:.100} is one,")
             self.account.check_time()
-            columns[name] = _column(cells, width)
+            columns[name] = _column(len(rows), where, values, width)
         self._parts.append((slice(self.count - len(rows), self.count), columns))
 
     def columns(self) -> Columns:
@@ -110,14 +115,16 @@ class Encoded(ABC):
         return out
 
 
-def _column(cells: list[Value | None], width: int) -> NDArray[Any]:
-    """Numbers (N,), or arrays (N, width) where any is one."""
+def _column(count: int, where: list[int], cells: list[Value], width: int) -> NDArray[Any]:
+    """Numbers (count,) with the cells `where` they are, or arrays (count, width) where any is one."""
     if not width:
-        return np.array([np.nan if cell is None or isinstance(cell, list) else cell for cell in cells], dtype=float)
-    out = np.full((len(cells), width), np.nan)
-    for row, cell in zip(out, cells, strict=True):
+        out = np.full(count, np.nan)
+        out[where] = cells
+        return out
+    out = np.full((count, width), np.nan)
+    for i, cell in zip(where, cells, strict=True):
         if isinstance(cell, list):
-            row[: len(cell)] = cell
+            out[i, : len(cell)] = cell
     return out
 
 

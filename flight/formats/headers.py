@@ -61,8 +61,8 @@ _NAMES: tuple[tuple[str, str, str, str], ...] = (
 )
 Names = tuple[list[str], ...]
 _SPLIT: tuple[tuple[str, str, str, Names], ...] = tuple(
-    (*entry, tuple(name.split("_") for name in sorted(spelled.split(), key=len, reverse=True)))
-    for *entry, spelled in _NAMES
+    (field, quantity, axes, tuple(name.split("_") for name in sorted(spelled.split(), key=len, reverse=True)))
+    for field, quantity, axes, spelled in _NAMES
 )
 """The same with names as words, the longest first."""
 _BARE = tuple(entry for entry in _SPLIT if entry[2] == "bare")

@@ -21,7 +21,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import BudgetError
+from wrenchgap.flight.budget import BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
@@ -81,7 +81,8 @@ class Rosbag2SqliteReader(Reader):
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             self.account.check_time()  # which interrupts a query
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_TOOBIG:
-                self.account.ask(self.account.memory * 2, "a message of a size that no recorder writes")
+                limit = in_bytes(self.account.memory / COPIES)
+                self.account.ask(2 * self.account.memory, f"a message of more than {limit}, copied as it is read,")
             if not gathered.total:
                 raise LogError(
                     f"{self.path}: not a readable ROS 2 bag ({one_line(error)}); expected an SQLite file with the "

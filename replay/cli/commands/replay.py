@@ -83,6 +83,7 @@ def replay(
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
     keep: o.Keep = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -122,7 +123,7 @@ def replay(
     assert process is not None
     process.check_vehicle(base.vehicle.name)
     usual = process.provenance.cutoff_hz or CUTOFF_HZ
-    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept, keep)
+    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept, keep, budget)
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
