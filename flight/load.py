@@ -59,8 +59,8 @@ def load(
     (`flight.unmeasured`). What was assumed, repaired or left out is in the flight's `notes`. `budget` is the memory and
     the processor time that reading may take, e.g. "8GB,120s" (`flight.budget`).
 
-    Raises BudgetError where it would take more; LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
-    understood.
+    Raises BudgetError where it would take more; LogError where the file is no log, cannot be read, or plays no role at
+    all; UsageError where `topics` is not understood.
     """
     log, assignment = assigned(path, topics, preferred, budget)
     found = checked(*build(log, assignment, unmeasured), assignment.vehicles)

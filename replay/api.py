@@ -1,3 +1,4 @@
+# Long because every public function stands here, with its options.
 """What a user may call: the whole loop, from logs to a re-simulated flight. The commands call the same functions.
 
 `import wrenchgap` offers all of it; docs/api.md lists every name with an example. Flights are opened once, for a model,

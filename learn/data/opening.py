@@ -308,8 +308,8 @@ def open_flights(
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
     (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept`, `keep` and `gate` are those of
-    `opened`; `load` reads as `flight.load` does, within the `budget` for each log. Raises LogError for the same log twice, UsageError for an unknown axis
-    or phase.
+    `opened`; `load` reads as `flight.load` does, within the `budget` for each log. Raises LogError for the same log
+    twice, UsageError for an unknown axis or phase.
     """
     found: list[OpenFlight] = []
     how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}

@@ -82,6 +82,7 @@ def design(
 
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.replay import api
     from wrenchgap.replay.present import design as present
 
