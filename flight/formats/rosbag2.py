@@ -21,7 +21,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from wrenchgap.flight.budget import BudgetError, in_bytes
+from wrenchgap.flight.budget import Account, BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
@@ -45,6 +45,8 @@ UNFOLDED = 50
 """Times its size that a compressed file may take on the disk, which is often memory, before it counts."""
 FETCHED, ROWS, BYTES = 128, 4096, 2**22
 """Rows of a table that are fetched and taken at once, at most, and bytes of their messages, about."""
+TOPIC = 1000
+"""Bytes of a topic, besides its definition."""
 STEPS = 100_000
 """Of a query, after which the time is looked at."""
 COPIES, LONGEST = 8, 10**9
@@ -71,7 +73,7 @@ class Rosbag2SqliteReader(Reader):
             database.set_progress_handler(self._over_time, STEPS)
             database.text_factory = lambda text: text.decode(errors="replace")
             try:
-                channels, self._broken = _channels(database)
+                channels, self._broken = _channels(database, self.account)
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
                 for several in _several(rows):
                     self.account.check_time()
@@ -250,7 +252,7 @@ class Rosbag2FolderReader(Reader):
         return plain
 
 
-def _channels(database: sqlite3.Connection) -> tuple[dict[int, Channel], int]:
+def _channels(database: sqlite3.Connection, account: Account) -> tuple[dict[int, Channel], int]:
     """Channels by number, and how many rows of the topics are none."""
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"messages", "topics"} <= tables:  # a view of these names may have no end
@@ -268,6 +270,7 @@ def _channels(database: sqlite3.Connection) -> tuple[dict[int, Channel], int]:
         definition_encoding, text = definitions.get(kind, ("ros2msg", None))
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
         text = text if isinstance(text, str) else None
+        account.take(TOPIC + len(text or ""), "topics")
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
     return channels, broken
 

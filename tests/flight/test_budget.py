@@ -17,7 +17,7 @@ def test_a_text_says_memory_time_or_both():
 
 @pytest.mark.parametrize("text", ["", "8", "GB", "8GB,9GB", "-1GB", "0s", "nan s", "8 parsecs"])
 def test_another_text_is_refused_with_an_example(text):
-    with pytest.raises(UsageError, match="--budget 8GB,120s|say it once"):
+    with pytest.raises(UsageError, match=r"--budget 8GB,120s|say it once"):
         Budget.of(text)
 
 
