@@ -19,6 +19,7 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.check import Check, TimeLeftOut
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import SERIES, Flight, Gap
@@ -39,6 +40,7 @@ def load(
     topics: Mapping[str, str] | None = None,
     preferred: Mapping[str, str] | None = None,
     unmeasured: Sequence[str] = (),
+    budget: Budget | str | None = None,
 ) -> Flight:
     """As `flight.load`, from the cache where the flight is there, else from the log, and then it is kept."""
     path = Path(path)
@@ -50,7 +52,7 @@ def load(
         found = _unpacked(file, path)
         file.touch()
     except Exception:  # whatever is wrong with what was kept, the log itself is there
-        found = read(path, topics, preferred, unmeasured)
+        found = read(path, topics, preferred, unmeasured, budget)
         _keep(found, file)
     return found
 

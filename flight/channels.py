@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.clocks import one_clock
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.formats import Table, read_log
@@ -23,9 +24,9 @@ Channel = tuple[Array, Array]
 """Times (N,) [s since Flight.start_ns] and values (N,), nan where a message lacks it."""
 
 
-def channels(path: str | Path, found: Flight) -> dict[str, Channel]:
-    """All channels of the log of a flight, topic by topic."""
-    log = read_log(Path(path), lambda topic, kind, fields: True)
+def channels(path: str | Path, found: Flight, budget: Budget | str | None = None) -> dict[str, Channel]:
+    """All channels of the log of a flight, topic by topic; `budget` as of `flight.load`."""
+    log = read_log(Path(path), lambda topic, kind, fields: True, budget)
     motion = [series.topic for series in (found.imu, found.odometry) if series is not None]
     stamps = one_clock(log.tables, [topic for topic in motion if topic in log.tables]).stamps
     out: dict[str, Channel] = {}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.check import Check, accepting
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Relation, relation, without_jumps
@@ -76,12 +77,13 @@ def inspect(
     preferred: Mapping[str, str] | None = None,
     unmeasured: Sequence[str] = (),
     accept: Sequence[str] = (),
+    budget: Budget | str | None = None,
 ) -> Inspection:
     """Look at a log; arguments as for `load`, but one in which no topic plays a role is reported as well.
 
     Raises LogError where the file is no log or cannot be read, UsageError where `topics` is not understood.
     """
-    log, assignment = assigned(path, topics, preferred)
+    log, assignment = assigned(path, topics, preferred, budget)
     flight: Flight | None = None
     known: dict[str, Relation] = {}
     try:

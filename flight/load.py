@@ -13,6 +13,7 @@ import numpy as np
 
 from wrenchgap._escaping import printable
 from wrenchgap.flight import so3
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.clocks import Stamps, Timing, one_clock
 from wrenchgap.flight.columns import empty_columns, sound, vector
@@ -31,6 +32,7 @@ from wrenchgap.flight.flight import (
     Series,
 )
 from wrenchgap.flight.formats import Log, Table, give_away, read_log
+from wrenchgap.flight.formats.table_roles import listed
 from wrenchgap.flight.memory import give_back, on_disk
 from wrenchgap.flight.preferred import assignment
 from wrenchgap.flight.roles import PART_QUANTITY, Assignment, Source, selection
@@ -47,35 +49,40 @@ def load(
     topics: Mapping[str, str] | None = None,
     preferred: Mapping[str, str] | None = None,
     unmeasured: Sequence[str] = (),
+    budget: Budget | str | None = None,
 ) -> Flight:
     """Read a log.
 
     `topics` overrides what role a topic plays, by role or part, e.g. `{"imu": "/my/imu", "tilt": "/plot/tilt[0:6]"}`
     (see `flight.roles`). `preferred` is the same, but passed over where the log lacks the topic: the mapping of a
     model file, which serves logs of several kinds. `unmeasured` are axes that the IMU is known not to measure
-    (`flight.unmeasured`). What was assumed, repaired or left out is in the flight's `notes`.
+    (`flight.unmeasured`). What was assumed, repaired or left out is in the flight's `notes`. `budget` is the memory and
+    the processor time that reading may take, e.g. "8GB,120s" (`flight.budget`).
 
-    Raises LogError where the file is no log, cannot be read, or plays no role at all; UsageError where `topics` is not
-    understood.
+    Raises BudgetError where it would take more; LogError where the file is no log, cannot be read, or plays no role at
+    all; UsageError where `topics` is not understood.
     """
-    log, assignment = assigned(path, topics, preferred)
+    log, assignment = assigned(path, topics, preferred, budget)
     found = checked(*build(log, assignment, unmeasured), assignment.vehicles)
     give_back(max((len(series.time) for series in found.series().values()), default=0))
     return found
 
 
 def assigned(
-    path: str | Path, topics: Mapping[str, str] | None, preferred: Mapping[str, str] | None
+    path: str | Path,
+    topics: Mapping[str, str] | None,
+    preferred: Mapping[str, str] | None,
+    budget: Budget | str | None = None,
 ) -> tuple[Log, Assignment]:
     """A log, and who plays what in it; arguments and errors as of `load`."""
-    log = read_log(Path(path), selection({**(preferred or {}), **(topics or {})}))
+    log = read_log(Path(path), selection({**(preferred or {}), **(topics or {})}), budget)
     return log, assignment(log.tables, topics, preferred, str(path))
 
 
 def build(log: Log, assignment: Assignment, unmeasured: Sequence[str] = ()) -> tuple[Flight, Timing]:
     """The flight that a log holds under an assignment of roles, and its clocks; the log's columns are given away."""
     if not assignment.sources:
-        found = ", ".join(f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items())
+        found = listed([f"{topic:.100} ({table.type:.100})" for topic, table in log.tables.items()], 240)
         raise LogError(
             f"{log.path}: no topic plays a role; topics: {found}. Map one with --topic imu=/your/topic, and see "
             "`wrenchgap inspect`"

@@ -1,3 +1,4 @@
+# Long because every public function stands here, with its options.
 """What a user may call: the whole loop, from logs to a re-simulated flight. The commands call the same functions.
 
 `import wrenchgap` offers all of it; docs/api.md lists every name with an example. Flights are opened once, for a model,
@@ -14,6 +15,7 @@ from typing import Any
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.between import Between
@@ -87,17 +89,18 @@ def open_flights(
     unmeasured: Sequence[str] = (),
     accept: Sequence[str] = (),
     keep: Sequence[str] = (),
+    budget: Budget | str | None = None,
 ) -> list[OpenFlight]:
     """Read logs, or flights of `simulate`, for a model.
 
     `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps one part or several,
     `unmeasured` are axes that the IMU did not measure ("force_x"), `accept` checks that may be bad, `keep` phases that
-    are not left out, e.g. "saturation" (docs/checks.md).
+    are not left out, e.g. "saturation" (docs/checks.md), `budget` what reading each log may take, e.g. "8GB,120s".
     Raises LogError for what cannot be read, never flew, or is bad.
     """
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
     how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
-    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, accept=accept, keep=keep, **how)
+    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, accept=accept, keep=keep, budget=budget, **how)
 
 
 def inspect(
@@ -110,10 +113,11 @@ def inspect(
     unmeasured: Sequence[str] = (),
     accept: Sequence[str] = (),
     keep: Sequence[str] = (),
+    budget: Budget | str | None = None,
 ) -> LogReport:
     """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics."""
     how: dict[str, Any] = {"topics": topics, "shifts": shifts, "cutoff_hz": cutoff_hz, "unmeasured": unmeasured}
-    how |= {"accept": accept, "keep": keep}
+    how |= {"accept": accept, "keep": keep, "budget": budget}
     return model_checks.inspect(log, None if model is None else model_of(model), **how)
 
 

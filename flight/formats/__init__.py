@@ -6,6 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import ardupilot, px4
 from wrenchgap.flight.formats.collector import Collector
@@ -71,14 +72,15 @@ def content_hash(path: Path) -> str:
     return _hash(reader_of(path).data_files())
 
 
-def read_log(path: Path, selection: Selection) -> Log:
+def read_log(path: Path, selection: Selection, budget: Budget | str | None = None) -> Log:
     """Read a log once: columns of the topics that `selection` wants, log times of all.
 
-    Raises LogError: no such file, no log, or no message in it.
+    Raises LogError: no such file, no log, or no message in it; BudgetError where it takes more than the `budget`.
     """
     reader = reader_of(path)
     files = reader.data_files()
     before = _sizes(files)
+    reader.account = Budget.of(budget).account(path, before)
     tables, notes = _tables(reader, selection)
     if not tables:
         detail = f" ({' '.join(reader.notes)})" if reader.notes else ""
@@ -98,12 +100,14 @@ def _tables(reader: Reader, selection: Selection) -> tuple[dict[str, Table], lis
     """What a reader gives, decoded, and what the decoding has to say."""
     if isinstance(reader, TableReader):
         return reader.tables(selection), []
-    collector = Collector(lambda topic, kind, fields: selection(topic, kind, fields) or px4.wanted(topic, kind))
+    collector = Collector(
+        lambda topic, kind, fields: selection(topic, kind, fields) or px4.wanted(topic, kind), reader.account
+    )
     try:
         for batch in reader.batches(collector.wanted):
             collector.add(batch)
     except DoubtfulError:
-        reader.careful = True
+        reader.careful, reader.account.taken = True, 0.0
         reader.notes.clear()
         return _tables(reader, selection)
     return collector.tables(), collector.notes

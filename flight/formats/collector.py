@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
 from wrenchgap.flight.formats.encodings import Encoded, encoded
 from wrenchgap.flight.formats.reader import Batch, Channel, Places
@@ -16,6 +17,8 @@ from wrenchgap.flight.formats.walk import Definitions
 
 ROS = ("cdr", "ros1")
 OTHERS = ("json", "protobuf")
+TIMES = 150
+"""Bytes of an array of log times besides its numbers."""
 STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
     ("header.stamp.sec", "header.stamp.nsec"),
@@ -34,6 +37,7 @@ class Collector:
     """
 
     selection: Selection
+    account: Account
     times: dict[str, list[NDArray[np.int64]]] = field(default_factory=dict)
     channels: dict[str, Channel] = field(default_factory=dict)
     decoders: dict[Channel, Decoder | Encoded | None] = field(default_factory=dict)
@@ -61,7 +65,7 @@ class Collector:
             return None
         try:
             if channel.encoding in OTHERS:
-                decoder = encoded(channel)
+                decoder = encoded(channel, self.account)
                 known = decoder.fields or channel.encoding == "json"  # JSON may come without a schema
                 return decoder if known and self._chosen(channel, decoder.fields) else None
             definitions = definitions_of(channel)
@@ -69,7 +73,7 @@ class Collector:
         except (UndecodableError, KeyError) as error:
             self.problems[channel.topic] = str(error)
             return None
-        return Decoder(channel, definitions) if self._chosen(channel, fields) else None
+        return Decoder(channel, definitions, self.account) if self._chosen(channel, fields) else None
 
     def _chosen(self, channel: Channel, fields: list[str]) -> bool:
         return not fields or self.selection(channel.topic, channel.type, fields)
@@ -97,6 +101,8 @@ class Collector:
         decoder = self.decoders[channel]
         if channel.type != first.type or (decoder is None and self.decoders.get(first) is not None):
             return
+        self.account.take(TIMES + 8 * len(batch.log_time_ns), "log times")
+        self.account.check_time()
         self.times.setdefault(channel.topic, []).append(np.array(batch.log_time_ns, dtype=np.int64))
         if isinstance(decoder, Decoder):
             decoder.add(batch.payloads, self.definitions.get(channel))

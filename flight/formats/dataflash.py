@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.extras import required, silenced
 from wrenchgap.flight.formats.reader import TableReader, one_line
@@ -50,6 +51,10 @@ CODES: dict[str, tuple[str, float]] = {
 """Of each letter of a format: the primitive, and the factor that the letter implies."""
 INSTANCES = ("I", "Instance", "Inst", "C")
 """Columns that number instances, for logs that do not say which does; `C` is an estimator's core."""
+MOST_INSTANCES = 256
+"""Of a message, at most: their number is a byte where ArduPilot writes it."""
+PLACE = 50
+"""Bytes that pymavlink keeps of each message."""
 NUMBERED = frozenset({"IMU", "ACC", "GYR", "ESC", "BAT", "XKQ", "XKF1", "NKQ", "NKF1"})
 
 
@@ -64,11 +69,11 @@ class DataflashReader(TableReader):
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """All messages that have a time, by topic; raises LogError where nothing can be read."""
-        raw, strange = _messages(self.path)
+        raw, strange = _messages(self.path, self.account)
         if strange:
             self.notes.append(f"{strange} bytes of {self.path.name} belong to no whole message: left out.")
         self.parameters = _parameters(raw.get("PARM", {}))
-        found = {table.topic: table for name, columns in raw.items() for table in _instances(name, columns)}
+        found = {table.topic: table for name, columns in raw.items() for table in _instances(name, columns, self.notes)}
         if (lost := found.get("DSF")) is not None and np.max(lost.columns.get("Dp", np.zeros(1)), initial=0) > 0:
             self.notes.append(f"The logger dropped {int(np.max(lost.columns['Dp']))} blocks of messages.")
         return found
@@ -79,7 +84,8 @@ def parameters(path: str | Path) -> dict[str, float | int]:
     with Path(path).open("rb") as file:
         if not file.read(3) == DataflashReader.magic:
             raise LogError(f"{path}: not an ArduPilot dataflash log (.bin); parameters are read from those")
-    return _parameters(_messages(Path(path), only="PARM")[0].get("PARM", {}))
+    account = Budget().account(Path(path), Path(path).stat().st_size)
+    return _parameters(_messages(Path(path), account, only="PARM")[0].get("PARM", {}))
 
 
 def _parameters(columns: Columns) -> dict[str, float | int]:
@@ -90,22 +96,28 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
     return {name.decode(errors="replace"): int(v) if v == int(v) else v for name, v in pairs if np.isfinite(v)}
 
 
-def _messages(path: Path, only: str | None = None) -> tuple[dict[str, Columns], int]:
+def _messages(path: Path, account: Account, only: str | None = None) -> tuple[dict[str, Columns], int]:
     """Columns of every type of message, by its name; how many bytes are of no message."""
     reader = required("pymavlink.DFReader", "ardupilot", "ArduPilot .bin logs", path)
     try:
         with silenced():
             # its clock is not needed, and it would look for a GPS through the whole of a log that has none
-            log = type("Index", (reader.DFReader_binary,), {"init_clock": lambda self: None})(str(path))
+            kind = type("Index", (reader.DFReader_binary,), {"init_clock": lambda self: None})
+            log = kind(str(path), progress_callback=lambda percent: account.check_time())
+    except BudgetError:
+        raise
     except Exception as error:  # a damaged log makes pymavlink raise many kinds
         raise LogError(f"{path}: not a readable dataflash log ({one_line(error) or type(error).__name__})") from error
     data = np.memmap(path, dtype=np.uint8, mode="r")
     out, strange = {}, len(data)
+    account.take(PLACE * sum(map(len, log.offsets)), "the places of messages")
     for kind, layout in log.formats.items():
+        account.check_time()
         places = np.array(log.offsets[kind], dtype=np.int64)
         places = places[places + layout.len <= len(data)]
         strange -= len(places) * layout.len
         if len(places) and layout.name not in ("FMT", "FMTU", "UNIT", "MULT") and only in (None, layout.name):
+            account.take(2 * len(places) * layout.len, f"messages of {layout.name:.20}")
             out[layout.name] = _columns(data, places, layout)
     log.close()
     return {name: columns for name, columns in out.items() if columns}, max(strange, 0)
@@ -131,8 +143,11 @@ def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) ->
     )
 
 
-def _instances(name: str, columns: Columns) -> Iterator[Table]:
-    """A table for each instance, in the order of the stamps; none for messages without a time."""
+def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]:
+    """A table for each instance, in the order of the stamps; none for messages without a time.
+
+    Nor for more than `MOST_INSTANCES`, of which the notes are told.
+    """
     clock, unit = next(((c, u) for c, u in (("TimeUS", 1000), ("TimeMS", 1_000_000)) if c in columns), ("", 0))
     if not unit or columns[clock].dtype.kind not in "iu":
         return
@@ -141,7 +156,11 @@ def _instances(name: str, columns: Columns) -> Iterator[Table]:
     if number.dtype.kind not in "iu":  # instances that are named, as of NVF, stay together
         number = np.zeros(len(number), dtype=int)
     known = columns[clock] <= 2**63 // unit - 1
-    for instance in np.unique(number[known]).tolist():
+    instances = np.unique(number[known]).tolist()
+    if len(instances) > MOST_INSTANCES:
+        notes.append(f"{name} numbers {len(instances):,} instances, and no vehicle has {MOST_INSTANCES}: left out.")
+        return
+    for instance in instances:
         rows = np.flatnonzero(known & (number == instance))
         stamps = columns[clock][rows].astype(np.int64) * unit
         order = rows[np.argsort(stamps, kind="stable")]

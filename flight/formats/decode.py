@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,12 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.formats.packed import Packer
 from wrenchgap.flight.formats.reader import Channel, Places, one_line
 from wrenchgap.flight.formats.table import Columns
 from wrenchgap.flight.formats.walk import DTYPES as DTYPES
-from wrenchgap.flight.formats.walk import Definitions, Layout, Uneven, Walk
+from wrenchgap.flight.formats.walk import FIELD, Definitions, Layout, Uneven, Walk
 from wrenchgap.flight.formats.walk import UndecodableError as UndecodableError
 
 ACTUATORS = {
@@ -108,13 +110,14 @@ class Decoder:
 
     channel: Channel
     definitions: Definitions
+    account: Account = field(default_factory=lambda: Account(Path()))
     parts: list[tuple[NDArray[np.intp], Columns]] = field(default_factory=list)
     count: int = 0
     malformed: int = 0
     _packer: Packer = field(init=False)
 
     def __post_init__(self) -> None:
-        self._packer = Packer(self.channel.type, self.channel.encoding)
+        self._packer = Packer(self.channel.type, self.channel.encoding, self.account)
 
     def add(self, payloads: list[bytes] | Places, definitions: Definitions | None = None) -> None:
         """Decode some messages; those that do not fit their definition are counted in `malformed`.
@@ -123,6 +126,7 @@ class Decoder:
         """
         known, first = self.definitions if definitions is None else definitions, self.count
         self.count += len(payloads)
+        self.account.check_time()
         number = None
         if isinstance(payloads, Places):
             rest = self._packer.add(payloads, first, known)
@@ -148,8 +152,9 @@ class Decoder:
     def _add_rows(self, index: NDArray[np.intp], rows: NDArray[np.uint8], definitions: Definitions) -> None:
         try:
             for order, part in _by_byte_order(rows, self.channel.encoding):
-                walk = Walk(rows[part], definitions, self.channel.encoding, order)
+                walk = Walk(rows[part], definitions, self.channel.encoding, order, self.account)
                 walk.message("", self.channel.type)
+                self.account.take(FIELD * len(walk.columns) + sum(v.nbytes for v in walk.columns.values()), "messages")
                 self.parts.append((index[part], walk.columns))
         except Uneven as uneven:
             for value in np.unique(uneven.counts):
@@ -173,6 +178,9 @@ class Decoder:
         parts = [(index, columns.pop(name)) for index, columns in self.parts if name in columns]
         shape = np.max([values.shape[1:] for _, values in parts], axis=0).astype(int)
         dtype = np.result_type(*{values.dtype for _, values in parts})
+        self.account.take(
+            dtype.itemsize * self.count * np.prod(shape), f"the column {name:.100} of {self.count} messages"
+        )
         complete = sum(len(i) for i, v in parts if v.shape[1:] == tuple(shape)) == self.count
         if not complete and dtype.kind != "S":
             dtype = np.dtype(float)

@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.decode import UndecodableError
 from wrenchgap.flight.formats.extras import required
@@ -29,6 +31,10 @@ DEEPEST = 8
 LONGEST = 256
 """Numbers of an array, at most: a picture is no signal."""
 
+ROWS = 4096
+"""Messages that become columns at once."""
+NUMBER, DECODED = 200, 10
+"""Bytes of a decoded number with its name, or of a column without numbers; and that a byte of JSON takes meanwhile."""
 MOST = 2000
 """Names of fields, at most: a recursive type has no end of them."""
 
@@ -37,12 +43,19 @@ Value = float | list[float]
 
 @dataclass
 class Encoded(ABC):
-    """Gathers the columns of one channel, batch by batch; `fields` are the dotted names that its schema tells."""
+    """Gathers the columns of one channel, batch by batch; `fields` are the dotted names that its schema tells.
+
+    Messages become columns `ROWS` at a time: a message by itself takes twenty times the bytes of its numbers.
+    """
 
     channel: Channel
     fields: list[str] = field(default_factory=list)
-    rows: list[Mapping[str, Value]] = field(default_factory=list)
+    account: Account = field(default_factory=lambda: Account(Path()))
     malformed: int = 0
+    count: int = 0
+    _rows: list[Mapping[str, Value]] = field(default_factory=list)
+    _held: int = 0
+    _parts: list[tuple[slice, Columns]] = field(default_factory=list)
 
     @abstractmethod
     def row(self, payload: bytes) -> Mapping[str, Value]:
@@ -51,31 +64,67 @@ class Encoded(ABC):
     def add(self, payloads: list[bytes]) -> None:
         """Decode some messages; those that cannot be are counted in `malformed`."""
         for payload in payloads:
+            self.account.ask(self._held + DECODED * len(payload), "decoded messages")
             try:
-                self.rows.append(self.row(payload))
+                row = self.row(payload)
             except (ValueError, RecursionError):
-                self.rows.append({})
+                row = {}
                 self.malformed += 1
+            self._rows.append(row)
+            self.count += 1
+            self._held += NUMBER * (2 + len(row)) + DECODED * len(payload)
+            self.account.check_time()
+            if len(self._rows) == ROWS:
+                self._gather()
 
-    @property
-    def count(self) -> int:
-        """Messages so far."""
-        return len(self.rows)
+    def _gather(self) -> None:
+        """Make columns of the last messages."""
+        rows, self._rows, self._held = self._rows, [], 0
+        cells: dict[str, tuple[list[int], list[Value]]] = {}
+        for i, row in enumerate(rows):
+            for name, value in row.items():
+                where, values = cells.setdefault(name, ([], []))
+                where.append(i)
+                values.append(value)
+        columns: Columns = {}
+        for name, (where, values) in cells.items():
+            width = max((len(cell) for cell in values if isinstance(cell, list)), default=0)
+            self.account.take(NUMBER + 8 * len(rows) * max(width, 1), f"columns, of which {name:.100} is one,")
+            self.account.check_time()
+            columns[name] = _column(len(rows), where, values, width)
+        self._parts.append((slice(self.count - len(rows), self.count), columns))
 
     def columns(self) -> Columns:
-        """All columns, (count,) or (count, K)."""
-        names = dict.fromkeys(name for row in self.rows for name in row)
-        return {name: _column([row.get(name) for row in self.rows]) for name in names}
+        """All columns, (count,) or (count, K), nan where a message lacks one; what was gathered is given away."""
+        if self._rows:
+            self._gather()
+        names = dict.fromkeys(name for _, columns in self._parts for name in columns)
+        return {name: self._joined(name) for name in names}
+
+    def _joined(self, name: str) -> NDArray[Any]:
+        parts = [(rows, columns.pop(name)) for rows, columns in self._parts if name in columns]
+        shape = max((values.shape[1:] for _, values in parts), key=lambda shape: (len(shape), shape))
+        self.account.take(8 * self.count * int(np.prod(shape)), f"columns, of which {name:.100} is one,")
+        self.account.check_time()
+        out = np.full((self.count, *shape), np.nan)
+        for rows, values in parts:
+            if not shape:
+                out[rows] = values
+            elif values.ndim > 1:  # a number where others have an array is none
+                out[rows, : values.shape[1]] = values
+        return out
 
 
-def _column(cells: list[Value | None]) -> Any:
-    width = max((len(cell) for cell in cells if isinstance(cell, list)), default=0)
+def _column(count: int, where: list[int], cells: list[Value], width: int) -> NDArray[Any]:
+    """Numbers (count,) with the cells `where` they are, or arrays (count, width) where any is one."""
     if not width:
-        return np.array([np.nan if cell is None or isinstance(cell, list) else cell for cell in cells], dtype=float)
-    out = np.full((len(cells), width), np.nan)
-    for row, cell in zip(out, cells, strict=True):
+        out = np.full(count, np.nan)
+        out[where] = cells
+        return out
+    out = np.full((count, width), np.nan)
+    for i, cell in zip(where, cells, strict=True):
         if isinstance(cell, list):
-            row[: len(cell)] = cell
+            out[i, : len(cell)] = cell
     return out
 
 
@@ -162,18 +211,18 @@ def _described(kind: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]
             yield name
 
 
-def encoded(channel: Channel) -> Encoded:
+def encoded(channel: Channel, account: Account) -> Encoded:
     """What decodes a channel of JSON or protobuf. Raises UndecodableError where its schema cannot be used."""
     if channel.encoding == "json":
         try:
             schema = json.loads(channel.definition or "{}")
         except (ValueError, RecursionError):
             schema = {}
-        return JsonMessages(channel, list(islice(_schema_fields(schema), MOST)))
-    return _protobuf(channel)
+        return JsonMessages(channel, list(islice(_schema_fields(schema), MOST)), account)
+    return _protobuf(channel, account)
 
 
-def _protobuf(channel: Channel) -> ProtobufMessages:
+def _protobuf(channel: Channel, account: Account) -> ProtobufMessages:
     try:
         pb2 = required("google.protobuf.descriptor_pb2", "protobuf", "protobuf messages", Path(channel.topic))
         pools = required("google.protobuf.descriptor_pool", "protobuf", "protobuf messages", Path(channel.topic))
@@ -186,6 +235,7 @@ def _protobuf(channel: Channel) -> ProtobufMessages:
         for file in files.file:
             pool.Add(file)
         kind = pool.FindMessageTypeByName(channel.type)
-        return ProtobufMessages(channel, list(islice(_described(kind), MOST)), kind=factory.GetMessageClass(kind))
+        fields = list(islice(_described(kind), MOST))
+        return ProtobufMessages(channel, fields, account, kind=factory.GetMessageClass(kind))
     except Exception as error:  # of a damaged description protobuf raises many kinds
         raise UndecodableError(f"its description of {channel.type} cannot be read: {one_line(error)}") from error

@@ -24,10 +24,18 @@ def required(module: str, extra: str, what: str, path: Path) -> Any:
         ) from error
 
 
+class Nowhere(io.TextIOBase):
+    """Text that nobody reads, and that is not kept: of a damaged log a library may say a line for every byte."""
+
+    def write(self, text: str) -> int:
+        """Forget it."""
+        return len(text)
+
+
 @contextlib.contextmanager
 def silenced() -> Iterator[None]:
     """What a library and its C code print of damaged files does not reach the user; we say it in our own words."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    with Nowhere() as nothing, contextlib.redirect_stdout(nothing), contextlib.redirect_stderr(nothing):
         try:
             kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
         except OSError:  # no standard error to be silenced

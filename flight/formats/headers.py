@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -58,6 +59,18 @@ _NAMES: tuple[tuple[str, str, str, str], ...] = (
     ("torque", "torque", _XYZ, "torque moment tau wrench_torque t"),
     ("voltage", "voltage", "", "voltage battery vbat battery_voltage bat_voltage battery_volt"),
 )
+Names = tuple[list[str], ...]
+_SPLIT: tuple[tuple[str, str, str, Names], ...] = tuple(
+    (field, quantity, axes, tuple(name.split("_") for name in sorted(spelled.split(), key=len, reverse=True)))
+    for field, quantity, axes, spelled in _NAMES
+)
+"""The same with names as words, the longest first."""
+_BARE = tuple(entry for entry in _SPLIT if entry[2] == "bare")
+_SPELLED = {
+    last: tuple(entry for entry in _SPLIT if entry[2] == "bare" or any(name[-1] == last for name in entry[3]))
+    for last in {name[-1] for entry in _SPLIT for name in entry[3]}
+}
+"""Those that a last word leaves: a table may have a hundred thousand columns."""
 _REFERENCE = frozenset({"ref", "reference", "des", "desired", "setpoint", "sp", "target"})
 _KNOWN = _REFERENCE | frozenset(
     {"imu", "odom", "odometry", "state", "vehicle", "body", "pose", "twist", "mocap", "vicon", "est", "estimate", "cmd"}
@@ -80,6 +93,7 @@ class Meaning:
     unit: str
 
 
+@lru_cache(maxsize=4096)
 def meaning(header: str) -> Meaning | None:
     """What a column holds, or None where its header is not known."""
     if len(header) > LONGEST:
@@ -123,8 +137,8 @@ def _named(words: list[str], unit: list[str], index: str, bracketed: str | None)
     if unit and bracketed is not None:
         return
     stated = " ".join(unit) if bracketed is None else " ".join(re.split(r"[^\wµ]+", bracketed.lower())).strip()
-    for field, quantity, axes, spelled in _NAMES:
-        prefix = _before(words, spelled.split(), bare=axes == "bare")
+    for field, quantity, axes, spelled in _SPELLED.get(words[-1] if words else "", _BARE):
+        prefix = _before(words, spelled, bare=axes == "bare")
         place = _place(index, axes)
         if prefix is None or place is None or not prefix <= _KNOWN:
             continue
@@ -136,12 +150,11 @@ def _named(words: list[str], unit: list[str], index: str, bracketed: str | None)
             yield Meaning(reference + field, place, factor[0], factor[1])
 
 
-def _before(words: list[str], spelled: list[str], bare: bool) -> frozenset[str] | None:
+def _before(words: list[str], spelled: Names, bare: bool) -> frozenset[str] | None:
     """The words before a known name; None where the words do not end in one. A bare axis has no name at all."""
     if bare:
         return frozenset(words) if not set(words) - _KNOWN else None
-    for name in sorted(spelled, key=len, reverse=True):
-        parts = name.split("_")
+    for parts in spelled:
         if words[-len(parts) :] == parts:
             return frozenset(words[: -len(parts)])
     return None

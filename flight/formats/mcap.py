@@ -52,6 +52,8 @@ LARGEST_CHUNK = 2**28
 """Bytes of a chunk's records, at most: no recorder holds back more, and a few damaged bytes may claim terabytes."""
 
 
+RECORD = 1000
+"""Bytes of a schema or channel that is kept, besides its record."""
 MOST_AT_ONCE = 2**15
 """Messages that are handed on at once, at most."""
 SEVERAL = -1
@@ -80,7 +82,7 @@ class McapReader(Reader):
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Walk through the file once, from the front."""
-        gathered = Gatherer()
+        gathered = Gatherer(self.account)
         with self.path.open("rb", buffering=PIECE) as file:
             for opcode, body in self._records(file):
                 if opcode == Opcode.CHUNK:
@@ -112,6 +114,7 @@ class McapReader(Reader):
         while position + header <= size:
             opcode, length = _RECORD.unpack(file.read(header).ljust(header, b"\0"))
             start, stop = position + header, position + header + length
+            self.account.check_time()
             if opcode == Opcode.MESSAGE and alone <= 0:
                 file.seek(position)
                 yield SEVERAL, file.read(min(PIECE, size - position))
@@ -121,6 +124,7 @@ class McapReader(Reader):
             if opcode and stop <= size:
                 alone -= 1
                 if opcode in _READ:
+                    self.account.ask(length, "a record")
                     yield opcode, file.read(length)
                 position = file.seek(stop)
                 continue
@@ -187,9 +191,11 @@ class McapReader(Reader):
             payload = plain_payload(body[_MESSAGE.size :]) if wanted(channel) else b""
             yield from gathered.add(channel, log_time_ns, payload)
         elif opcode == Opcode.SCHEMA:
+            self.account.take(len(body) + RECORD, "schemas")
             schema = Schema.read(ReadDataStream(BytesIO(body)))
             self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
+            self.account.take(len(body) + RECORD, "channels")
             record = ChannelRecord.read(ReadDataStream(BytesIO(body)))
             self._channels[record.id] = self._channel(record)
 
@@ -223,6 +229,7 @@ class McapReader(Reader):
         (length,) = struct.unpack_from("<Q", body, start)
         complete = len(body) >= start + 8 + length
         most = min(size, LARGEST_CHUNK)
+        self.account.ask(len(body) + 2 * most, "a chunk")
         inside = memoryview(body)[start + 8 : start + 8 + length]
         records = (_at_once(compression, inside, most) if complete else b"") or _DECOMPRESS[compression](inside, most)
         right = len(records) == size and (not crc or zlib.crc32(records) == crc)

@@ -10,11 +10,13 @@ from __future__ import annotations
 import mmap
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.formats.kernels import copied
 from wrenchgap.flight.formats.reader import Places
 from wrenchgap.flight.formats.table import Columns
@@ -50,7 +52,9 @@ class Template:
     constant: Columns
 
     @classmethod
-    def of(cls, payload: bytes, kind: str, encoding: str, definitions: Definitions) -> Template | None:
+    def of(
+        cls, payload: bytes, kind: str, encoding: str, definitions: Definitions, account: Account | None = None
+    ) -> Template | None:
         """The layout of a message; None where it does not fit its definition."""
         if len(payload) > LONGEST:
             return None
@@ -61,7 +65,7 @@ class Template:
                 return None
             order, fixed = "<" if payload[1] else ">", [(0, 2)]
         expected = np.frombuffer(payload, dtype=np.uint8)
-        walk = Walk(expected[None], definitions, encoding, order)
+        walk = Walk(expected[None], definitions, encoding, order, account)
         try:
             walk.message("", kind)
         except (UndecodableError, RecursionError):
@@ -122,6 +126,7 @@ class Rows:
     used: int = 0  # rows of the last block
     count: int = 0
     index: list[range | NDArray[np.intp]] = field(default_factory=list)
+    account: Account = field(default_factory=lambda: Account(Path()))
 
     def take(self, places: Places, asked: NDArray[np.intp] | None, first: int) -> NDArray[np.intp]:
         """Copy those of the messages that fit, of all or of the `asked` (K,); gives the others.
@@ -145,6 +150,7 @@ class Rows:
             if not self.blocks or self.used == len(self.blocks[-1]):
                 width = known.row.itemsize
                 room = min(max(64, 2 * self.count), max(64, BLOCK // width))
+                self.account.take(room * width, "messages")
                 self.blocks.append(_block(room, width))
                 self.used = 0
             rows = self.blocks[-1]
@@ -203,6 +209,7 @@ class Packer:
 
     kind: str
     encoding: str
+    account: Account = field(default_factory=lambda: Account(Path()))
     found: dict[int, list[Rows]] = field(default_factory=dict)
     tried: Counter[int] = field(default_factory=Counter)
 
@@ -218,11 +225,13 @@ class Packer:
         left = np.arange(len(places)) if left is None else left
         while len(left) and self.tried[key] < MOST_TEMPLATES:
             self.tried[key] += 1
-            template = Template.of(places.taken(left[:1]).payloads()[0], self.kind, self.encoding, definitions)
+            template = Template.of(
+                places.taken(left[:1]).payloads()[0], self.kind, self.encoding, definitions, self.account
+            )
             if template is None:
                 unfit, left = np.append(unfit, left[0]), left[1:]
             else:
-                known.append(Rows(template))
+                known.append(Rows(template, account=self.account))
                 left = known[-1].take(places, left, first)
         return np.concatenate((unfit, left))
 

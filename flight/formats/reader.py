@@ -17,6 +17,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.formats.table import Selection, Table
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -24,6 +25,8 @@ BATCH = 8192
 """Messages that a reader gathers before it hands them on, at most."""
 BATCH_BYTES = 2**23
 """And bytes of their payloads, about."""
+MESSAGE = 150
+"""Bytes of a message that is held by itself, besides its payload."""
 LONGEST_MESSAGE = 2**26
 """Bytes of a message that was compressed: a few damaged bytes may unfold to terabytes."""
 
@@ -90,6 +93,8 @@ class Reader(ABC):
     path: Path
     notes: list[str] = field(default_factory=list)
     careful: bool = False
+    account: Account = field(default_factory=lambda: Account(Path()))
+    """What reading may take, and has taken; without one given, anything."""
 
     name: ClassVar[str]
     """What the format is called, for `inspect` and messages."""
@@ -154,31 +159,37 @@ def plain_payload(payload: bytes) -> bytes:
 class Gatherer:
     """Sorts messages by channel while a reader walks through a file."""
 
+    account: Account
     pending: dict[Channel, tuple[list[int], list[bytes]]] = field(default_factory=dict)
     sizes: Counter[Channel] = field(default_factory=Counter)
     total: int = 0
+    held: int = 0
 
     def add(self, channel: Channel, log_time_ns: int, payload: bytes) -> Iterator[Batch]:
         """Keep one message; hands out a batch when its channel has gathered enough."""
         self.total += 1
+        self.held += len(payload) + MESSAGE
+        self.account.ask(self.held, "messages side by side")
         times, payloads = self.pending.setdefault(channel, ([], []))
         times.append(log_time_ns)
         payloads.append(payload)
         self.sizes[channel] += len(payload)
         if len(times) >= BATCH or self.sizes[channel] >= BATCH_BYTES:
-            del self.sizes[channel]
-            yield Batch(channel, *self.pending.pop(channel))
+            yield self._popped(channel)
 
     def direct(self, channel: Channel, log_time_ns: NDArray[np.int64], payloads: Places | None) -> Iterator[Batch]:
         """Hand out messages where they lie, after those of the channel that were kept; without payloads, None."""
         self.total += len(log_time_ns)
         if channel in self.pending:
-            del self.sizes[channel]
-            yield Batch(channel, *self.pending.pop(channel))
+            yield self._popped(channel)
         yield Batch(channel, log_time_ns, [] if payloads is None else payloads)
 
     def flush(self) -> Iterator[Batch]:
         """Hand out what is left."""
-        for channel, (times, payloads) in self.pending.items():
-            yield Batch(channel, times, payloads)
-        self.pending = {}
+        for channel in list(self.pending):
+            yield self._popped(channel)
+
+    def _popped(self, channel: Channel) -> Batch:
+        times, payloads = self.pending.pop(channel)
+        self.held -= self.sizes.pop(channel) + MESSAGE * len(times)
+        return Batch(channel, times, payloads)

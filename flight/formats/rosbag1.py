@@ -6,16 +6,29 @@ agree (an index entry without its message, another time, a record that cannot be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import bz2
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import lz4.frame
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as BagReader
-from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType, read_bytes, read_uint32
+from rosbags.rosbag1.reader import (
+    Chunk,
+    Compression,
+    Header,
+    IndexData,
+    ReaderError,
+    RecordType,
+    decompressors,
+    read_bytes,
+    read_uint32,
+)
 
+from wrenchgap.flight.budget import Account, BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.kernels import walked_bag
 from wrenchgap.flight.formats.reader import (
@@ -32,6 +45,16 @@ from wrenchgap.flight.formats.reader import (
 
 SHORTEST = 46
 """Bytes of a message's record without its payload, at least."""
+PIECE = 2**24
+"""Bytes that are decompressed at once."""
+UNFOLDED = 4
+"""Bytes that a byte of a chunk takes, with where its messages lie."""
+CONNECTION, ENTRIES, OBJECT = 1500, 500, 150
+"""Bytes of a connection or chunk, of entries besides their numbers, and of an entry of rosbags' own index."""
+PACKERS: dict[Callable[[bytes], bytes], Callable[[], Any]] = {
+    decompressors[Compression.BZ2.value]: bz2.BZ2Decompressor,
+    decompressors[Compression.LZ4.value]: lz4.frame.LZ4FrameDecompressor,
+}
 ENTRY = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 """Of an index."""
 
@@ -49,19 +72,23 @@ class Rosbag1Reader(Reader):
             yield from self._carefully(wanted)
             return
         try:
-            with IndexedBag(self.path) as bag:
+            with IndexedBag(self.path, self.account) as bag:
                 yield from bag.batches(wanted)
+        except BudgetError:
+            raise
         except Exception as error:  # of a damaged bag rosbags raises many kinds
             raise DoubtfulError(one_line(error)) from error
 
     def _carefully(self, wanted: Wanted) -> Iterator[Batch]:
-        gathered = Gatherer()
+        gathered = Gatherer(self.account)
         try:
-            with BagReader(self.path) as bag:
+            with CountedBag(self.path, self.account) as bag:
                 channels = {connection.id: _channel(connection) for connection in bag.connections}
                 for connection, log_time_ns, payload in bag.messages():
                     channel = channels[connection.id]
                     yield from gathered.add(channel, log_time_ns, bytes(payload) if wanted(channel) else b"")
+        except BudgetError:
+            raise
         except Exception as error:  # a damaged bag makes rosbags raise many kinds
             if not gathered.total:
                 raise LogError(
@@ -81,11 +108,57 @@ class Entries:
     offsets: NDArray[np.int64]
 
 
-class IndexedBag(BagReader):
+class CountedBag(BagReader):
+    """A bag whose connections, index and chunks are asked of an account before they are unfolded."""
+
+    def __init__(self, path: Any, account: Account) -> None:
+        super().__init__(path)
+        self.account = account
+
+    def read_connection(self) -> Connection:
+        """One of them."""
+        found = super().read_connection()
+        self.account.take(CONNECTION + 2 * len(found.msgdef.data), "connections")
+        self.account.check_time()
+        return found
+
+    def read_chunk(self) -> Chunk:
+        """One of them, whose decompression is counted."""
+        found = super().read_chunk()
+        self.account.take(CONNECTION, "the index of chunks")
+        packer = PACKERS.get(found.decompressor)
+        return found if packer is None else found._replace(decompressor=lambda data: self._unfolded(packer, data))
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+        """The entries of one connection in the chunk at `pos`."""
+        assert self.bio
+        before = self.bio.tell()
+        super().read_index_data(pos, indexes)
+        self.account.take((self.bio.tell() - before) // ENTRY.itemsize * OBJECT, "the index of messages")
+        self.account.check_time()
+
+    def _unfolded(self, packer: Callable[[], Any], data: bytes) -> bytes:
+        """The records of a chunk; those of bz2 may be several streams."""
+        found = bytearray()
+        while data:
+            stream = packer()
+            while not stream.eof:
+                piece = stream.decompress(data, max_length=PIECE)
+                if not piece and stream.needs_input:
+                    raise ReaderError("a chunk that is cut short")
+                found += piece
+                data = b""
+                self.account.ask(UNFOLDED * len(found), "a chunk")
+                self.account.check_time()
+            data = stream.unused_data if packer is bz2.BZ2Decompressor else b""
+        return bytes(found)
+
+
+class IndexedBag(CountedBag):
     """A bag whose index is kept as arrays, by chunk; rosbags' own has an object for every message."""
 
-    def __init__(self, path: Any) -> None:
-        super().__init__(path)
+    def __init__(self, path: Any, account: Account) -> None:
+        super().__init__(path, account)
         self.entries: dict[int, list[Entries]] = {}
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
@@ -96,6 +169,8 @@ class IndexedBag(BagReader):
         data = read_bytes(self.bio, read_uint32(self.bio))
         if header.get_uint32("ver") != 1 or len(data) != count * ENTRY.itemsize:
             raise DoubtfulError("an index of another kind")
+        self.account.take(ENTRIES + 16 * count, "the index of messages")
+        self.account.check_time()
         found = np.frombuffer(data, dtype=ENTRY)
         time = found["seconds"].astype(np.int64) * 10**9 + found["nanoseconds"]
         offsets = found["offset"].astype(np.int64)
@@ -107,12 +182,13 @@ class IndexedBag(BagReader):
         every = [entries for several in self.entries.values() for entries in several if len(entries.offsets)]
         for entries in sorted(every, key=lambda e: int(e.log_time_ns.min())):
             wanted(channels[entries.connection])  # the first message of a topic decides its type
-        gathered = Gatherer()
+        gathered = Gatherer(self.account)
         for info in self.chunk_infos:
             yield from self._chunk(info.pos, channels, wanted, gathered)
 
     def _chunk(self, pos: int, channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
         assert self.bio
+        self.account.check_time()
         chunk: Chunk = self.chunks[pos]
         self.bio.seek(chunk.datapos)
         data = bytes(chunk.decompressor(read_bytes(self.bio, chunk.datasize)))

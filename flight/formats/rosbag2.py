@@ -21,6 +21,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account, BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
@@ -40,8 +41,16 @@ from wrenchgap.flight.formats.reader import (
 
 PIECE = 2**16
 """Bytes that are decompressed at once."""
+UNFOLDED = 50
+"""Times its size that a compressed file may take on the disk, which is often memory, before it counts."""
 FETCHED, ROWS, BYTES = 128, 4096, 2**22
-"""Rows of a table that are fetched and taken at once, and bytes of their messages, about."""
+"""Rows of a table that are fetched and taken at once, at most, and bytes of their messages, about."""
+TOPIC = 1000
+"""Bytes of a topic, besides its definition."""
+STEPS = 100_000
+"""Of a query, after which the time is looked at."""
+COPIES, LONGEST = 8, 10**9
+"""A message may have an eighth of the budget, as it is copied; and so many bytes, which is sqlite's own limit."""
 Row = tuple[Any, Any, Any]
 PAYLOAD = itemgetter(2)
 
@@ -57,18 +66,25 @@ class Rosbag2SqliteReader(Reader):
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
         """Go through the table of messages as it was written."""
-        gathered = Gatherer()
+        gathered = Gatherer(self.account)
         try:
             database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(self.account.memory / COPIES, LONGEST)))
+            database.set_progress_handler(self._over_time, STEPS)
             database.text_factory = lambda text: text.decode(errors="replace")
             try:
-                channels, self._broken = _channels(database)
+                channels, self._broken = _channels(database, self.account)
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
                 for several in _several(rows):
+                    self.account.check_time()
                     yield from self._taken(several, channels, wanted, gathered)
             finally:
                 database.close()
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
+            self.account.check_time()  # which interrupts a query
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_TOOBIG:
+                limit = in_bytes(self.account.memory / COPIES)
+                self.account.ask(2 * self.account.memory, f"a message of more than {limit}, copied as it is read,")
             if not gathered.total:
                 raise LogError(
                     f"{self.path}: not a readable ROS 2 bag ({one_line(error)}); expected an SQLite file with the "
@@ -78,6 +94,14 @@ class Rosbag2SqliteReader(Reader):
         if self._broken:
             self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
         yield from gathered.flush()
+
+    def _over_time(self) -> bool:
+        """Whether a query is to be interrupted."""
+        try:
+            self.account.check_time()
+        except BudgetError:
+            return True
+        return False
 
     def _taken(
         self, rows: list[Row], channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer
@@ -130,16 +154,18 @@ def _several(rows: sqlite3.Cursor) -> Iterator[list[Row]]:
     """Rows in lists, of so many bytes; where the database is damaged those before the damage, then the error."""
     found: list[Row] = []
     size = known = 0
+    fetched = 1  # as long as messages of many MB may follow
     try:
         while True:
-            found.extend(islice(rows, FETCHED))  # keeps those before an error
+            found.extend(islice(rows, fetched))  # keeps those before an error
             if len(found) == known:
                 break
             try:
-                size += sum(map(len, map(PAYLOAD, found[known:])))
+                sizes = list(map(len, map(PAYLOAD, found[known:])))
             except TypeError:  # one that is no message
-                size = BYTES
-            known = len(found)
+                sizes = [BYTES]
+            size, known = size + sum(sizes), len(found)
+            fetched = min(FETCHED, 2 * fetched, 1 + BYTES // max(1, *sizes))
             if size >= BYTES or known >= ROWS:
                 yield found
                 found, size, known = [], 0, 0
@@ -182,12 +208,15 @@ class Rosbag2FolderReader(Reader):
         for path in files:
             with tempfile.TemporaryDirectory() as scratch:
                 plain = self._unpacked(path, Path(scratch))
-                reader: Reader = (McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader)(plain)
+                kind = McapReader if plain.suffix == ".mcap" else Rosbag2SqliteReader
+                reader: Reader = kind(plain, account=self.account)
                 if plain.stat().st_size == 0:
                     self.notes.append(f"{path.name} is empty.")
                     continue
                 try:
                     yield from reader.batches(wanted)
+                except BudgetError:
+                    raise
                 except LogError as error:
                     unreadable.append(LogError(str(error).replace(str(plain), str(path))))
                 self.notes += reader.notes
@@ -210,17 +239,20 @@ class Rosbag2FolderReader(Reader):
         if path.suffix != ".zstd":
             return path
         plain = scratch / path.name.removesuffix(".zstd")
+        usual, written = UNFOLDED * path.stat().st_size, 0
         with path.open("rb") as source, plain.open("wb") as target:
             stream = zstandard.ZstdDecompressor().stream_reader(source)
             try:
                 while piece := stream.read(PIECE):
-                    target.write(piece)
+                    written += target.write(piece)
+                    self.account.ask(written - usual, f"{path.name}, unfolded to more than {UNFOLDED} times its size,")
+                    self.account.check_time()
             except zstandard.ZstdError as error:
                 self.notes.append(f"{path.name} is damaged ({one_line(error)}): read as far as it goes.")
         return plain
 
 
-def _channels(database: sqlite3.Connection) -> tuple[dict[int, Channel], int]:
+def _channels(database: sqlite3.Connection, account: Account) -> tuple[dict[int, Channel], int]:
     """Channels by number, and how many rows of the topics are none."""
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"messages", "topics"} <= tables:  # a view of these names may have no end
@@ -238,6 +270,7 @@ def _channels(database: sqlite3.Connection) -> tuple[dict[int, Channel], int]:
         definition_encoding, text = definitions.get(kind, ("ros2msg", None))
         definition_format = "idl" if definition_encoding == "ros2idl" else "msg"
         text = text if isinstance(text, str) else None
+        account.take(TOPIC + len(text or ""), "topics")
         channels[identifier] = Channel(topic, normalised_type(kind), encoding, text or None, definition_format)
     return channels, broken
 

@@ -134,10 +134,10 @@ class _Known:
         return out + self.notes
 
 
-def listed(names: Sequence[str]) -> str:
-    """Names of columns for a sentence: the first `MOST`, and how many more there are."""
+def listed(names: Sequence[str], longest: int = 100) -> str:
+    """Names for a sentence: the first `MOST`, each to its `longest` letter, and how many more there are."""
     more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return f"{', '.join(names[:MOST])}{more}"
+    return f"{', '.join(f'{name:.{longest}}' for name in names[:MOST])}{more}"
 
 
 def _present(table: Table) -> Table:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.formats.headers import LONGEST, UNITS, meaning
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 
 DELIMITERS = ",;\t|"
 SUFFIXES = (".csv", ".tsv", ".txt")
+COLUMN, CELL, NESTED = 2000, 60, 400
+"""Bytes of a column by itself, of a number of it, and of a value of a column of lists or tables."""
+PIECE = 2**24
+"""Bytes of a file that are looked at at once."""
 STEPS = ((1.0, "s"), (1e3, "ms"), (1e6, "us"))
 """A column of times without a unit whose usual step is below the first number is in the unit."""
 EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
@@ -61,6 +66,9 @@ class CsvReader(TableReader):
         skipped = next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), 0)
         header, first = lines[skipped], next((line for line in lines[skipped + 1 :] if line.strip()), "")
         delimiter = max(DELIMITERS, key=header.count)
+        width = header.count(delimiter) + 1
+        self.account.take(COLUMN * width, f"a header of {width:,} columns")
+        self.account.take(CELL * self._cells(delimiter), "the cells of the table")
         decimal = "," if delimiter != "," and re.search(rf"(^|{re.escape(delimiter)})-?\d+,\d", first) else "."
         if delimiter not in header or all(_is_number(cell) for cell in header.split(delimiter)):
             raise LogError(
@@ -73,6 +81,15 @@ class CsvReader(TableReader):
             raise LogError(f"{self.path}: not a readable CSV table ({one_line(error)})") from error
         self._count_lines(len(frame), skipped)
         return tables_of(frame, self)
+
+    def _cells(self, delimiter: str) -> int:
+        """Delimiters and line ends of the file."""
+        cells, sign = 0, delimiter.encode()
+        with self.path.open("rb") as file:
+            while block := file.read(PIECE):
+                cells += block.count(sign) + block.count(b"\n")
+                self.account.check_time()
+        return cells
 
     def _count_lines(self, rows: int, skipped: int) -> None:
         with self.path.open("rb") as file:
@@ -96,15 +113,54 @@ class ParquetReader(TableReader):
         import pyarrow.parquet
 
         try:
-            frame = pyarrow.parquet.read_table(self.path).to_pandas()
+            with pyarrow.parquet.ParquetFile(self.path) as file:
+                _count(file.metadata, self.account)
+                texts = [leaf.path for leaf in _leaves(file.metadata) if leaf.physical_type == "BYTE_ARRAY"]
+            table = pyarrow.parquet.read_table(self.path, read_dictionary=texts)
+            frame = _plain(table, self.account).to_pandas()
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
         return tables_of(frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index(), self)
 
 
+def _leaves(metadata: Any) -> list[Any]:
+    """The columns of a Parquet file as it stores them, of which a column of lists or tables has several."""
+    return [metadata.schema.column(i) for i in range(metadata.num_columns)]
+
+
+def _count(metadata: Any, account: Account) -> None:
+    """Ask for the cells of a Parquet file, before they are unfolded: a run of equal ones is a few bytes in it."""
+    leaves, total = _leaves(metadata), 0
+    account.take(COLUMN * len(leaves), f"{len(leaves):,} columns")
+    for i in range(metadata.num_row_groups):
+        group = metadata.row_group(i)
+        account.check_time()
+        for j, leaf in enumerate(leaves):
+            flat = leaf.max_repetition_level == 0 and "." not in leaf.path
+            size = CELL + leaf.length if flat else NESTED
+            total += size * max(group.column(j).num_values, group.num_rows)
+    account.take(total, f"a table of {metadata.num_rows:,} rows and {len(leaves):,} columns")
+
+
+def _plain(table: Any, account: Account) -> Any:
+    """A table whose texts are written out, if there is room: the file holds each of them once, and says where it is."""
+    import pyarrow
+    import pyarrow.compute
+
+    for i, one in enumerate(table.schema):
+        if pyarrow.types.is_dictionary(one.type):
+            column = table.column(i)
+            for chunk in column.chunks:
+                sizes = pyarrow.compute.binary_length(chunk.dictionary).take(chunk.indices)
+                account.take(2 * (pyarrow.compute.sum(sizes).as_py() or 0), f"the texts of column {one.name:.100}")
+            table = table.set_column(i, one.name, column.cast(pyarrow.large_string()))
+    return table
+
+
 def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     """Topics of a table of columns; notes go to the reader. Raises LogError where no column holds times."""
     path, notes = reader.path, reader.notes
+    frame = _short_names(frame, reader)
     known = {str(header): meaning(str(header)) for header in frame.columns}
     time = next((header for header, found in known.items() if found is not None and found.field == "time"), None)
     if time is None:
@@ -115,6 +171,7 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     columns: Columns = {}
     spoilt = 0
     for header in known:
+        reader.account.check_time()
         if header != time:
             expanded, count = _numeric(header, frame[header])
             columns |= expanded
@@ -138,6 +195,19 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     return {"/table": Table("/table", "table", stamps, stamps, _fields(columns))} | made
 
 
+def _short_names(frame: pd.DataFrame, reader: TableReader) -> pd.DataFrame:
+    """The table with columns of endless names called by their places."""
+    names = [str(header) for header in frame.columns]
+    long = [i for i, name in enumerate(names) if len(name) > LONGEST]
+    if not long:
+        return frame
+    for i in long:
+        names[i] = f"column_{i}"
+    called = listed([names[i] for i in long])
+    reader.notes.append(f"{len(long)} column(s) have names of more than {LONGEST} letters: called {called}.")
+    return frame.set_axis(names, axis="columns")
+
+
 def _numeric(header: str, column: Any) -> tuple[Columns, int]:
     """A column as numbers, a column of lists as several; and how many cells that are not empty hold none."""
     import pandas as pd
@@ -148,6 +218,8 @@ def _numeric(header: str, column: Any) -> tuple[Columns, int]:
             return {}, len(column)
         rows = np.array(column.tolist(), dtype=float)
         return {f"{header}_{i}": rows[:, i] for i in range(width)}, 0
+    if isinstance(column.dtype, np.dtype) and column.dtype.kind in "iuf":
+        return {header: column.to_numpy(dtype=float)}, 0
     if pd.api.types.is_datetime64_any_dtype(column):
         return {}, 0
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)

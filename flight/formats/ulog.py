@@ -15,11 +15,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.extras import required, silenced
 from wrenchgap.flight.formats.reader import TableReader, one_line
 from wrenchgap.flight.formats.table import Columns, Selection, Table
 
+FIELD = 1000
+"""Bytes of a field of a subscription: its name, its place and its array, without the numbers."""
 LATEST = 2**63 // 1000 - 1
 """No stamp [us] is later: it would not fit into nanoseconds."""
 
@@ -35,14 +38,19 @@ class UlogReader(TableReader):
 
     def tables(self, selection: Selection) -> dict[str, Table]:
         """All messages by topic; raises LogError where nothing can be read."""
-        log = _opened(self.path)
+        log = _opened(self.path, self.account)
         self.parameters = _parameters(log)
         if log.file_corruption:
             self.notes.append(f"{self.path.name} is damaged: what could be read around the damage was.")
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
         if log.dropouts:
             self.notes.append(f"{len(log.dropouts)} dropouts: the logger lost {lost:.2f} s of messages in all.")
-        found = [_table(data) for data in log.data_list if "timestamp" in data.data]
+        found = []
+        for data in log.data_list:
+            self.account.check_time()
+            if "timestamp" in data.data:
+                self.account.take(FIELD * len(data.data) + 2 * data.data["timestamp"].base.nbytes, "messages")
+                found.append(_table(data))
         if len(found) < len(log.data_list):
             self.notes.append(f"{len(log.data_list) - len(found)} topic(s) have no timestamp: left out.")
         return {table.topic: table for table in found if len(table)}
@@ -53,20 +61,45 @@ def parameters(path: str | Path) -> dict[str, float | int]:
     with Path(path).open("rb") as file:
         if not file.read(7) == UlogReader.magic:
             raise LogError(f"{path}: not a PX4 log (.ulg); parameters are read from those")
-    return _parameters(_opened(Path(path)))
+    return _parameters(_opened(Path(path), Budget().account(Path(path), Path(path).stat().st_size)))
 
 
 def _parameters(log: Any) -> dict[str, float | int]:
     return {**log.initial_parameters, **{name: value for _, name, value in log.changed_parameters}}
 
 
-def _opened(path: Path) -> Any:
+def _opened(path: Path, account: Account) -> Any:
     pyulog = required("pyulog", "px4", "PX4 .ulg logs", path)
+    account.take(path.stat().st_size, "messages")
     try:
         with silenced():
-            return pyulog.ULog(str(path))
+            return _counted(pyulog.ULog, account)(str(path))
+    except BudgetError:
+        raise
     except Exception as error:  # a damaged log makes pyulog raise many kinds
         raise LogError(f"{path}: not a readable PX4 log ({one_line(error) or type(error).__name__})") from error
+
+
+def _counted(kind: Any, account: Account) -> Any:
+    """Pyulog's reader, which asks before it lays out the fields of a subscription: formats may hold formats."""
+
+    class Subscription(kind._MessageAddLogged):  # type: ignore[misc]
+        def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
+            number = _fields(self.message_name, message_formats, {})
+            account.take(FIELD * number, f"the {number:,} fields of {self.message_name:.100}")
+            account.check_time()
+            super()._parse_format(message_formats)
+
+    return type(kind.__name__, (kind,), {"_MessageAddLogged": Subscription})
+
+
+def _fields(name: str, formats: Mapping[str, Any], known: dict[str, int]) -> int:
+    """Fields of a format with those of the formats within; of one that contains itself pyulog says what is wrong."""
+    if name not in known:
+        known[name] = 0
+        for kind, size, _ in formats[name].fields if name in formats else ():
+            known[name] += max(size, 1) * (_fields(kind, formats, known) if kind in formats else 1)
+    return known[name]
 
 
 def _table(data: Any) -> Table:

@@ -7,12 +7,14 @@ size. ROS 1: little-endian, nothing aligned.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
+from wrenchgap.flight.budget import Account
 from wrenchgap.flight.formats.table import Columns
 
 Layout = dict[str, tuple[int, np.dtype[Any], int]]
@@ -36,6 +38,8 @@ DTYPES = {
     "float64": "f8",
 }
 
+FIELD, FIELDS = 600, 1024
+"""Bytes of a field besides its numbers: name, array and place; and of how many fields an account is asked at once."""
 DEEPEST = 40
 """Messages within messages, at most; a recursive definition has no end of them."""
 
@@ -58,8 +62,17 @@ class Walk:
     bytes on which that depends, or which are text. Raises `Uneven` where a counter differs between the messages.
     """
 
-    def __init__(self, rows: NDArray[np.uint8], definitions: Definitions, encoding: str, order: str) -> None:
+    def __init__(
+        self,
+        rows: NDArray[np.uint8],
+        definitions: Definitions,
+        encoding: str,
+        order: str,
+        account: Account | None = None,
+    ) -> None:
         self.rows = rows
+        self.account = account or Account(Path())
+        self.fields = 0
         self.definitions = definitions
         self.aligned = encoding == "cdr"
         self.origin = self.position = 4 if self.aligned else 0
@@ -83,6 +96,10 @@ class Walk:
     def value(self, path: str, description: Any) -> None:
         """Read one field, whatever it is."""
         node, payload = description
+        self.fields += 1
+        if self.fields % FIELDS == 0:
+            self.account.ask(FIELD * self.fields, f"the fields of one message, {self.fields} and more,")
+            self.account.check_time()
         if node == Nodetype.BASE:
             self.base(path, payload[0])
         elif node == Nodetype.NAME:
@@ -110,6 +127,7 @@ class Walk:
             elif not path.endswith("covariance"):
                 self.columns[path] = values
         elif node == Nodetype.BASE:
+            self.account.ask(FIELD * number, f"{number} texts of one message")
             texts = [self.text() for _ in range(number)]
             self.columns[path] = np.stack(texts, axis=1) if texts else np.zeros((len(self.rows), 0), dtype="S1")
         else:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
@@ -299,6 +300,7 @@ def open_flights(
     accept: Sequence[str] = (),
     keep: Sequence[str] = (),
     gate: bool = True,
+    budget: Budget | str | None = None,
     load: Loader = flight.load,
 ) -> list[OpenFlight]:
     """Logs (or flights in memory) for a model, or what lies `between` some of their times [s], with names that differ.
@@ -307,13 +309,14 @@ def open_flights(
     actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
     (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
     (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept`, `keep` and `gate` are those of
-    `opened`; `load` reads as `flight.load` does. Raises LogError for the same flight twice (`flight.repeats`),
-    UsageError for an unknown axis or phase.
+    `opened`; `load` reads as `flight.load` does, within the `budget` for each log. Raises LogError for the same flight
+    twice (`flight.repeats`), UsageError for an unknown axis or phase.
     """
     found: list[OpenFlight] = []
     how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}
     absent = axis_names([*axis_names(unmeasured), *model.unmeasured])
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
+    declared |= {} if budget is None else {"budget": budget}
     repeats = Repeats()
     for log in logs:
         raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchgap import flight
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.check import Check, TimeLeftOut, accepted_names
 from wrenchgap.flight.errors import UsageError, WrenchgapError
 from wrenchgap.flight.flight import Flight
@@ -48,18 +49,20 @@ def inspect(
     unmeasured: Iterable[str] = (),
     accept: Iterable[str] = (),
     keep: Iterable[str] = (),
+    budget: Budget | str | None = None,
 ) -> LogReport:
     """Look at a log, against a model where one is given. Raises LogError for what is no log, UsageError for topics."""
     path, wanted, moves = Path(path), dict(topics or {}), dict(shifts or {})
     absent = axis_names([*axis_names(unmeasured), *(model.unmeasured if model is not None else ())])
     accept = accepted_names(accept)
     preferred = None if model is None else model.topics
-    seen = flight.inspect(path, wanted, preferred, unmeasured=absent, accept=accept)
+    seen = flight.inspect(path, wanted, preferred, unmeasured=absent, accept=accept, budget=budget)
     moved = None if seen.flight is None else flight.shifted(seen.flight, moves)
     against: tuple[Check, ...] = ()
     opened: OpenFlight | None = None
     if model is not None:
         how: dict[str, Any] = {"topics": wanted, "cutoff_hz": cutoff_hz, "shifts": moves, "unmeasured": absent}
+        how["budget"] = budget
         log = path if seen.flight is None else seen.flight  # which was read once
         against, opened = _checks(log, model, accept=accept, keep=tuple(keep), **how)
     found: FlightTiming | None = None

@@ -88,7 +88,11 @@ def options_of(reading: Reading) -> dict[str, Any]:
         "between": reading.part,
         "cutoff_hz": reading.cutoff_hz,
     }
-    return given | {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
+    return (
+        given
+        | {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
+        | ({} if reading.allowed is None else {"budget": reading.allowed})
+    )
 
 
 def batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:

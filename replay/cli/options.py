@@ -92,6 +92,14 @@ Keep = Annotated[
         autocompletion=complete_phases,
     ),
 ]
+BudgetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--budget",
+        metavar="MEMORY,TIME",
+        help="What reading one log may take, e.g. 8GB,120s, where the default refuses a sound log (docs/logs.md).",
+    ),
+]
 Lead = Annotated[
     float | None,
     typer.Option(
@@ -180,7 +188,7 @@ def command_line(ctx: typer.Context, *without: str) -> str:
     return shlex.join(["wrenchgap", *ctx.command_path.split()[1:], *_words(ctx, lambda name: name not in silent)])
 
 
-COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "accept", "keep", "own")
+COMMON = ("topic", "shift", "cutoff", "between", "unmeasured", "accept", "keep", "budget", "own")
 """Options that say how flights are read, by the names of their parameters."""
 
 
@@ -290,6 +298,15 @@ def parse_keep(texts: Sequence[str] | None) -> tuple[str, ...]:
     from wrenchgap.learn.data.phases.phase import phase_names
 
     return phase_names(name for text in texts for name in parse_names(text))
+
+
+def parse_budget(text: str | None) -> str | None:
+    """A memory, a time or both, as it is; raises UsageError for others."""
+    if text is not None:
+        from wrenchgap.flight.budget import Budget
+
+        Budget.of(text)
+    return text
 
 
 def parse_effects(text: str | None) -> tuple[str, ...]:

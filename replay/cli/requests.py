@@ -30,10 +30,11 @@ class Reading:
     unmeasured: o.Unmeasured = None
     accept: o.Accept = None
     keep: o.Keep = None
+    budget: o.BudgetOption = None
 
     def __post_init__(self) -> None:
         self.accepted, self.kept = o.parse_accept(self.accept), o.parse_keep(self.keep)
-        self.absent = o.parse_unmeasured(self.unmeasured)
+        self.absent, self.allowed = o.parse_unmeasured(self.unmeasured), o.parse_budget(self.budget)
         self.topics, self.shifts = o.parse_topics(self.topic), o.parse_shifts(self.shift)
         self.cutoff_hz, self.part = o.parse_cutoff(self.cutoff), o.parse_between(self.between)
 
@@ -111,6 +112,7 @@ class Run:
 
         how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
         how |= {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
+        how["budget"] = reading.allowed
         sides = [list(logs), list(unseen or ())][:: -1 if unseen_first else 1]
         every = open_flights([*sides[0], *sides[1]], model, cutoff_hz=reading.cutoff_hz, **how)
         parts = [every[: len(sides[0])], every[len(sides[0]) :]]

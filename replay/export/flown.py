@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
@@ -141,7 +142,7 @@ class FlownExport(Result):
         return [_deviation(self.flown[k], self.made[k]) for k in np.flatnonzero(~self.agrees)[:most]]
 
 
-def prove_flown(log: str | Path, folder: str | Path) -> FlownExport:
+def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | None = None) -> FlownExport:
     """Step the exported C in `folder` again from the records in `log`, and compare.
 
     It compiles and runs the code of that folder, which is the code that was flown. Raises UsageError for a folder that
@@ -149,7 +150,7 @@ def prove_flown(log: str | Path, folder: str | Path) -> FlownExport:
     """
     path, place = Path(log), Path(folder)
     export = _checked_export(place)
-    records, damaged = read_records(path)
+    records, damaged = read_records(path, budget)
     heads = np.frombuffer(b"".join(r[: HEAD.itemsize] for r in records), HEAD)
     ids = [bytes(one).hex() for one in heads["export"]]
     own = [r for r, one in zip(records, ids, strict=True) if one == export]

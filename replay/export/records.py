@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import READERS
 from wrenchgap.flight.formats.reader import DoubtfulError, TableReader
@@ -49,7 +50,7 @@ def record_type(head: np.void) -> np.dtype[Any]:
     return np.dtype([*HEAD.descr, *fields])
 
 
-def read_records(path: Path) -> tuple[list[bytes], int]:
+def read_records(path: Path, budget: Budget | str | None = None) -> tuple[list[bytes], int]:
     """Records in a log, in its order, and how many places begin like one and are none."""
     if not path.exists():
         raise LogError(f"{path}: no such file or folder")
@@ -57,7 +58,7 @@ def read_records(path: Path) -> tuple[list[bytes], int]:
         records: list[bytes] = []
         damaged = 0
         try:
-            for data in _pieces(path, careful=careful):
+            for data in _pieces(path, budget, careful=careful):
                 damaged += _scan(data, records)
         except DoubtfulError:
             continue
@@ -70,7 +71,7 @@ def read_records(path: Path) -> tuple[list[bytes], int]:
     return records, damaged
 
 
-def _pieces(path: Path, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
+def _pieces(path: Path, budget: Budget | str | None, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
     """The payloads of a log's messages; a file of another kind, or of tables, whole."""
     head = b""
     if path.is_file():
@@ -78,7 +79,9 @@ def _pieces(path: Path, *, careful: bool) -> Iterator[bytes | mmap.mmap]:
             head = file.read(64)
     kind = next((one for one in READERS if one.accepts(path, head)), None)
     if kind is not None and not issubclass(kind, TableReader):
-        for batch in kind(path, careful=careful).batches(lambda channel: True):
+        reader = kind(path, careful=careful)
+        reader.account = Budget.of(budget).account(path, sum(file.stat().st_size for file in reader.data_files()))
+        for batch in reader.batches(lambda channel: True):
             yield from batch.payloads if isinstance(batch.payloads, list) else batch.payloads.payloads()
     elif head:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:

@@ -77,6 +77,8 @@ def claim(outputs: Mapping[str, Path | None], *, force: bool, inputs: Iterable[P
             raise UsageError(f"{option} {path}: is a folder; expected the name of a file")
         if path.exists() and not path.is_file():
             raise UsageError(f"{option} {path}: is no ordinary file; expected the name of a file to write")
+        if path.is_symlink() and not path.exists():
+            raise UsageError(f"{option} {path}: is a link to nothing; choose another name")
         if path.exists() and not force:
             raise UsageError(f"{option} {path}: exists already; choose another name or overwrite it with --force")
         if not path.parent.is_dir():

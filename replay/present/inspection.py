@@ -8,7 +8,7 @@ from os.path import commonpath
 from typing import TYPE_CHECKING, Any
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.inspection import Inspection
+from wrenchgap.flight.inspection import Inspection, TopicReport
 from wrenchgap.flight.unmeasured import unmeasured_axes
 from wrenchgap.learn.data.phases import Phase
 from wrenchgap.learn.diagnose.model_checks import LogReport
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 2
 SHORTEST = 8
 """Characters of a shared namespace from which on it is said once, above the column."""
+MOST_TOPICS = 300
+"""Rows of topics that play no role: a table of tens of thousands takes minutes to draw, and nobody reads it."""
 SEVERAL = 4
 """Phases of one kind that have a line each; of more, one line for all."""
 COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
@@ -29,7 +31,8 @@ COLOURS = {"bad": "bold red", "warn": "yellow", "ok": "green"}
 
 def parts(seen: LogReport) -> list[Part]:
     """Topics, checks, phases, timing, notes."""
-    out: list[Part] = [topics(seen.inspection), checks((*seen.inspection.checks, *seen.model_checks))]
+    out: list[Part] = [topics(seen.inspection), *_more(seen.inspection)]
+    out.append(checks((*seen.inspection.checks, *seen.model_checks)))
     if seen.phases:
         out += [Line(), phases(seen.phases)]
     if seen.timing is not None:
@@ -49,7 +52,7 @@ def topics(seen: Inspection) -> Table:
     common = _namespace([t.topic for t in seen.topics])
     first = ("topic in", common) if common else "topic"
     out = table(title, first, "type", "role", "messages", "rate [Hz]", "jitter [ms]", "gaps", "left out", left=3)
-    for t in seen.topics:
+    for t in _shown(seen.topics):
         gaps = f"{t.gaps} (to {t.longest_gap:.2f} s)" if t.gaps else "0"
         jitter = "-" if t.jitter is None else number(round(1e3 * t.jitter, 3), 2)
         role = styled(", ".join(t.plays), "bold green") if t.plays else styled("-", "dim")
@@ -57,6 +60,24 @@ def topics(seen: Inspection) -> Table:
         name, kind = t.topic.removeprefix(common), t.type.split("/")[-1]
         out.add_row(name, kind, role, str(t.count), number(t.rate, 4), jitter, gaps, lost)
     return out
+
+
+def _shown(every: Sequence[TopicReport]) -> list[TopicReport]:
+    """Those that have a row: all that play a role, and the first of the others."""
+    left = MOST_TOPICS
+    out = []
+    for t in every:
+        if t.plays or left > 0:
+            out.append(t)
+        left -= not t.plays
+    return out
+
+
+def _more(seen: Inspection) -> list[Part]:
+    """How many topics have no row."""
+    hidden = len(seen.topics) - len(_shown(seen.topics))
+    said = f"and {hidden:,} more topics, which play no role; --json FILE lists them all"
+    return [Line(said, "dim")] if hidden else []
 
 
 def _namespace(names: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wrenchgap import flight
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.channels import Channel, channels
 from wrenchgap.learn.data.between import Between
 from wrenchgap.learn.data.comparison import compare
@@ -60,6 +61,7 @@ class LogSession:
         unmeasured: Sequence[str] = (),
         accept: Sequence[str] = (),
         keep: Sequence[str] = (),
+        budget: Budget | str | None = None,
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
@@ -74,10 +76,12 @@ class LogSession:
             "unmeasured": unmeasured,
             "accept": accept,
             "keep": keep,
+            "budget": budget,
             "load": load,
         }
         opened = open_flights(logs, model, cutoff_hz=cutoff, **how)
         self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, cutoff)
+        self._budget = budget
         self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]
@@ -110,7 +114,7 @@ class LogSession:
     def channels(self, flight: str) -> Mapping[str, Channel]:
         """Everything in the log of a flight, by name."""
         found = self.working.flight(flight).flight
-        return channels(found.path, found)
+        return channels(found.path, found, self._budget)
 
     def report(self, flight: str, progress: Callable[[float, str], None]) -> str:
         """The HTML report: the current model fitted on the flight, tested on all others. Takes minutes.

@@ -6,7 +6,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from benchmarks.faults import valid
+from benchmarks.faults import appetites, valid
 
 LOGS = ("mcap-unchunked", "mcap-none", "mcap-json", "mcap-protobuf", "bag-plain", "bag-bz2", "ulog", "dataflash", "csv")
 SECONDS = 0.04
@@ -25,6 +25,7 @@ def write(folder: Path) -> None:
         with tempfile.TemporaryDirectory() as place:
             made = {form: _made(form, Path(place)) for form in (*LOGS, "model", "trajectory", "gp")}
             parts = {"log": {form: made[form].read_bytes() for form in LOGS}}
+            parts["log"] |= dict(appetites.seeds(Path(place)))
             parts["model"] = {"model": made["model"].read_bytes()}
             parts["trajectory"] = {"trajectory": made["trajectory"].read_bytes()}
             parts["process"] = {"whole": b"\xff" + made["gp"].read_bytes()} | _process_parts(made["gp"])

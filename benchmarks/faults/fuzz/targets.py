@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import resource
 import tempfile
+import time
 import zipfile
 from collections.abc import Callable
 from functools import cache
@@ -15,6 +17,19 @@ import numpy as np
 from benchmarks.faults.opening import LONGEST, opened
 
 Target = Callable[[bytes], None]
+
+
+MEGABYTES, SECONDS = 1500.0, 40.0
+"""Of one execution: what the default budget of a file of 16 kB allows, with copies and an instrumented interpreter."""
+
+
+class AppetiteError(Exception):
+    """An execution that takes more memory or processor time than a small file may."""
+
+
+def _used() -> tuple[float, float]:
+    """Peak memory of this process so far [MB], and the processor time of this thread [s]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, time.thread_time()
 
 
 class SeveralLinesError(Exception):
@@ -33,6 +48,7 @@ def _opened(kind: str, name: str, data: bytes) -> None:
 
     path = _folder() / name
     path.write_bytes(data)
+    memory, seconds = _used()
     try:
         opened(kind, path)
     except WrenchgapError as error:
@@ -42,6 +58,9 @@ def _opened(kind: str, name: str, data: bytes) -> None:
     except OSError as error:
         if error.filename is None:
             raise
+    more, took = (after - before for after, before in zip(_used(), (memory, seconds), strict=True))
+    if more > MEGABYTES or took > SECONDS:
+        raise AppetiteError(f"{len(data)} bytes took {more:.0f} MB and {took:.0f} s")
 
 
 def log(data: bytes) -> None:

@@ -23,6 +23,7 @@ def convert(
     topic: o.Topics = None,
     shift: o.Shift = None,
     unmeasured: o.Unmeasured = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -36,14 +37,15 @@ def convert(
     from wrenchgap import flight
     from wrenchgap.replay.present.documents import log_input
 
-    asked = Reading(topic, shift, unmeasured=unmeasured)
+    asked = Reading(topic, shift, unmeasured=unmeasured, budget=budget)
     targets = _targets(logs, output)
     run.claim({f"--output {log.name}": target for log, target in targets.items()}, *logs)
     bodies = []
     with run.progress("converting") as told:
         for number, (log, target) in enumerate(targets.items()):
             told(number / len(targets), f"reading {log.name}")
-            found = flight.shifted(flight.load(log, asked.topics, unmeasured=asked.absent), asked.shifts)
+            found = flight.load(log, asked.topics, unmeasured=asked.absent, budget=asked.allowed)
+            found = flight.shifted(found, asked.shifts)
             source = {"source": str(log), "source_sha256": found.content_hash, "command": o.command_line(ctx)}
             flight.write(found, target, metadata=source | {"notes": "\n".join(found.notes)}, force=run.force)
             run.inputs.append(log_input(found))

@@ -76,6 +76,7 @@ def counterfactual(
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
     keep: o.Keep = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -94,7 +95,7 @@ def counterfactual(
     run.claim({"--output": output}, log, gp)
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
     process = run.gp(gp)
-    reading = Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep)
+    reading = Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep, budget=budget)
     with run.progress("counterfactual", "reading the log") as report:
         ((flight,), _) = run.open(reading, [log], base)
         result = api.counterfactual(

@@ -71,6 +71,7 @@ def design(
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
     keep: o.Keep = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -81,13 +82,14 @@ def design(
 
     Example: `wrenchgap design com_offset constant_wrench -m tilt_hexarotor -o flight.toml`
     """
+    # Long because typer reads the options from the signature, one a line.
     from wrenchgap.replay import api
     from wrenchgap.replay.present import design as present
 
     run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
     if output.suffix != ".toml":
         raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = run.model(model), Reading(topic, shift, 8.0, between, unmeasured, accept, keep)
+    base, reading = run.model(model), Reading(topic, shift, 8.0, between, unmeasured, accept, keep, budget)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(

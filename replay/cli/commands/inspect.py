@@ -31,6 +31,7 @@ def inspect(
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
     keep: o.Keep = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -49,9 +50,9 @@ def inspect(
         from wrenchgap.learn.diagnose import model_checks
 
     run.claim({}, *logs)
-    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept, keep=keep)
+    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept, keep=keep, budget=budget)
     how: dict[str, Any] = {"topics": asked.topics, "shifts": asked.shifts, "unmeasured": asked.absent}
-    how |= {"accept": asked.accepted, "keep": asked.kept}
+    how |= {"accept": asked.accepted, "keep": asked.kept, "budget": asked.allowed}
     known = None if model is None else run.model(model)
     bodies = []
     for path in logs:

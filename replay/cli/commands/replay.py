@@ -83,6 +83,7 @@ def replay(
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
     keep: o.Keep = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -98,7 +99,7 @@ def replay(
     """
     # Long because every option is one line of the signature.
     if export is not None:
-        _prove(log, export, csv, run, idle=_said(locals()))
+        _prove(log, export, csv, budget, run, idle=_said(locals()))
         return
     from wrenchgap.compensate import Settings
     from wrenchgap.flight.errors import UsageError
@@ -122,7 +123,7 @@ def replay(
     assert process is not None
     process.check_vehicle(base.vehicle.name)
     usual = process.provenance.cutoff_hz or CUTOFF_HZ
-    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept, keep)
+    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept, keep, budget)
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
@@ -135,11 +136,11 @@ def replay(
 def _said(values: dict[str, Any]) -> list[str]:
     """Options of `replay` that were given and that --export has no use for."""
     usual = {name: one.default for name, one in inspect.signature(replay).parameters.items()}
-    idle = set(usual) - {"log", "export", "csv", "run"}
+    idle = set(usual) - {"log", "export", "csv", "budget", "run"}
     return sorted(f"--{name.replace('_', '-')}" for name in idle if values[name] not in (usual[name], []))
 
 
-def _prove(log: Path, folder: Path, csv: Path | None, run: Run, idle: list[str]) -> None:
+def _prove(log: Path, folder: Path, csv: Path | None, budget: str | None, run: Run, idle: list[str]) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
     from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay.onboard import prove_flown
@@ -149,7 +150,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, run: Run, idle: list[str])
         raise UsageError(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
     run.claim({"--csv": csv}, log)
     with run.progress("proving", "reading the log"):
-        found = prove_flown(log, folder)
+        found = prove_flown(log, folder, budget=o.parse_budget(budget))
     if log.is_file():
         run.note_input(log, "log")
     run.write("replay-export", {**found.to_json(), "folder": str(folder)})

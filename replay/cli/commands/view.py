@@ -55,6 +55,7 @@ def view(
     unmeasured: o.Unmeasured = None,
     accept: o.Accept = None,
     keep: o.Keep = None,
+    budget: o.BudgetOption = None,
     own: o.OwnEffects = None,
     quiet: o.Quiet = False,
 ) -> None:
@@ -86,7 +87,7 @@ def view(
     base, others, reading = (
         run.model(model),
         list(map(run.model, against or ())),
-        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep),
+        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep, budget=budget),
     )
     process = run.gp(gp)
     with run.progress("opening") as report:
@@ -100,6 +101,7 @@ def view(
             unmeasured=reading.absent,
             accept=reading.accepted,
             keep=reading.kept,
+            budget=reading.allowed,
             load=cache.load,
             cutoff_hz=None if cutoff is None else o.parse_cutoff(cutoff),
             against=others,

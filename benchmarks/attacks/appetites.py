@@ -1,0 +1,88 @@
+"""Small files with large appetites: `inspect` in a process of its own, its peak memory and its processor time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks.attacks import Attack, Outcome
+from benchmarks.faults.appetites import made
+
+AREA = "Small files, large appetites"
+COMMAND = (sys.executable, "-m", "wrenchgap")
+
+
+def inspected(path: Path, *options: str) -> tuple[int, str, float, float]:
+    """Exit code, output, peak memory [MB] and processor time [s] of `inspect`."""
+    with (path.parent / "said.txt").open("wb+") as said:
+        process = subprocess.Popen([*COMMAND, "inspect", str(path), *options], stdout=said, stderr=subprocess.STDOUT)
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        text = said.read().decode(errors="replace")
+    kilobytes = used.ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+    return process.returncode, text, kilobytes * 1024 / 1e6, used.ru_utime + used.ru_stime
+
+
+def appetite(name: str, refused: bool, megabytes: float, seconds: float) -> Callable[[Path], Outcome]:
+    """Whether `inspect` refuses such a file in one line that names the option, or reads it, within bounds."""
+
+    def run(folder: Path) -> Outcome:
+        code, text, memory, time = inspected(made(name, folder))
+        right = code == 2 and text.count("\n") == 1 and "--budget" in text if refused else code in (0, 3)
+        words = f"{'refused in one line' if refused else 'read'}, {memory:,.0f} MB, {time:.1f} s"
+        return Outcome(
+            right and memory < megabytes and time < seconds, words if right else f"exit {code}: {text[:200]}"
+        )
+
+    return run
+
+
+def raised(folder: Path) -> Outcome:
+    """The option lets a log through that its budget refuses."""
+    path = made("mcap-json", folder, seed=True)
+    less, said, _, _ = inspected(path, "--budget", "1kB")
+    more, _, _, _ = inspected(path, "--budget", "1GB,60s")
+    return Outcome(less == 2 and "--budget" in said and more in (0, 3), f"exit {less} with 1kB, {more} with 1GB")
+
+
+REFUSED, READ = "refused in one line that names --budget", "read"
+CASES: tuple[tuple[str, str, bool, float, float], ...] = (
+    (
+        "ulog-nested",
+        "a ULog of 3 kB whose format holds 500 formats of 300 numbers, subscribed to 300 times",
+        True,
+        1500,
+        15,
+    ),
+    ("parquet-rows", "a Parquet file of 1.6 MB with 50,000,000 rows", True, 500, 10),
+    ("parquet-text", "a Parquet file of 0.3 MB that holds a text of 100,000 letters 100,000 times", True, 500, 10),
+    ("mcap-arrays", "an MCAP file of 0.1 MB with 300 messages of 1,000,000 numbers", True, 2000, 20),
+    ("mcap-chunks", "an MCAP file of 2.3 MB with 100 chunks of 240 MB", True, 2000, 30),
+    ("mcap-json", "an MCAP file of 6 MB in JSON, every message with a key of its own", True, 2500, 20),
+    ("bag-bz2", "a bag of 6 kB with a chunk of 0.8 GB", True, 1500, 10),
+    ("db3-generated", "a .db3 of 28 kB whose messages of 900 MB are made when they are read", True, 1000, 10),
+    ("csv-commas", "a CSV table with a header of 50,000,000 commas", True, 1000, 10),
+    ("csv-header", "a CSV table with a header of 100,000,000 letters", False, 2000, 20),
+    ("csv-columns", "a CSV table of 100,000 columns", False, 1000, 30),
+    ("mcap-channels", "an MCAP file of 65,534 channels", False, 1000, 30),
+)
+SLOW = frozenset(
+    {"mcap-arrays", "mcap-chunks", "mcap-json", "ulog-nested", "csv-header", "csv-columns", "mcap-channels"}
+)
+SLOW |= {"parquet-rows", "csv-commas", "bag-bz2"}
+ATTACKS = (
+    *(
+        Attack(
+            f"{what}; `inspect`",
+            f"{REFUSED if refused else READ}; {megabytes:,.0f} MB, {seconds:.0f} s of processor time",
+            appetite(name, refused, megabytes, seconds),
+            slow=name in SLOW,
+        )
+        for name, what, refused, megabytes, seconds in CASES
+    ),
+    Attack("a log that its budget refuses, with `--budget 1GB,60s`", "refused before, read then", raised),
+)

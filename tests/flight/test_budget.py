@@ -1,0 +1,72 @@
+"""What reading may take: texts of a budget, defaults, and that readers ask before they allocate."""
+
+import numpy as np
+import pytest
+
+from benchmarks.faults.appetites import made
+from wrenchgap import flight
+from wrenchgap.flight.budget import MEMORY, MOST_MEMORY, SECONDS, Budget, BudgetError
+from wrenchgap.flight.errors import UsageError
+
+
+def test_a_text_says_memory_time_or_both():
+    assert Budget.of("8GB,2min") == Budget(8e9, 120.0)
+    assert Budget.of("120 s") == Budget(None, 120.0)
+    assert Budget.of(None) == Budget()
+
+
+@pytest.mark.parametrize("text", ["", "8", "GB", "8GB,9GB", "-1GB", "0s", "nan s", "8 parsecs"])
+def test_another_text_is_refused_with_an_example(text):
+    with pytest.raises(UsageError, match=r"--budget 8GB,120s|say it once"):
+        Budget.of(text)
+
+
+def test_defaults_grow_with_the_file(tmp_path):
+    small, large = (Budget().account(tmp_path, size) for size in (1000, 10**10))
+    assert small.memory <= MEMORY * 1.001
+    assert small.memory <= large.memory <= MOST_MEMORY
+    assert small.seconds == pytest.approx(SECONDS, rel=0.01)
+    assert large.seconds > 1000.0
+
+
+def test_an_account_says_what_which_limit_and_which_option(tmp_path):
+    account = Budget(1e9).account(tmp_path / "a.mcap", 0)
+    account.take(6e8, "messages")
+    with pytest.raises(
+        BudgetError, match=r"a\.mcap: a chunk would take 500 MB.*600 MB are taken.*1 GB.*--budget 1.38GB"
+    ):
+        account.ask(5e8, "a chunk")
+    account.take(4e8, "messages")  # what was refused was not taken
+
+
+def test_time_is_over(tmp_path):
+    account = Budget(seconds=1e-9).account(tmp_path / "a.mcap", 0)
+    sum(np.arange(1000.0))
+    with pytest.raises(BudgetError, match=r"a\.mcap: .*processor time.*--budget"):
+        account.check_time()
+
+
+@pytest.mark.parametrize("name", ["ulog-nested", "mcap-json", "mcap-imus", "bag-bz2", "db3-topics", "csv-columns"])
+def test_every_reader_asks_its_budget(name, tmp_path):
+    with pytest.raises(BudgetError, match="--budget"):
+        flight.inspect(made(name, tmp_path, seed=True), budget="1kB")
+
+
+def test_nested_formats_are_counted_before_they_are_laid_out(tmp_path):
+    with pytest.raises(BudgetError, match="fields of deep"):
+        flight.inspect(made("ulog-nested", tmp_path), budget="50MB")
+
+
+def test_texts_of_parquet_are_counted_before_they_are_written_out(tmp_path):
+    with pytest.raises(BudgetError, match="texts of column note"):
+        flight.inspect(made("parquet-text", tmp_path))
+
+
+def test_messages_of_a_database_that_are_generated_are_refused(tmp_path):
+    with pytest.raises(BudgetError, match="a message of more than"):
+        flight.inspect(made("db3-generated", tmp_path))
+
+
+def test_hundreds_of_instances_are_left_out_and_said(tmp_path):
+    with pytest.raises(flight.LogError, match="IMU numbers 100,000 instances"):
+        flight.inspect(made("dataflash-instances", tmp_path))
