@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import signal
 import tempfile
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn import work_files
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.replay.batch.plan import Plan
@@ -89,19 +89,21 @@ def client(scheduler: str | None = None, workers: int | None = None, memory: str
 def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
     """One that nobody else on this machine may use: its scheduler and workers run whatever is sent to them.
 
-    They listen on loopback and speak TLS, both ways, with a key that is made for this run and is in no file. Dask's
-    page listens on loopback at a free port. What workers write besides is in a folder that only this user enters.
+    They listen on loopback and speak TLS, both ways, with a key that is made for this run. Dask's page listens on
+    loopback at a free port. The folders of scheduler and workers, in which they look for modules too, are in one that
+    only this user enters.
     """
     import dask
 
     distributed = needed()
     local = {"host": LOOPBACK, "security": distributed.Security.temporary(), "dashboard_address": f"{LOOPBACK}:0"}
-    logs = {"silence_logs": logging.CRITICAL}
-    with tempfile.TemporaryDirectory(prefix="wrenchgap-", ignore_cleanup_errors=True) as folder:
-        size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": memory, "local_directory": folder}
-        with warnings.catch_warnings(), dask.config.set(UNWATCHED), ctrl_c_stays_here():
-            warnings.filterwarnings("ignore", message="Creating scratch directories")
-            cluster = distributed.LocalCluster(**size, **local, **logs)
+    size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": memory, "silence_logs": logging.CRITICAL}
+    with (
+        tempfile.TemporaryDirectory(dir=work_files.folder(), ignore_cleanup_errors=True) as folder,
+        dask.config.set(UNWATCHED | {"temporary-directory": folder}),
+    ):
+        with ctrl_c_stays_here():
+            cluster = distributed.LocalCluster(**size, **local)
         with cluster:
             yield cluster
 
