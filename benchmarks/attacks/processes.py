@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import stat
 import subprocess
 import sys
@@ -218,16 +217,24 @@ def modes(folder: Path) -> Outcome:
 
 
 STRANGER = """
-import sys, logging
-logging.disable(logging.CRITICAL)
+import asyncio, sys
 import distributed
-for address in sys.argv[1:]:
-    for scheme, security in (("tcp", None), ("tls", distributed.Security.temporary())):
-        try:
-            with distributed.Client(f"{scheme}://{address}", security=security, timeout="2s") as client:
-                print("GOT IN", client.submit(abs, -1).result(timeout=5))
-        except Exception as error:
-            print("refused", address, scheme, type(error).__name__)
+from distributed.comm import connect
+
+async def ask(address, security):
+    comm = await connect(address, timeout=3, **({} if security is None else security.get_connection_args("client")))
+    await comm.write({"op": "identity", "reply": True})
+    print("GOT IN", address, await comm.read())
+
+async def main():
+    own = distributed.Security.temporary()
+    asked = [f"{scheme}://{one}" for one in sys.argv[1:] for scheme in ("tcp", "tls")]
+    tasks = [asyncio.wait_for(ask(one, own if one.startswith("tls") else None), 6) for one in asked]
+    for one, what in zip(asked, await asyncio.gather(*tasks, return_exceptions=True)):
+        if what is not None:
+            print("refused", one, type(what).__name__)
+
+asyncio.run(main())
 """
 
 
@@ -298,7 +305,7 @@ futures[0].result()
 
 
 def killed_at_work(folder: Path) -> Outcome:
-    """kill -9 of a process whose workers are in the middle of a multiplication, and asleep."""
+    """Kill -9 of a process whose workers are in the middle of a multiplication, and asleep."""
     command = Command(folder, sys.executable, "-c", COMPUTES)
     assert command.process.stdout is not None
     command.process.stdout.readline()
