@@ -8,6 +8,7 @@ kills the process, or fills the disk, leaves the old file or the new one, and at
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,21 +21,32 @@ from wrenchgap.flight.errors import UsageError
 def atomic(path: Path) -> Iterator[Path]:
     """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end.
 
-    A link is followed: what it points to is replaced, not the link. Raises UsageError where the file system does not
-    let it be written, and for what is no ordinary file: a device or a pipe would be gone.
+    A link is followed: what it points to is replaced, not the link. A file that is replaced keeps its permissions, and
+    meanwhile nobody reads the new one whom the old one kept out. Raises UsageError where the file system does not let
+    it be written, and for what is no ordinary file: a device or a pipe would be gone.
     """
     target = path.resolve()
     if target.exists() and not target.is_file():
         raise UsageError(f"{path}: is no ordinary file; expected the name of a file to write")
     partial = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
     try:
+        mode = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
+        _create(partial, 0o666 if mode is None else mode | 0o200)
         yield partial
         _flushed(partial)
+        if mode is not None:
+            partial.chmod(mode)
         partial.replace(target)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _create(path: Path, mode: int) -> None:
+    """An empty file that was not there, nor a link that somebody else put there to be followed."""
+    path.unlink(missing_ok=True)  # of a process of the same number that was killed
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
 
 
 def _flushed(path: Path) -> None:

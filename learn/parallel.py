@@ -1,37 +1,33 @@
 """The same function on many items, by this process and workers beside it, with the same result on any number of them.
 
-Workers are started anew by loky (part of joblib), not forked: alike on Linux, macOS and Windows, whatever threads run
-here (docs/decisions/0013-processes.md). They take a second to start; meanwhile, and afterwards, this process does items
-too, so that a short search loses nothing. They stay for the next call. What is large and the same in all calls of a
-search is named as `shared`: every worker reads it once, and keeps what it remembers of it.
+Workers (`learn.worker`) take a second to start; meanwhile, and afterwards, this process does items too, so that a short
+search loses nothing. They stay for the next call. What is large and the same in all calls of a search is named as
+`shared`: every worker reads it once, and keeps what it remembers of it.
 """
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
-import signal
-import warnings
+import threading
 import weakref
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import is_dataclass, replace
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
 import cloudpickle
 import numpy as np
-from joblib.externals import loky
-from joblib.externals.loky import process_executor
-from joblib.externals.loky.backend import resource_tracker
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from wrenchgap.flight.errors import FitError, ModelError, WrenchgapError
 from wrenchgap.learn.work_files import remove, written
+from wrenchgap.learn.worker import WorkerDied, Workers
 from wrenchgap.plant import own_effects
 from wrenchgap.plant.effects import catalogue
 from wrenchgap.plant.rotor_kernels import turned
@@ -40,27 +36,34 @@ T = TypeVar("T")
 Q = TypeVar("Q")
 P = ParamSpec("P")
 
-IDLE_SECONDS = 300
-"""A worker that has had nothing to do for so long ends."""
 HELD = 6
 """Files that a worker keeps in memory: the shared objects of one search, and its present question."""
-ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "NUMEXPR")} | {
-    "VECLIB_MAXIMUM_THREADS": "1"
-}
-GROWN = 1_500_000_000
-"""Bytes by which a worker may have grown when an item is done: columns of a long search and what its evaluators
-remember take some 300 MB. One that has grown more is replaced by a new process, which reads everything anew."""
+CORES = "WRENCHGAP_CORES"
+"""Environment: cores that are used at most."""
+QUOTA = Path("/sys/fs/cgroup/cpu.max")
+"""Of a container on Linux: processor time [us] in a period [us], or `max` where it is not limited."""
 DIED = (
     "the work ended without a result: a process of it died (out of memory, or ended from outside); "
     "use shorter or fewer logs, or try again"
 )
 
-warnings.filterwarnings("ignore", "A worker stopped", UserWarning)  # one that has grown is replaced; nothing is lost
-
 
 def cores() -> int:
-    """Cores that this process may use: affinity, the limits of a container and LOKY_MAX_CPU_COUNT count."""
-    return int(loky.cpu_count())
+    """Cores that this process may use: affinity, the limit of a container and WRENCHGAP_CORES count."""
+    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    asked = os.environ.get(CORES, "")
+    if asked.isdecimal():
+        found = min(found, int(asked))
+    return max(1, min(found, _allowed(found)))
+
+
+def _allowed(machine: int) -> int:
+    """Cores that a container's limit on processor time is worth."""
+    try:
+        time, period = QUOTA.read_text(encoding="ascii").split()
+        return -(-int(time) // int(period))
+    except (OSError, ValueError):
+        return machine
 
 
 def one_thread(work: Callable[P, T]) -> Callable[P, T]:
@@ -113,8 +116,8 @@ def each(work: Callable[[str], T], items: Sequence[str], jobs: int = 1, shared: 
         with threadpool_limits(1, user_api="blas"):
             yield from _shared_out(pool, question, work, items, _done_here(shared))
     except BaseException as error:
-        pool.shutdown(kill_workers=True)
-        if isinstance(error, BrokenProcessPool):
+        pool.end()
+        if isinstance(error, WorkerDied):
             raise FitError(DIED) from None
         raise
     finally:
@@ -128,14 +131,14 @@ def get_ready(jobs: int, what: str = "wrenchgap.learn.posterior.explain") -> Non
     while this process reads logs.
     """  # noqa: D205
     if jobs > 1:
-        with ctrl_c_stays_here():
-            pool = _workers(jobs - 1)
-            for _ in range(jobs - 1):
-                pool.submit(_warm, what)
+        pool = _workers(jobs - 1)
+        for _ in range(jobs - 1):
+            pool.submit(partial(_warm, own_files(), what))
 
 
-def _warm(what: str) -> None:
+def _warm(own: tuple[str, ...], what: str) -> None:
     """In a worker: what the first item would wait for, half a second of imports and numba's own start."""
+    begin(own)
     importlib.import_module(what)
     importlib.import_module("scipy.optimize")
     catalogue()
@@ -143,7 +146,7 @@ def _warm(what: str) -> None:
 
 
 def _shared_out(
-    pool: Any, question: str, work: Callable[[str], T], items: Sequence[str], here: set[str]
+    pool: Workers, question: str, work: Callable[[str], T], items: Sequence[str], here: set[str]
 ) -> Iterator[T]:
     """Answers in order. Workers are asked for everything, the last item first; this process begins with the first, and
     whoever is the first to claim an item does it. Of `here`, items that were done here before, all that was remembered
@@ -152,8 +155,8 @@ def _shared_out(
     mine = deque(sorted(range(len(items)), key=lambda j: items[j] not in here))
     here.difference_update(items)
     done: dict[int, T] = {}
-    with ctrl_c_stays_here():
-        asked = {j: pool.submit(_answer, question, items[j], _place(question, j)) for j in reversed(mine)}
+    own = own_files()
+    asked = {j: pool.submit(partial(_answer, own, question, items[j], _place(question, j))) for j in reversed(mine)}
     for k in range(len(items)):
         while k not in done:
             j = None if asked[k].done() else _claimed(question, mine)
@@ -190,10 +193,9 @@ def _place(question: str, item: int) -> str:
     return f"{question}.{item}"
 
 
-def begin(own: Sequence[str]) -> None:
-    """How a worker begins: Ctrl-C is its parent's business, and the user's own effects are those of the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    process_executor._MAX_MEMORY_LEAK_SIZE = GROWN
+@cache
+def begin(own: tuple[str, ...]) -> None:
+    """In another process, before its first work: the user's own effects are those of its parent."""
     own_effects.use(map(Path, own))
 
 
@@ -202,33 +204,33 @@ def own_files() -> tuple[str, ...]:
     return tuple(str(path.resolve()) for path in own_effects.files())
 
 
-@contextmanager
-def ctrl_c_stays_here() -> Iterator[None]:
-    """Processes started in here never see Ctrl-C, not even before `begin`; here it counts, if a moment later."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # which unblocks SIGINT when it has started
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def portable(error: Exception) -> Exception:
     """An error of a worker as its parent should raise it: with the line of the user's own file, known only here."""
     said = None if isinstance(error, WrenchgapError) else own_effects.blame(error)
     return error if said is None else ModelError(f"{said} (in an effect of your own, see docs/effects/your-own.md)")
 
 
-def _workers(count: int) -> Any:
-    """The pool: the one of the last call, unless another number of workers or other effects are wanted."""
-    with warnings.catch_warnings():  # of another number of them: items that nobody waits for may still be queued
-        warnings.filterwarnings("ignore", "Trying to resize", UserWarning)
-        return loky.get_reusable_executor(
-            count, timeout=IDLE_SECONDS, initializer=begin, initargs=(own_files(),), env=ONE_THREAD
-        )
+_lock = threading.Lock()
+_pool: tuple[tuple[int, tuple[str, ...], int], Workers] | None = None
+"""The workers of the last call, and what they are good for."""
+
+
+def _workers(count: int) -> Workers:
+    """Those of the last call, unless another number of them or other effects are wanted, or this is a fork."""
+    global _pool
+    wanted = count, own_files(), os.getpid()
+    with _lock:
+        if _pool is None or _pool[0] != wanted or _pool[1].ended:
+            _end()
+            _pool = wanted, Workers(count)
+        return _pool[1]
+
+
+@atexit.register
+def _end() -> None:
+    """No worker outlives this process; that of another process, whose fork this is, is its own business."""
+    if _pool is not None and _pool[0][-1] == os.getpid():
+        _pool[1].end()
 
 
 # --- what workers are given, as files that they read once ------------------------------------------------------------
@@ -257,7 +259,8 @@ class _Unpickler(cloudpickle.pickle.Unpickler):  # type: ignore[misc]
         return _read(file)
 
 
-def _answer(question: str, item: str, place: str) -> Any:
+def _answer(own: tuple[str, ...], question: str, item: str, place: str) -> Any:
+    begin(own)
     if not Path(question).exists() or not _claim(place):
         return None  # nobody waits for it any more
     try:

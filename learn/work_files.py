@@ -5,10 +5,11 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import stat
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import IO
@@ -27,24 +28,28 @@ _locks: dict[int, IO[bytes]] = {}
 
 def written(write: Callable[[IO[bytes]], None]) -> str:
     """The name of a new file of this process, with what `write` puts into it."""
-    number, name = tempfile.mkstemp(suffix=".pickle", dir=_folder(os.getpid()))
+    number, name = tempfile.mkstemp(suffix=".pickle", dir=folder())
     with os.fdopen(number, "wb") as file:
         write(file)
     return name
 
 
-@cache
-def _folder(process: int) -> str:
-    """Where this process keeps its files: gone when it ends, and if it was killed, when another one begins to write.
+def folder() -> str:
+    """Where this process keeps its files, of mode 0700: gone when it ends, and if it was killed, when another begins.
 
     It holds a lock on a file there for as long as it lives, which the system gives up however a process ends.
     """
+    return _folder(os.getpid())
+
+
+@cache
+def _folder(process: int) -> str:
     sweep(Path(tempfile.gettempdir()))
-    folder = tempfile.mkdtemp(prefix=FOLDER)
-    _locks[process] = (Path(folder) / LOCK).open("ab")
+    found = tempfile.mkdtemp(prefix=FOLDER)
+    _locks[process] = (Path(found) / LOCK).open("xb")
     _lock(_locks[process])
-    atexit.register(_leave, folder, process)
-    return folder
+    atexit.register(_leave, found, process)
+    return found
 
 
 def _leave(folder: str, process: int) -> None:
@@ -54,16 +59,31 @@ def _leave(folder: str, process: int) -> None:
 
 
 def sweep(place: Path) -> None:
-    """Remove folders of processes that were killed: nobody holds their lock, and they are older than `YOUNG`."""
+    """Remove folders of processes of this user that were killed: nobody holds their lock, and they are older than
+    `YOUNG`. What another user may have prepared in a shared folder under such a name is never entered.
+    """  # noqa: D205
     if fcntl is None:
         return
-    for folder in place.glob(f"{FOLDER}*"):
-        with suppress(OSError):  # somebody else's, or another process was faster
-            if time.time() - folder.stat().st_mtime < YOUNG:
+    for found in place.glob(f"{FOLDER}*"):
+        with suppress(OSError), _own_folder(found) as number:
+            if time.time() - os.fstat(number).st_mtime < YOUNG:
                 continue
-            with (folder / LOCK).open("ab") as file:
+            with os.fdopen(os.open(LOCK, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=number), "rb+") as file:
                 _lock(file)
-                shutil.rmtree(folder, ignore_errors=True)
+                shutil.rmtree(found, ignore_errors=True)
+
+
+@contextmanager
+def _own_folder(path: Path) -> Iterator[int]:
+    """A folder, no link, of this user, to which nobody else has access; raises OSError for any other."""
+    number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        about = os.fstat(number)
+        if about.st_uid != os.geteuid() or stat.S_IMODE(about.st_mode) & 0o077:
+            raise PermissionError(f"{path}: of somebody else")
+        yield number
+    finally:
+        os.close(number)
 
 
 def _lock(file: IO[bytes]) -> None:

@@ -41,7 +41,7 @@ LONG_FIRST = (
 """Files that take longest: begun last, one worker would be left alone with one of them."""
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # it has one core: a search starts no further processes unless a test says so
-    os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
+    os.environ.setdefault("WRENCHGAP_CORES", "1")
 
 
 def pytest_collection_modifyitems(items):

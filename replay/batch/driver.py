@@ -8,15 +8,18 @@ in a window, so that the scheduler holds a few per worker and not all of them.
 from __future__ import annotations
 
 import logging
-import os
-import warnings
+import signal
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from multiprocessing import resource_tracker
 from typing import Any
 
 from wrenchgap.flight.errors import UsageError
+from wrenchgap.learn import work_files
+from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
 from wrenchgap.replay.batch.plan import Plan
 from wrenchgap.replay.batch.sources import Source, identities
@@ -32,6 +35,7 @@ CHUNK = 16
 """Logs whose content one task identifies."""
 UNWATCHED = {"distributed.worker.profile.enabled": False}
 """Workers of this machine do not sample their own stacks: Dask keeps the trees of an hour, 0.1 to 0.5 MB a log."""
+LOOPBACK = "127.0.0.1"
 PATIENCE = "15s"
 """How long a scheduler is waited for."""
 
@@ -51,6 +55,7 @@ class Outcome:
 def needed() -> Any:
     """dask.distributed; raises UsageError where it is not installed."""
     try:
+        import cryptography  # noqa: F401 - of TLS
         import distributed
     except ImportError:
         raise UsageError("batch: dask.distributed is not installed; pip install 'wrenchgap[batch]'") from None
@@ -65,31 +70,58 @@ def client(scheduler: str | None = None, workers: int | None = None, memory: str
     distributed = needed()
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if scheduler is None:
-        count = workers or os.cpu_count() or 1
-        options = {
-            "n_workers": count,
-            "threads_per_worker": 1,
-            "memory_limit": memory,
-            "silence_logs": logging.CRITICAL,
-        }
-        import dask
-
-        with warnings.catch_warnings(), dask.config.set(UNWATCHED):
-            warnings.filterwarnings("ignore", message="Port .* is already in use")  # the link says which is taken
-            cluster = distributed.LocalCluster(**options)
-        with cluster, distributed.Client(cluster) as found:
+        with _local_cluster(workers or cores(), memory) as cluster, distributed.Client(cluster) as found:
             yield found
         return
     try:
         found = distributed.Client(scheduler, timeout=PATIENCE)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TypeError, TimeoutError) as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(
-            f"--scheduler {scheduler}: no Dask scheduler answers ({said}); start one with `dask scheduler`, or leave "
-            "the option out to work on this machine"
+            f"--scheduler {scheduler}: no Dask scheduler answers ({said}); start one with `dask scheduler` (for tls:// "
+            "see docs/batch.md), or leave the option out to work on this machine"
         ) from None
     with found:
         yield found
+
+
+@contextmanager
+def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
+    """One that nobody else on this machine may use: its scheduler and workers run whatever is sent to them.
+
+    They listen on loopback and speak TLS, both ways, with a key that is made for this run. Dask's page listens on
+    loopback at a free port. The folders of scheduler and workers, in which they look for modules too, are in one that
+    only this user enters.
+    """
+    import dask
+
+    distributed = needed()
+    local = {"host": LOOPBACK, "security": distributed.Security.temporary(), "dashboard_address": f"{LOOPBACK}:0"}
+    size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": memory, "silence_logs": logging.CRITICAL}
+    with (
+        tempfile.TemporaryDirectory(dir=work_files.folder(), ignore_cleanup_errors=True) as folder,
+        dask.config.set(UNWATCHED | {"temporary-directory": folder}),
+    ):
+        with ctrl_c_stays_here():
+            cluster = distributed.LocalCluster(**size, **local)
+        with cluster:
+            yield cluster
+
+
+@contextmanager
+def ctrl_c_stays_here() -> Iterator[None]:
+    """Processes that are started in here, and by threads that begin in here, never see Ctrl-C; here it counts, if a
+    moment later.
+    """  # noqa: D205
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # which unblocks SIGINT when it has started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def agree(found: Any, store: Store) -> None:

@@ -1,7 +1,7 @@
 """The command line: finds the commands, runs one, and turns what goes wrong into one line.
 
 Exit codes: 0 done; 2 the input or its use is wrong (one line on standard error says what and what to do); 3 `inspect`
-found a log bad; 1 a fault of wrenchgap itself (the traceback goes to a file); 130 interrupted.
+found a log bad; 1 a fault of wrenchgap itself (the traceback goes to a file); 130 interrupted, 143 ended by SIGTERM.
 
 Modules are imported when a command needs them, so that `wrenchgap --help` is quick.
 """
@@ -62,9 +62,9 @@ class Commands(TyperGroup):
         """Run the command; an interrupt is told before it becomes an exit code."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
             say("interrupted; nothing was left half-written")
-            raise typer.Exit(130) from None
+            raise typer.Exit(_code(error)) from None
 
 
 def say(message: str) -> None:
@@ -79,7 +79,7 @@ def report(error: BaseException) -> int:
         return error.code if isinstance(error.code, int) else 1
     if isinstance(error, (typer.Abort, KeyboardInterrupt)):
         say("interrupted")
-        return 130
+        return _code(error.__cause__ or error)
     if isinstance(error, BrokenPipeError):  # the reader of our output, e.g. `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -102,6 +102,10 @@ def report(error: BaseException) -> int:
         say("out of memory; use fewer or shorter logs")
         return 1
     return _fault(error)
+
+
+def _code(error: BaseException) -> int:
+    return getattr(error, "code", 130)  # that of its signal
 
 
 def _usage(error: Any) -> int:

@@ -1,7 +1,7 @@
 """Long work in a process of its own, so that the page stays usable and a cancelled search ends at once.
 
-The process is started anew by loky, on every platform (docs/decisions/0013-processes.md), and stays for the next work.
-What it is given and what it gives back must survive pickling. Who cancels ends it, and the workers that it has itself.
+The process (`learn.worker`) stays for the next work. What it is given and what it gives back must survive pickling. Who
+cancels ends it, and so the workers that it has itself.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
-from concurrent.futures.process import BrokenProcessPool
-from typing import Any, ClassVar, TypeVar
-
-from joblib.externals import loky
-from joblib.externals.loky.backend import get_context
+from functools import partial
+from queue import SimpleQueue
+from typing import ClassVar, TypeVar
 
 from wrenchgap.flight.errors import FitError, WrenchgapError
-from wrenchgap.learn.parallel import DIED, IDLE_SECONDS, begin, ctrl_c_stays_here, own_files, portable
+from wrenchgap.learn.parallel import DIED, begin, own_files, portable
+from wrenchgap.learn.work_files import folder
+from wrenchgap.learn.worker import WorkerDied, Workers, tell
 
 T = TypeVar("T")
 Report = Callable[[float, str], None]
@@ -42,7 +42,7 @@ def apart(work: Callable[[Report], T], report: Report) -> T:
         for said in process.news():
             report(*said)
         result: T = future.result()
-    except BrokenProcessPool:
+    except WorkerDied:
         process.end()
         raise FitError(DIED) from None
     except WrenchgapError:
@@ -62,13 +62,10 @@ class _Process:
     _lock = threading.Lock()
 
     def __init__(self, own: tuple[str, ...]) -> None:
-        self.own, context = own, get_context()
-        self._folder = tempfile.TemporaryDirectory(prefix="wrenchgap-", ignore_cleanup_errors=True)
-        self._news = context.SimpleQueue()
-        given = (own, self._folder.name, self._news)
-        self._pool = loky.ProcessPoolExecutor(
-            1, timeout=IDLE_SECONDS, context=context, initializer=_begin, initargs=given
-        )
+        self.own = own
+        self._folder = tempfile.TemporaryDirectory(dir=folder(), ignore_cleanup_errors=True)
+        self._news: SimpleQueue[tuple[float, str]] = SimpleQueue()
+        self._worker = Workers(1, threads=None)
 
     @classmethod
     def free(cls) -> _Process:
@@ -82,9 +79,7 @@ class _Process:
 
     def submit(self, work: Callable[[Report], T]) -> Future[T]:
         """Begin the work."""
-        with ctrl_c_stays_here():
-            future: Future[T] = self._pool.submit(_do, work)
-        return future
+        return self._worker.submit(partial(_do, self.own, self._folder.name, work), self._news.put)
 
     def news(self) -> Iterator[tuple[float, str]]:
         """What it has reported since it was asked last."""
@@ -98,24 +93,18 @@ class _Process:
 
     def end(self) -> None:
         """End it and its workers, whatever they are doing."""
-        self._pool.shutdown(kill_workers=True)
+        self._worker.end()
         self._folder.cleanup()
 
 
 # --- in the other process ---------------------------------------------------------------------------------------------
 
-_news: Any = None
 
-
-def _begin(own: tuple[str, ...], folder: str, news: Any) -> None:
-    global _news
-    _news, tempfile.tempdir = news, folder
+def _do(own: tuple[str, ...], files: str, work: Callable[[Report], T]) -> T:
+    tempfile.tempdir = files
     begin(own)
-
-
-def _do(work: Callable[[Report], T]) -> T:
     try:
-        return work(lambda share, words: _news.put((share, words)))
+        return work(lambda share, words: tell((share, words)))
     except WrenchgapError:
         raise
     except Exception as error:

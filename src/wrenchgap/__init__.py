@@ -12,7 +12,10 @@ Every name here is described in docs/api.md. The packages `flight`, `plant`, `le
 the parts; what they do not list is not public.
 """
 
-from __future__ import annotations
+import sys
+
+if sys.argv[:1] == ["-m"] and "wrenchgap" in sys.orig_argv and not sys.flags.safe_path:
+    del sys.path[0]  # the working folder, in which `python -m wrenchgap` looks for every module: its files are data
 
 from typing import TYPE_CHECKING
 

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -54,7 +55,7 @@ def test_what_waits_behind_a_long_item_of_a_worker_is_done_here():
 
 
 def test_nobody_waits_for_a_worker_that_has_yet_to_start():
-    parallel._workers(1).shutdown(kill_workers=True)
+    parallel._workers(1).end()
     assert set(each(lambda _: os.getpid(), list("abc"), 2)) == {os.getpid()}
 
 
@@ -113,6 +114,7 @@ def part_of(large):
 
 
 def test_what_is_shared_is_written_once_and_goes_with_its_owner():
+    parallel._workers(1).submit(partial(parallel.begin, ())).result()  # it is there, whatever else the machine does
     large = Large(values=np.arange(1e5))
     items = [str(k) for k in range(10)]
     found = [answer for _ in range(3) for answer in each(part_of(large), items, 2, shared=[large])]
