@@ -3,6 +3,7 @@
 A process belongs to a command by a mark in its environment, which it inherits (/proc, Linux alone).
 """
 
+# Long because each attack is a small program of its own, and all find the processes of a command in one way.
 from __future__ import annotations
 
 import os
