@@ -1,0 +1,120 @@
+"""What names, links and lists in a folder of data can make of a command that only wanted to read or write there."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+from benchmarks.attacks import Attack, Outcome
+from wrenchgap.flight.atomic import atomic
+from wrenchgap.flight.errors import UsageError
+from wrenchgap.replay.batch import sources
+from wrenchgap.replay.present.documents import claim
+from wrenchgap.viewer.background import told
+from wrenchgap.viewer.view_state import parse
+
+AREA = "Names, links and lists"
+SHELL = (
+    "$(touch pwned)",
+    "`touch pwned`",
+    "a;id",
+    "a b",
+    "a\x1b]0;x\x07",
+    "-rf",
+    "a\\$(id)",
+    "a|id",
+    "~root",
+    "a'b",
+    "a&id",
+)
+LISTS = 30
+MODELS = Path(__file__).parents[2] / "models"
+ZSH = "_arguments '*: :(("
+"""How what is offered to zsh begins."""
+
+
+def _completed(folder: Path) -> Outcome:
+    """Ask for completions as bash and zsh do."""
+    for name in (*SHELL, "quad"):
+        (folder / f"{name}.toml").touch()
+    offered = []
+    for shell in ("bash", "zsh"):
+        words = {
+            "COMP_WORDS": "wrenchgap model show ",
+            "COMP_CWORD": "3",
+            "_TYPER_COMPLETE_ARGS": "wrenchgap model show ",
+        }
+        asked = dict(os.environ, _WRENCHGAP_COMPLETE=f"complete_{shell}", **words)
+        done = subprocess.run(
+            [sys.executable, "-c", "from wrenchgap.__main__ import main; main()"],
+            env=asked, cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        offered.append(done.stdout)
+    lines = set(offered[0].splitlines())
+    bad = sorted(lines - {"quad.toml", *(path.stem for path in MODELS.glob("*.toml"))})
+    run = [sign for sign in "$`;|&*~\x1b" if sign in "".join(offered).replace(ZSH, "")]
+    found = all("quad.toml" in said for said in offered)
+    return Outcome(found and not bad and not run, f"of {len(SHELL)} such names offered: {len(bad)}; quad.toml: {found}")
+
+
+def _lists(folder: Path) -> Outcome:
+    log = folder / "one.mcap"
+    log.write_bytes(b"x")
+    (folder / "round.txt").write_text(f"{folder}/round.txt\n{log}\n")
+    for k in range(LISTS):
+        (folder / f"{k}.txt").write_text(f"{folder}/{k + 1}.txt\n" * 2)
+    (folder / f"{LISTS}.txt").write_text(f"{log}\n")
+    for name in "xy":
+        (folder / name).symlink_to(".")
+    start = perf_counter()
+    found = [len(sources.found([str(folder / n)])) for n in ("round.txt", "0.txt", ".", "**/*.mcap")]
+    took = perf_counter() - start
+    return Outcome(found == [1] * 4 and took < 2.0, f"one log found each time, {took:.2f} s in all")
+
+
+def _hidden(folder: Path) -> Outcome:
+    """Links where the hidden file of this process will be, and a target that is a link to nothing."""
+    victim, shared = folder / "victim", folder / "shared"
+    victim.write_text("mine")
+    shared.mkdir()
+    (shared / f".out.{os.getpid()}.part.json").symlink_to(victim)
+    with atomic(shared / "out.json") as partial:
+        partial.write_text("new")
+    (shared / "link.json").symlink_to(folder / "made")
+    try:
+        claim({"--json": shared / "link.json"}, force=False)
+        refused = False
+    except UsageError:
+        refused = True
+    kept = victim.read_text() == "mine" and not (shared / "out.json").is_symlink()
+    return Outcome(kept and refused, f"the other file is kept: {kept}; the link to nothing is refused: {refused}")
+
+
+def _pasted(_: Path) -> Outcome:
+    start = perf_counter()
+    try:
+        parse('{"schema": "' + "/!" * 500_000 + '"}')
+        said = ""
+    except UsageError as error:
+        said = told(error)
+    took = perf_counter() - start
+    return Outcome(0 < len(said) < 500 and took < 2.0, f"refused in {len(said)} characters and {took:.2f} s")
+
+
+ATTACKS = (
+    Attack("model files whose names a shell would run; TAB behind `wrenchgap model show`", "not offered", _completed),
+    Attack(
+        "`batch` on a list that names itself, on thirty lists that name the next twice, on links to their own folder",
+        "each is gone through once, 2 s",
+        _lists,
+    ),
+    Attack(
+        "a link in the place of the hidden file of an output, an output that is a link to nothing",
+        "nothing behind a link is written; refused",
+        _hidden,
+    ),
+    Attack("a view of 1 MB pasted into the page, a path at every second character", "one line in 2 s", _pasted),
+)
