@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import json
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,16 +15,22 @@ AREA = "Small files, large appetites"
 COMMAND = (sys.executable, "-m", "wrenchgap")
 
 
+MEASURED = """
+import json, resource, subprocess, sys
+done = subprocess.run(sys.argv[1:], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+peak = used.ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+text = done.stdout[:100_000].decode(errors="replace")
+print(json.dumps([done.returncode, text, peak * 1024 / 1e6, used.ru_utime + used.ru_stime]))
+"""
+"""Between this process and the one that is measured: Linux counts the memory of whoever starts a process as its own."""
+
+
 def inspected(path: Path, *options: str) -> tuple[int, str, float, float]:
     """Exit code, output, peak memory [MB] and processor time [s] of `inspect`."""
-    with (path.parent / "said.txt").open("wb+") as said:
-        process = subprocess.Popen([*COMMAND, "inspect", str(path), *options], stdout=said, stderr=subprocess.STDOUT)
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        said.seek(0)
-        text = said.read().decode(errors="replace")
-    kilobytes = used.ru_maxrss / (1024 if sys.platform == "darwin" else 1)
-    return process.returncode, text, kilobytes * 1024 / 1e6, used.ru_utime + used.ru_stime
+    words = [sys.executable, "-c", MEASURED, *COMMAND, "inspect", str(path), *options]
+    code, text, memory, time = json.loads(subprocess.run(words, capture_output=True, check=True).stdout)
+    return code, text, memory, time
 
 
 def appetite(name: str, refused: bool, megabytes: float, seconds: float) -> Callable[[Path], Outcome]:
