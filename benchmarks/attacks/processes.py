@@ -321,8 +321,11 @@ def killed_at_work(folder: Path) -> Outcome:
     return Outcome(there == 2 and not left, words)
 
 
-def signalled(command: Command, number: int, *, group: bool = False) -> str:
-    """What is wrong when a command gets a signal now; nothing where it ends as it should, or had ended before."""
+def signalled(command: Command, number: int, *, group: bool = False, any_moment: bool = False) -> str:
+    """What is wrong when a command gets a signal now; nothing where it ends as it should, or had ended before.
+
+    At `any_moment` it may be done and leaving, when the signal itself ends it: 128 + number for a shell too.
+    """
     if command.process.poll() is None:
         with suppress(ProcessLookupError):
             (os.killpg if group else os.kill)(command.process.pid, number)
@@ -332,7 +335,7 @@ def signalled(command: Command, number: int, *, group: bool = False) -> str:
     _, left = command.survivors()
     for one in left:
         os.kill(one, signal.SIGKILL)
-    good = (0, -number) if number == signal.SIGKILL else (0, 128 + number)
+    good = (0, -number) if number == signal.SIGKILL else (0, 128 + number, *(-number,) * any_moment)
     wrong = [f"exit code {code}"] * (code not in good) + [f"{len(left)} processes left"] * bool(left)
     wrong += ["a traceback"] * ("Traceback" in said or "Exception ignored" in said) + [f"{took:.0f} s"] * (took > 10.0)
     return ", ".join(wrong) and f"{signal.Signals(number).name}: {', '.join(wrong)}: {said[-300:]}"

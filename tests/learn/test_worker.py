@@ -1,0 +1,105 @@
+"""Other processes: answers, news, errors, death, idleness; and how they and a command end."""
+
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from benchmarks.attacks import processes as attacks
+from wrenchgap import _safe_path
+from wrenchgap.learn import parallel, worker
+from wrenchgap.learn.worker import WorkerDied, Workers, tell
+
+if sys.platform != "linux":
+    pytest.skip("/proc, as on Linux", allow_module_level=True)
+
+
+@pytest.fixture
+def one():
+    found = Workers(1)
+    yield found
+    found.end()
+
+
+def test_answers_news_and_errors_come_back(one):
+    heard = []
+
+    def work():
+        tell("half")
+        print("is no answer")
+        return os.getpid()
+
+    assert one.submit(work, heard.append).result() != os.getpid()
+    assert heard == ["half"]
+    with pytest.raises(KeyError, match="why"):
+        one.submit(lambda: {}["why"]).result()
+    with pytest.raises(RuntimeError, match="pickle"):
+        one.submit(lambda: (k for k in "ab")).result()
+    assert one.submit(os.getpid).result() != os.getpid()
+
+
+def test_one_that_died_or_rested_too_long_or_grew_is_replaced(one, monkeypatch):
+    with pytest.raises(WorkerDied):
+        one.submit(lambda: os._exit(1)).result()
+    pids = [one.submit(os.getpid).result()]
+    monkeypatch.setattr(worker, "IDLE_SECONDS", 0.0)
+    pids.append(one.submit(os.getpid).result())
+    monkeypatch.undo()
+    one.submit(lambda: setattr(worker_there(), "GROWN", -1)).result()
+    pids.append(one.submit(os.getpid).result())
+    assert len(set(pids)) == 3
+
+
+def worker_there():
+    return sys.modules["wrenchgap.learn.worker"]
+
+
+def test_cores_are_bounded_by_the_environment_and_the_container(tmp_path, monkeypatch):
+    monkeypatch.delenv(parallel.CORES, raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)))
+    monkeypatch.setattr(parallel, "QUOTA", tmp_path / "cpu.max")
+    assert parallel.cores() == 8
+    (tmp_path / "cpu.max").write_text("max 100000")
+    assert parallel.cores() == 8
+    (tmp_path / "cpu.max").write_text("250000 100000")
+    assert parallel.cores() == 3
+    monkeypatch.setenv(parallel.CORES, "2")
+    assert parallel.cores() == 2
+
+
+def test_no_relative_folder_is_on_the_path_of_a_child(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(["", "here", "/there"]))
+    assert _safe_path.environment()["PYTHONPATH"] == "/there"
+    assert _safe_path.environment()["PYTHONSAFEPATH"] == "1"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "group"), attacks.MOMENTS)
+def test_explain_is_ended_at_any_moment(tmp_path, number, group):
+    [name] = attacks.flown(tmp_path)
+    asked = [word.format(name) for word in attacks.EXPLAIN]
+    start = time.monotonic()
+    code, said = attacks.Command(tmp_path, *attacks.SCRIPT, *asked).ended()
+    assert code == 0, said
+    whole = time.monotonic() - start
+    for moment in np.random.default_rng(number).uniform(0.1, 1.0, 8) * whole:
+        command = attacks.Command(tmp_path, *attacks.SCRIPT, *asked)
+        time.sleep(moment)
+        assert attacks.signalled(command, number, group=group, any_moment=True) == "", (
+            f"after {moment:.2f} of {whole:.2f} s"
+        )
+
+
+def test_an_ignored_interrupt_stays_ignored(tmp_path):
+    code = "import signal; from wrenchgap import _signals; _signals.catch(); "
+    code += "print(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)"
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        command = attacks.Command(tmp_path, sys.executable, "-c", code)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "True" in command.process.stdout.read()
+    assert command.ended()[0] == 0
