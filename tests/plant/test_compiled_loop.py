@@ -173,7 +173,7 @@ def test_disturbance_integral_feedback_and_start_are_those_given():
 
 def test_limits_of_the_actuators_are_kept_and_counted():
     v = HEXAROTOR.vehicle
-    arms = replace(v.arms, tilt_rate_max=np.full(6, 0.8), tilt_max=np.full(6, 0.2))
+    arms = replace(v.arms, tilt_rate_max=np.full(6, 0.8), tilt_min=np.full(6, -0.2), tilt_max=np.full(6, 0.2))
     narrow = replace(v, arms=arms, rotors=replace(v.rotors, speed_max=np.full_like(v.rotors.speed_max, 740.0)))
     found = both(HEXAROTOR, replace(HEXAROTOR, vehicle=narrow), seconds=3.0)
     assert sum("was limited" in note for note in found[0][0].notes) == 3
