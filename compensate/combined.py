@@ -149,7 +149,8 @@ class Combined:
 
     def _hold(self) -> None:
         """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
-        self._integral = None
+        self._integral, self._memory = None, [None] * 3
+        self._asked.clear()
         if self.feedforward is not None:
             self.feedforward.forget()
 
@@ -161,7 +162,7 @@ class Combined:
             estimate = self.gain * (momentum - self._integral - self.dt * (self._followed() - turning + self._estimate))
             torque = self._estimate + (estimate - self._estimate) / (self.gain * self.dt)
             if not np.all(np.abs(torque) <= JUMP * self.reach.authority[3:]):
-                self._integral = None
+                self._integral, self._memory = None, [None] * 3
                 return
             self._estimate = np.clip(estimate, -self.torque_max, self.torque_max)
         # An integral beyond the bounds would wind up.

@@ -37,6 +37,8 @@ from wrenchgap.compensate.step_row import (
     LIMITED,
     SIGMA,
     STATE_MAX,
+    TURN_MAX,
+    TURN_MIN,
 )
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.expansion import Expansion
@@ -1037,6 +1039,8 @@ def plausible(gate: Gate, state: Array) -> bool:
         for i in range(14):
             if not abs(state[i]) <= STATE_MAX[i]:
                 return False
+        square = state[3] * state[3] + state[4] * state[4] + state[5] * state[5] + state[6] * state[6]
+        return TURN_MIN <= square <= TURN_MAX
     return True
 
 

@@ -27,6 +27,8 @@ STATE_MAX = (1e8, 1e8, 1e8, 2.0, 2.0, 2.0, 2.0, 1e3, 1e3, 1e3, 1e3, 1e3, 1e3, 1e
 """Largest numbers that the state of a flight can have: position in E [m] (with room for geocentric ones), quaternion,
 velocity [m/s], body rates [rad/s], time [s] (with room for that of the day). What is beyond is a fault, not a
 flight."""
+TURN_MIN, TURN_MAX = 0.25, 4.0
+"""Squared norm that a quaternion can have before it is none: one of zeros turns every vector to zero."""
 VOLTAGE_MAX = 1e4
 """Largest voltage of a battery [V] that a flight can have."""
 IMPLAUSIBLE = "the state is not finite, or none that a flight can have: no correction"
@@ -42,4 +44,5 @@ def state_row(state: State) -> Array:
 def plausible(state: State, *, powered: bool = False) -> bool:
     """Whether the first of the states is one that a flight can have; its voltage too where an effect is `powered`."""
     row = state_row(state)
-    return bool(np.all(np.abs(row[:-1]) <= STATE_MAX) and (not powered or abs(row[-1]) <= VOLTAGE_MAX))
+    turns = TURN_MIN <= float(row[3:7] @ row[3:7]) <= TURN_MAX
+    return bool(turns and np.all(np.abs(row[:-1]) <= STATE_MAX) and (not powered or abs(row[-1]) <= VOLTAGE_MAX))

@@ -228,6 +228,9 @@ class GaussianProcess:
         for name in ("input_scale", "output_scale", "lengthscales", "signal_variance", "noise_variance", "sigma_scale"):
             if (getattr(self, name) <= 0).any():
                 raise FitError(f"GP: {name} must be positive, got {getattr(self, name).min():g}")
+        for name in ("sigma_training", "mismatch_max"):
+            if (getattr(self, name) < 0).any():
+                raise FitError(f"GP: {name} must not be negative, got {getattr(self, name).min():g}")
         if (self.gain < 0).any() or (self.gain > 1).any():
             raise FitError(f"GP: gain must be between 0 and 1, got {self.gain.tolist()}")
         object.__setattr__(self, "_factors", self._factor())

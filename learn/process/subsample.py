@@ -118,10 +118,10 @@ def _check(inputs: Array, count: int, method: str, scale: str) -> None:
 
 
 def _fasterpam(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
-    """Medoids by FasterPAM from samples that are drawn at random; the same seed gives the same."""
+    """Medoids by FasterPAM from a start that `_spread_out` draws; the same seed gives the same."""
     if count == 1:
         return np.array([np.argmin(distance.sum(axis=1))])
-    medoids = np.random.default_rng(seed).choice(len(distance), count, replace=False)
+    medoids = _spread_out(distance, count, seed)
     _swap(distance, medoids)
     return medoids
 

@@ -29,6 +29,8 @@ FOLDERS = ("assetdir", "meshdir", "texturedir")
 """Attributes with the folders of the others' files."""
 WORLD = "wrenchgap_world"
 """Name of the link that stands in for the world in a URDF."""
+REPEATING, MOST_COPIES = ("replicate", "composite", "flexcomp"), 1000
+"""Elements of MJCF that repeat what is in them, and how often all of a file may together: MuJoCo makes each body."""
 COMPILER = {"fusestatic": "false", "boundmass": "1e-9", "boundinertia": "1e-12", "discardvisual": "true"}
 """Bodies keep their names; those without mass (frames) become too light to matter."""
 NOTHING = 1e-7
@@ -92,9 +94,17 @@ def _elements(one: Path, path: Path) -> list[ElementTree.Element]:
     if "<!DOCTYPE" in text:  # MuJoCo skips what it declares in another way than we do
         raise ModelError(f"{path.name}: {one.name} has a DOCTYPE, which MJCF does not need; take it out")
     try:
-        return list(ElementTree.fromstring(text.encode()).iter())
+        found = list(ElementTree.fromstring(text.encode()).iter())
     except ElementTree.ParseError as error:
         raise ModelError(f"{path.name}: {one.name} is not XML: {error}") from None
+    copies = 1
+    for count in (e.get("count", "") for e in found if e.tag.lower() in REPEATING):
+        copies *= math.prod(int(n) for n in count.split() if n.isdecimal() and n != "0")
+    if copies > MOST_COPIES:
+        raise ModelError(
+            f"{path.name}: {one.name} repeats bodies {copies:,} times; a vehicle has at most {MOST_COPIES:,}"
+        )
+    return found
 
 
 def _compiled(mujoco: Any, path: Path, make: Callable[[], Any]) -> Any:

@@ -20,6 +20,8 @@ from wrenchgap.plant.drafts.tree import Joint, Link, draft_of
 Pose = tuple[Array, Array]
 """Position (3,) [m] and rotation (3, 3) of a frame in another."""
 HERE: Pose = (np.zeros(3), np.eye(3))
+DEEPEST = 100
+"""Frames, each given in the next, beyond which it is no vehicle's description."""
 FULL_TURN = 1e3
 """Limits of a joint [rad] beyond which it turns without limit."""
 
@@ -101,6 +103,8 @@ def _poses(model: Element, where: str) -> dict[str, Pose]:
         if name not in done:
             if name not in given or name in waiting:
                 raise ModelError(f"{where}: the frame {name!r} is {'circular' if name in waiting else 'not there'}")
+            if len(waiting) >= DEEPEST:
+                raise ModelError(f"{where}: {DEEPEST} frames stand on one another at {name!r}; expected a few")
             relative, pose = given[name]
             done[name] = _after(resolved(relative, (*waiting, name)), pose)
         return done[name]

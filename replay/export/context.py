@@ -10,7 +10,7 @@ from wrenchgap.compensate import Combined
 from wrenchgap.compensate.fast import ENOUGH, Plan
 from wrenchgap.compensate.physics_program import STATE
 from wrenchgap.compensate.reach import FAR, PULLS, ROUNDS, SLACK, Reach
-from wrenchgap.compensate.step_row import STATE_MAX, VOLTAGE_MAX
+from wrenchgap.compensate.step_row import STATE_MAX, TURN_MAX, TURN_MIN, VOLTAGE_MAX
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.replay.compensation.compensators import Judged
@@ -63,6 +63,8 @@ def context(
             for field, first, count in STATE_FIELDS
             if field in seen
         ],
+        "turn_min": repr(TURN_MIN),
+        "turn_max": repr(TURN_MAX),
         "reach": _reach(reach),
         "correction_max": [f"{v:.4g}" for v in correction_max(plan, observer)],
         "evaluations_max": alone + whole + 1,

@@ -134,6 +134,7 @@ def export(
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
     pieces, tables, reach = _pieces(plan), tables_of(plan), reach_of(kept.vehicle)
+    _check_range(tables, precision)
     price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(v)) for _, v, _ in tables))
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
@@ -165,6 +166,16 @@ def export(
         correction_max=tuple(correction_max(plan, watched).tolist()),
         judged=in_loop,
     )
+
+
+def _check_range(tables: Sequence[tuple[str, Array, str]], precision: str) -> None:
+    """Raise UsageError for a number of the tables that single precision cannot hold."""
+    most = float(np.finfo(np.float32).max)
+    for name, values, _ in tables:
+        if precision == "float" and np.abs(values).max(initial=0.0) > most:
+            raise UsageError(
+                f"export: {name} of the GP holds {np.abs(values).max():.3g}, too large for --precision float"
+            )
 
 
 def _files(said: dict[str, Any]) -> dict[str, str]:

@@ -235,3 +235,34 @@ def test_a_vehicle_that_cannot_hover_is_not_compensated():
     weak = replace(model.vehicle, rotors=replace(rotors, c_f=rotors.c_f * (2 * np.pi / 60) ** 2))
     with pytest.raises(ModelError, match=r"cannot hover within its own limits.*check mass"):
         reach_of(weak)
+
+
+@pytest.mark.parametrize(("lag", "delay"), [(0.03, 0.0), (0.0, 0.05), (0.03, 0.05)])
+def test_an_observer_forgets_what_was_asked_before_a_refused_period(lag, delay):
+    """A roll torque was asked for, then nothing for a thousand periods: it is not taken to be made still."""
+    vehicle = wg.load_model("tilt_hexarotor").vehicle
+
+    def made():
+        return Combined(vehicle, 0.005, 4.0, None, lag=lag, delay=delay)
+
+    one = made()
+    for _ in range(30):
+        one.step(HOVER + np.array([0, 0, 0, 0.4 * reach_of(vehicle).authority[3], 0, 0]), REST)
+    for _ in range(1000):
+        with pytest.raises(UsageError):
+            one.step([np.nan] * 6, REST)
+    fresh = made()
+    fresh._estimate = one._estimate.copy()
+    for _ in range(60):
+        wanted = fresh.step(HOVER, REST).wrench_cmd
+        assert one.step(HOVER, REST).wrench_cmd == pytest.approx(wanted, abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["newton", "lbfgs"])
+def test_a_quaternion_that_turns_nothing_is_no_state(solver):
+    model = wg.load_model("tilt_hexarotor")
+    model = model.with_effects([make_effect(model.vehicle, "com_offset", [0.004, -0.007, 0.005])])
+    one = Compensator(PhysicsMismatch(model.wrench_model, TORQUES), Settings(dt=0.005, solver=solver))
+    said = one.step(HOVER, replace(REST, quat_EB=np.zeros((1, 4))))
+    assert np.isnan(said.cost)
+    assert np.all(said.correction == 0.0)

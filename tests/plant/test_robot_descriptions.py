@@ -276,3 +276,18 @@ def test_a_description_may_name_files_of_its_own_folder(tmp_path):
     )
     (tmp_path / "linked").symlink_to(tmp_path)
     assert model_of(read(tmp_path / "linked", "quad.xml", included)).vehicle.body.mass > 0.0
+
+
+def test_a_description_without_end_is_refused(tmp_path):
+    """300 million copies kept MuJoCo, and so the command, for minutes; 3,000 chained frames ended in a traceback."""
+    body = '<body><freejoint/><geom size="0.1"/></body>'
+    endless = f'<mujoco><worldbody><replicate count="300000000">{body}</replicate></worldbody></mujoco>'
+    with pytest.raises(ModelError, match="repeats bodies 300,000,000 times"):
+        read(tmp_path, "quad.xml", endless)
+    frames = "".join(
+        f'<frame name="f{k}" attached_to="f{k + 1}"/>' if k < 3000 else f'<frame name="f{k}"/>' for k in range(3001)
+    )
+    chained = sdf().replace("</model>", f"{frames}</model>")
+    assert chained != sdf()
+    with pytest.raises(ModelError, match="frames stand on one another"):
+        read(tmp_path, "quad.sdf", chained)

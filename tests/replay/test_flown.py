@@ -4,6 +4,7 @@ import json
 import struct
 import subprocess
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -203,3 +204,49 @@ def test_the_command_says_so_by_its_exit_code(flight, tmp_path, run, refused):
     assert "Not proved: 1 of 398 recorded periods" in done.output
     assert "--cutoff says nothing about a flown export" in refused("replay", changed, *export, "--cutoff", 3)
     assert "--model MODEL is missing" in refused("replay", changed)
+
+
+@pytest.mark.parametrize("value", ["NAN", "2e6", "-INFINITY"])
+def test_a_memory_that_something_wrote_to_heals(tmp_path, value):
+    """An estimate that is no number, or beyond its bound, was a saturated command for ever."""
+    folder = tmp_path / "comp"
+    wg.export_compensator(
+        None,
+        with_effects(com_offset=OFFSET),
+        folder,
+        Settings(dt=DT, max_evaluations=12),
+        observer=2.0,
+        observer_max=0.3,
+    )
+    (tmp_path / "bad.c").write_text(f"""
+#include "wrenchgap_compensator.h"
+#include <math.h>
+#include <stdio.h>
+int main(void)
+{{
+    wg_memory memory;
+    wg_input in = {{0}};
+    wg_output out;
+    wg_reset(&memory);
+    memory.estimate[0] = (wg_real){value};
+    in.wrench_desired[2] = 35;
+    in.quat_EB[0] = 1;
+    wg_step(&memory, &in, &out);
+    printf("%.9g %.9g %d", (double)out.wrench_cmd[3], (double)out.estimate[0], out.status);
+    return 0;
+}}
+""")
+    words = [COMPILER, *STRICT, "-I", folder, "-o", tmp_path / "bad", tmp_path / "bad.c"]
+    subprocess.run([str(w) for w in (*words, folder / "wrenchgap_compensator.c", "-lm")], check=True)
+    torque, estimate, status = subprocess.run(
+        [tmp_path / "bad"], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert float(torque) == pytest.approx(np.cross(OFFSET, [0, 0, 35.0])[0], abs=1e-6)
+    assert (float(estimate), int(status)) == (0.0, 0)
+
+
+def test_a_number_beyond_single_precision_is_not_exported_in_it(tmp_path):
+    gp = process(np.random.default_rng(1).normal(size=(50, 6)))
+    large = replace(gp, signal_variance=np.array([1e45, 1.0, 1.0]))
+    with pytest.raises(UsageError, match="too large for --precision float"):
+        wg.export_compensator(large, with_effects(), tmp_path / "comp", precision="float")
