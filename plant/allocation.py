@@ -163,14 +163,14 @@ def _turned_into_range(tilt: Array, least: Array, most: Array, previous: Array |
     out, last = np.empty_like(tilt), np.zeros(tilt.shape[1]) if previous is None else previous
     for k, wanted in enumerate(tilt):
         near = wanted + TURN * np.floor((last - wanted) / TURN + 0.5)
-        other = near + TURN * (whole_turns(least - near) - whole_turns(near - most))
+        other = near + TURN * (_whole_turns(least - near) - _whole_turns(near - most))
         inside = (other >= least - ROUNDING) & (other <= most + ROUNDING)
         out[k] = np.where(inside, other, near)
         last = np.clip(out[k], least, most)
     return out
 
 
-def whole_turns(beyond: Array) -> Array:
+def _whole_turns(beyond: Array) -> Array:
     """How many whole turns bring an angle back over an end of its range that it is `beyond` by [rad]; 0 within."""
     return np.ceil(np.maximum(beyond, 0.0) / TURN - ROUNDING)
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ValidatorFunctionWrapHandler, WrapValidator
 
 from wrenchgap.flight.flight import Array
-from wrenchgap.plant.reader import broken
+from wrenchgap.plant.reader import LEAST, broken
 
 ROUNDED = 0.03
 """Share by which rounding lets the largest moment of inertia exceed the sum of the others: papers give two digits."""
@@ -98,6 +98,8 @@ def inertia_of(given: Told) -> tuple[Array, str]:
     rows = given.value
     inertia = np.diag(rows) if np.ndim(rows) == 1 else np.array(rows, dtype=float)
     low, middle, high = np.linalg.eigvalsh(inertia)
+    if 0.0 < low < LEAST:
+        raise broken(f"a principal moment is {low:.3g} kg m^2; expected at least {LEAST:g}")
     excess = float(high - low - middle)
     if excess <= 1e-3 * (low + middle):
         return inertia, ""

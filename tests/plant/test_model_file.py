@@ -202,6 +202,7 @@ def test_a_name_that_names_nothing_is_refused(old, new, message):
         (("c_f = 7.2e-6", "c_f = 1e-320"), "expected a positive number, from 1e-15"),
         (("c_f = 7.2e-6", "c_f = 1e300"), "expected a positive number, from 1e-15"),
         (("c_f = 7.2e-6", "c_f = 1e11"), "its full thrust, c_f speed_max"),
+        (("inertia = [0.1035, 0.1045, 0.1914]", "inertia = [1e-300, 1e-300, 1e-300]"), "a principal moment is 1e-300"),
         (("mass = 4.0", "mass = 1e308"), "expected a positive number, from 1e-15"),
     ],
 )
