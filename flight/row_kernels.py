@@ -184,7 +184,7 @@ def plain_clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
     """As `plain_clamped_sum`."""
     out = np.empty(steps.shape)

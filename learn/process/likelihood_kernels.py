@@ -15,7 +15,7 @@ from wrenchgap.flight.flight import Array
 FAST = {"reassoc", "contract"}
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def exponents(q: Array, pairs: Array) -> None:
     """-1/2 |q_i - q_j|^2 into `pairs` (N (N - 1) / 2,), of samples over lengthscales q (D, N)."""
     dims, count = q.shape
@@ -33,7 +33,7 @@ def exponents(q: Array, pairs: Array) -> None:
         first += i
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def lower(pairs: Array, variance: float, noise: float, C: Array) -> None:
     """The lower triangle of C (N, N), the covariance: `variance` times `pairs`, and on the diagonal both variances."""
     first = 0
@@ -45,7 +45,7 @@ def lower(pairs: Array, variance: float, noise: float, C: Array) -> None:
         first += i
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def slopes(q: Array, pairs: Array, inverse: Array, a: Array) -> Array:
     """Sums (D + 2,) over W_ij = 1/2 (a_i a_j - C^-1_ij) k_ij, k = `pairs` off the diagonal and one on it.
 

@@ -95,7 +95,7 @@ def _products(points: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     return centred @ other, np.einsum("nd,nd->n", centred, centred)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _apart(products: NDArray[np.float32], squares: NDArray[np.float32]) -> None:
     """Scalar products (N, N) of rows, of which each with itself is `squares` (N,), become squared distances."""
     for i in range(len(products)):
@@ -126,7 +126,7 @@ def _fasterpam(distance: NDArray[np.float32], count: int, seed: int) -> Indices:
     return medoids
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _swap(distance: NDArray[np.float32], medoids: Indices) -> None:
     """Exchange medoids (K,), in place, until no exchange of one lowers the sum of distances to the nearest.
 
@@ -163,7 +163,7 @@ def _swap(distance: NDArray[np.float32], medoids: Indices) -> None:
         c = (c + 1) % points
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _nearest_two(
     distance: NDArray[np.float32],
     medoids: Indices,

@@ -3,12 +3,18 @@
 The first of them is raised in the main thread, as Python does with Ctrl-C. Where it does not get through (a destructor
 or a library swallowed it, a thread is waited for), the command ends `GRACE` seconds later all the same, and at once at
 the second signal. Worker processes end with this one, however it ends (`learn.worker`).
+
+Python handles a signal between two of its instructions, hence not while one long call into C holds its lock (MuJoCo
+compiles a large mesh). A process that waits beside this one therefore ends it from outside, by SIGKILL, where it is
+still there `OUTSIDE` seconds after a signal; it hears of signals through a pipe that C writes to, and of the end by the
+pipe's.
 """
 
 from __future__ import annotations
 
 import _thread
 import os
+import select
 import signal
 import sys
 import time
@@ -18,6 +24,8 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 GRACE = 5.0
 """Seconds for cleaning up."""
+OUTSIDE = 6.0
+"""Seconds, `GRACE` and one more, after which no thread of this process has run to end it."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -34,6 +42,7 @@ def catch() -> None:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, _first)
     sys.unraisablehook = _unraisable
+    _guard()
 
 
 def leave() -> None:
@@ -58,6 +67,40 @@ def _second(number: int, frame: FrameType | None) -> None:
 def _end(number: int, seconds: float) -> None:
     time.sleep(seconds)
     os._exit(128 + number)
+
+
+def _guard() -> None:
+    """Begin the process that ends this one from outside; none where the system has no fork (Windows)."""
+    if not hasattr(os, "fork"):
+        return
+    read, write = os.pipe()
+    if os.fork() == 0:
+        try:
+            _watch(read, write, os.getppid())
+        finally:
+            os._exit(0)
+    os.close(read)
+    os.set_blocking(write, False)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+
+
+def _watch(read: int, write: int, watched: int) -> None:
+    signal.set_wakeup_fd(-1)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    os.close(write)
+    for standard in (0, 1, 2):  # whoever reads the command's output must not wait for this process
+        os.close(standard)
+    while told := os.read(read, 1):
+        if told[0] in SIGNALS:
+            break
+    else:
+        return
+    end = time.monotonic() + OUTSIDE
+    while (left := end - time.monotonic()) > 0:
+        if select.select([read], [], [], left)[0] and not os.read(read, 64):
+            return
+    os.kill(watched, signal.SIGKILL)
 
 
 def _unraisable(what: Any) -> None:
