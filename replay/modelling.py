@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
+from wrenchgap.flight.budget import Budget
 from wrenchgap.learn.data.opening import Flights, listed
 from wrenchgap.learn.identify import calibrate as calibrating
 from wrenchgap.learn.identify.add import Addition, model_of
@@ -29,17 +30,23 @@ def sheet(model: Model) -> Sheet:
 
 
 def draft_model(
-    source: str | Path | None, *, given: Given | None = None, command: str = "", ask: Ask | None = None
+    source: str | Path | None,
+    *,
+    given: Given | None = None,
+    command: str = "",
+    ask: Ask | None = None,
+    budget: Budget | str | None = None,
 ) -> Sheet:
     """A model of what a log, parameters or a robot description say, and of what is `given`; of answers, with `ask`.
 
+    `budget` is what reading a log may take, e.g. "8GB,120s".
     Nothing is written. Raises UsageError, ModelError or LogError, in one line, for what is missing or cannot be read.
     """
     path, said = None if source is None else Path(source), given or Given()
-    found = drafted(path, said)
+    found = drafted(path, said, budget)
     if ask is not None:
         said = Given(**asked(asdict(said), found, ask))  # type: ignore[arg-type]
-        found = with_spins(drafted(path, said), ask)
+        found = with_spins(drafted(path, said, budget), ask)
     found = finished(found)
     words = command or shlex.join(["wrenchgap", "model", "new", *(["--from", str(path)] if path else [])])
     origin = found.origin if path is None else f"{found.origin} (SHA-256 {sha256(path.read_bytes()).hexdigest()})"

@@ -53,6 +53,7 @@ NASTY = (
     "$x$",
     "=cmd|' /C calc'!A1",
     "+1+1",
+    "x; =cmd|' /C calc'!A1",
     "@SUM(1)",
     "[bold red]x[/] [link=http://192.0.2.1]y[/link] :bomb:",
     "| a | b |",

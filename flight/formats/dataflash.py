@@ -79,12 +79,12 @@ class DataflashReader(TableReader):
         return found
 
 
-def parameters(path: str | Path) -> dict[str, float | int]:
+def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str, float | int]:
     """The autopilot's parameters as last logged, by name. Raises LogError where the file is no dataflash log."""
     with Path(path).open("rb") as file:
         if not file.read(3) == DataflashReader.magic:
             raise LogError(f"{path}: not an ArduPilot dataflash log (.bin); parameters are read from those")
-    account = Budget().account(Path(path), Path(path).stat().st_size)
+    account = Budget.of(budget).account(Path(path), Path(path).stat().st_size)
     return _parameters(_messages(Path(path), account, only="PARM")[0].get("PARM", {}))
 
 

@@ -56,12 +56,12 @@ class UlogReader(TableReader):
         return {table.topic: table for table in found if len(table)}
 
 
-def parameters(path: str | Path) -> dict[str, float | int]:
+def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str, float | int]:
     """The autopilot's parameters as they were in the end, by name. Raises LogError where the file is no PX4 log."""
     with Path(path).open("rb") as file:
         if not file.read(7) == UlogReader.magic:
             raise LogError(f"{path}: not a PX4 log (.ulg); parameters are read from those")
-    return _parameters(_opened(Path(path), Budget().account(Path(path), Path(path).stat().st_size)))
+    return _parameters(_opened(Path(path), Budget.of(budget).account(Path(path), Path(path).stat().st_size)))
 
 
 def _parameters(log: Any) -> dict[str, float | int]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from wrenchgap import flight
+from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, ModelError, UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.plant.drafts import ardupilot, compiled, px4, sdf
@@ -33,9 +35,10 @@ class Given:
     thrust_max: float | None = None
 
 
-def drafted(source: Path | None, given: Given) -> Draft:
+def drafted(source: Path | None, given: Given, budget: Budget | str | None = None) -> Draft:
     """What a source says of a vehicle, with what the user says over it; `finished` completes it.
 
+    `budget` is what reading a log may take (`flight.budget`).
     Raises UsageError for a source of a kind that is not read, ModelError and LogError for one that says nothing.
     """
     _check(given)
@@ -46,8 +49,8 @@ def drafted(source: Path | None, given: Given) -> Draft:
     if not source.is_file():
         raise UsageError(f"--from {source}: no such file; expected {KINDS}")
     readers: dict[str, Callable[[Path, Given], Draft]] = {
-        ".ulg": _ulog,
-        ".bin": _ardupilot,
+        ".ulg": partial(_ulog, budget=budget),
+        ".bin": partial(_ardupilot, budget=budget),
         ".param": _ardupilot,
         ".params": _ardupilot,
         ".parm": _ardupilot,
@@ -100,10 +103,10 @@ def _over(draft: Draft, given: Given) -> Draft:
     return replace(draft, name=given.name or draft.name, rotors=rotors, mass=mass, inertia=inertia, command=command)
 
 
-def _ulog(source: Path, given: Given) -> Draft:
+def _ulog(source: Path, given: Given, budget: Budget | str | None) -> Draft:
     from wrenchgap.flight.formats.ulog import parameters
 
-    known, flown, notes = parameters(source), *_flown(source)
+    known, flown, notes = parameters(source, budget), *_flown(source, budget)
     unit = "normalised" if px4.has_geometry(known) else "pwm"
     if flown is not None and flown.actuators is not None and flown.actuators.unit != "rad/s":
         unit = flown.actuators.unit
@@ -129,12 +132,12 @@ def _as_many(rotors: tuple[RotorDraft, ...], flown: Flight | None) -> tuple[Roto
     return rotors
 
 
-def _ardupilot(source: Path, given: Given) -> Draft:
+def _ardupilot(source: Path, given: Given, budget: Budget | str | None = None) -> Draft:
     from wrenchgap.flight.formats import dataflash
 
     log = source.suffix.lower() == ".bin"
-    known = dataflash.parameters(source) if log else ardupilot.read_parameters(source)
-    flown, notes = _flown(source) if log else (None, ())
+    known = dataflash.parameters(source, budget) if log else ardupilot.read_parameters(source)
+    flown, notes = _flown(source, budget) if log else (None, ())
     rotors = () if given.frame else ardupilot.rotors_from(known, given.arm, source.name)
     draft = Draft(
         source.stem,
@@ -153,10 +156,10 @@ def _level(draft: Draft, flown: Flight | None) -> Draft:
     return draft if flown is None or said else levelled(draft, flown)
 
 
-def _flown(source: Path) -> tuple[Flight | None, tuple[str, ...]]:
+def _flown(source: Path, budget: Budget | str | None) -> tuple[Flight | None, tuple[str, ...]]:
     """The flight of a log, None and the reason where it cannot be opened: its parameters may do."""
     try:
-        return flight.load(source), ()
+        return flight.load(source, budget=budget), ()
     except (LogError, UsageError) as error:
         return None, (f"the flight itself could not be read ({error}); parameters only.",)
 

@@ -108,10 +108,13 @@ def json_text(value: Any, indent: int | None = None) -> str:
 
 
 def csv_cell(value: Any) -> Any:
-    """A cell of a table: text without line breaks, which no spreadsheet computes; numbers as they are."""
+    """A cell of a table: text without line breaks, which no spreadsheet computes; numbers as they are.
+
+    A spreadsheet of a language whose numbers have a comma begins a cell at each semicolon.
+    """
     if not isinstance(value, str):
         return value
-    text = printable(value)
+    text = re.sub(rf"(;\s*)(?=[{re.escape(''.join(FORMULAE))}])", r"\1'", printable(value))
     return f"'{text}" if text.startswith(FORMULAE) and len(text) > 1 and not _is_number(text) else text
 
 

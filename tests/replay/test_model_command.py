@@ -53,6 +53,13 @@ def test_a_log_becomes_a_model(model, tmp_path):
     assert "fitted: " in (tmp_path / "vehicle.toml").read_text()
 
 
+def test_the_budget_of_the_log_is_that_of_the_command(run, ulog):
+    refused = run(*NEW, ulog, "--budget", "1kB")
+    assert refused.exit_code == 2
+    assert "the budget is 1 kB" in refused.output
+    assert "--budget" in refused.output
+
+
 def test_the_new_model_flies(model):
     flown = wg.simulate(model, "hover", duration=4.0)
     away = np.linalg.norm(flown.odometry.position_E - flown.odometry.position_E[0], axis=1)

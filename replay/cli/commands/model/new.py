@@ -41,6 +41,7 @@ def new(
     ] = None,
     interactive: Annotated[bool, typer.Option("--interactive", "-i", help="Ask for what SOURCE does not say.")] = False,
     figure: o.Figure = None,
+    budget: o.BudgetOption = None,
     *,
     run: Run,
 ) -> None:
@@ -60,7 +61,8 @@ def new(
         raise o.usage_error("model new: nothing to start from; say --from SOURCE, or --interactive to be asked")
     given = modelling.Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
     ask = questions if interactive else None
-    sheet = modelling.draft_model(source, given=given, command=o.command_line(ctx), ask=ask)
+    allowed = o.parse_budget(budget)
+    sheet = modelling.draft_model(source, given=given, command=o.command_line(ctx), ask=ask, budget=allowed)
     saved = modelling.save_draft(sheet, output, force=run.force)
     if source is not None:
         run.note_input(source, "source")
