@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchgap.compensate.compensator import REACH, Compensator, Result
+from wrenchgap.compensate.compensator import REACH, Compensator, Result, wrench_of
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.reach import reach_of
 from wrenchgap.compensate.step_row import IMPLAUSIBLE, plausible
@@ -37,6 +37,9 @@ from wrenchgap.plant.vehicle import Vehicle
 JUMP = 4.0
 """Torque, in authorities, beyond which a change of the rate is no motion: the vehicle itself makes one, from one
 limit to the other two; what hits it for a period is then not learnt, and the period after it is."""
+
+DELAY_MAX = 10.0
+"""Longest delay of a torque [s]: what was asked for is remembered for so long."""
 
 
 class Combined:
@@ -69,14 +72,19 @@ class Combined:
                 f"combined: got dt {dt} s and an observer of {bandwidth_hz} Hz, expected positive numbers and at most "
                 f"{1.0 / (2.0 * math.pi * dt) if dt > 0 else math.nan:.3g} Hz for this period"
             )
+        bound = _bounds(feedforward) if torque_max is None else np.asarray(torque_max, dtype=float)
+        if bound.shape not in ((), (3,)) or not (bound >= 0).all():
+            raise UsageError(f"combined: got torque_max {bound.tolist()} Nm, expected three numbers, each zero or more")
         self.lag = np.broadcast_to(np.asarray(lag, dtype=float), 3).copy()
-        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and math.isfinite(delay) and delay >= 0):
-            raise UsageError(f"combined: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more")
+        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and 0 <= delay <= DELAY_MAX):
+            raise UsageError(
+                f"combined: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more, and a delay of "
+                f"{DELAY_MAX:g} s at most"
+            )
         self.inertia, self.dt, self.delay = vehicle.body.inertia, dt, delay
         self.gain, self.feedforward = 2.0 * math.pi * bandwidth_hz, feedforward
         self.reach = reach_of(vehicle)
-        most = _bounds(feedforward) if torque_max is None else np.asarray(torque_max, dtype=float)
-        self.torque_max = np.minimum(most, self.reach.correction_max[3:])
+        self.torque_max = np.minimum(bound, self.reach.correction_max[3:])
         self.reset()
 
     @property
@@ -115,20 +123,22 @@ class Combined:
     def step(self, wrench_des: ArrayLike, state: State | None = None) -> Result:
         """Command for the desired wrench (6,) in this state (N = 1).
 
-        Raises UsageError without a state, and on numbers that are not finite; the next step goes on with the estimate.
+        Raises UsageError without a state, and on anything but finite numbers; the next step goes on with the estimate.
         """
+        try:
+            return self._step(wrench_of(wrench_des), state)
+        except BaseException:
+            self._hold()
+            raise
+
+    def _step(self, wrench: Array, state: State | None) -> Result:
         if state is None:
             raise UsageError("an observer needs the state: step(wrench_des, state)")
-        wrench, omega = np.array(wrench_des, dtype=float), state.omega_B[0]
-        if not (np.isfinite(wrench).all() and np.isfinite(omega).all()):
-            self._hold()
-            raise UsageError(f"combined: desired wrench {wrench.tolist()} or rates {omega.tolist()} are not finite")
+        omega = state.omega_B[0]
+        if not np.isfinite(omega).all():
+            raise UsageError(f"combined: rates {omega.tolist()} are not finite")
         if self.feedforward is not None:
-            try:
-                self.feedforward.check_voltage(state)
-            except UsageError:
-                self._hold()
-                raise
+            self.feedforward.check_voltage(state)
         known = plausible(state)
         if known:
             self._observe(omega)

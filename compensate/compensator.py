@@ -235,12 +235,14 @@ class Compensator:
         or the model never raises, nor does a state that is none: the optimum is then zero and `Result.trouble` says
         why.
         """
-        started = perf_counter()
         try:
-            wanted = _checked(wrench_des)
-        except UsageError:
+            return self._step(wrench_of(wrench_des), state)
+        except BaseException:
             self.forget()
             raise
+
+    def _step(self, wanted: Array, state: State | None) -> Result:
+        started = perf_counter()
         self.check_voltage(state)
         if self._fast is not None:
             return self._fast_step(self._fast, wanted, state, started)
@@ -278,9 +280,8 @@ class Compensator:
         )
 
     def check_voltage(self, states: State | None) -> None:
-        """Raise UsageError, and forget the past, where an effect needs the voltage and the states have none at all."""
+        """Raise UsageError where an effect needs the voltage and the states have none at all."""
         if self._powered and states is not None and states.voltage is None:
-            self.forget()
             raise UsageError("compensate: effect battery_sag needs the voltage, and the state has none")
 
     def _fast_step(self, fast: Stepper, wrench: Array, state: State | None, started: float) -> Result:
@@ -363,7 +364,8 @@ def _judged(
     return model
 
 
-def _checked(wrench_des: ArrayLike) -> Array:
+def wrench_of(wrench_des: ArrayLike) -> Array:
+    """A desired wrench as an array (6,) [N, Nm]; raises UsageError for anything but six finite numbers."""
     try:
         wrench = np.array(wrench_des, dtype=float)
     except (TypeError, ValueError):

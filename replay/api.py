@@ -8,21 +8,19 @@ where a model is expected. Results print themselves, and have `to_frame()`, `plo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from wrenchgap.compensate import Compensator, Settings
 from wrenchgap.flight import Flight, UsageError, write
-from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data import comparison
-from wrenchgap.learn.data.between import Between
 from wrenchgap.learn.data.comparison import Comparison
-from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.opening import open_flights as open_every
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
 from wrenchgap.learn.design.designed import Design
@@ -81,44 +79,30 @@ def save_model(
 def open_flights(
     logs: str | Path | Flight | Sequence[str | Path | Flight],
     model: Model | Addition,
-    *,
-    topics: Mapping[str, str] | None = None,
-    shifts: Mapping[str, float] | None = None,
-    cutoff_hz: float = CUTOFF_HZ,
-    between: Between = None,
-    unmeasured: Sequence[str] = (),
-    accept: Sequence[str] = (),
-    keep: Sequence[str] = (),
-    budget: Budget | str | None = None,
+    options: ReadOptions | None = None,
+    **more: Any,
 ) -> list[OpenFlight]:
     """Read logs, or flights of `simulate`, for a model.
 
-    `topics` say which topic plays a role, `shifts` [s] move stamps, `between` [s] keeps one part or several,
-    `unmeasured` are axes that the IMU did not measure ("force_x"), `accept` checks that may be bad, `keep` phases that
-    are not left out, e.g. "saturation" (docs/checks.md), `budget` what reading each log may take, e.g. "8GB,120s".
-    Raises LogError for what cannot be read, never flew, or is bad.
+    `more` are options by their names, in place of those of `options`: `between=(3, 9), keep=["saturation"]`. Raises
+    LogError for what cannot be read, never flew, or is bad.
     """
     every = [logs] if isinstance(logs, str | Path | Flight) else list(logs)
-    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "between": between, "unmeasured": unmeasured}
-    return open_every(every, model_of(model), cutoff_hz=cutoff_hz, accept=accept, keep=keep, budget=budget, **how)
+    return open_every(every, model_of(model), (options or ReadOptions()).changed(**more))
 
 
 def inspect(
     log: str | Path,
     model: Model | Addition | None = None,
-    *,
-    topics: Mapping[str, str] | None = None,
-    shifts: Mapping[str, float] | None = None,
-    cutoff_hz: float = CUTOFF_HZ,
-    unmeasured: Sequence[str] = (),
-    accept: Sequence[str] = (),
-    keep: Sequence[str] = (),
-    budget: Budget | str | None = None,
+    options: ReadOptions | None = None,
+    **more: Any,
 ) -> LogReport:
-    """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics."""
-    how: dict[str, Any] = {"topics": topics, "shifts": shifts, "cutoff_hz": cutoff_hz, "unmeasured": unmeasured}
-    how |= {"accept": accept, "keep": keep, "budget": budget}
-    return model_checks.inspect(log, None if model is None else model_of(model), **how)
+    """What is in a log: topics, roles, rates, gaps, checks of units and frames, offsets between topics.
+
+    Options are those of `open_flights`.
+    """
+    known = None if model is None else model_of(model)
+    return model_checks.inspect(log, known, (options or ReadOptions()).changed(**more))
 
 
 def compare(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from wrenchgap import flight
-from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.check import Check, Finding, accepted_names, accepting, stop_where_bad
 from wrenchgap.flight.checks import checked
 from wrenchgap.flight.errors import FitError, LogError
@@ -18,16 +17,17 @@ from wrenchgap.flight.flight import Flight, Gap, Samples
 from wrenchgap.flight.memory import give_back
 from wrenchgap.flight.repeats import Repeats
 from wrenchgap.flight.unmeasured import Why, axis_names, sentence
-from wrenchgap.learn.data.between import MINIMUM_FLIGHT, Between, outside, part
+from wrenchgap.learn.data.between import MINIMUM_FLIGHT, outside, part
 from wrenchgap.learn.data.between import within as kept_within
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.limits import possible
 from wrenchgap.learn.data.checks.records import of_records
 from wrenchgap.learn.data.measured_axes import measured_axes, names_of
-from wrenchgap.learn.data.measurement import CUTOFF_HZ, Record, commands_of, prepare
+from wrenchgap.learn.data.measurement import Record, commands_of, prepare
 from wrenchgap.learn.data.phases import Phase, phases_of, runs, used
 from wrenchgap.learn.data.phases.phase import phase_names
 from wrenchgap.learn.data.phases.told import never_flew, of_phases, times_left_out
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.rotor_commands import as_speeds
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.state import Commands
@@ -75,33 +75,33 @@ def listed(flights: Flights) -> list[OpenFlight]:
     return [flights] if isinstance(flights, OpenFlight) else list(flights)
 
 
-def open_flight(log: str | Path | Flight, model: Model, **options: Any) -> OpenFlight:
-    """One log for a model; options are those of `open_flights`."""
-    return open_flights([log], model, **options)[0]
+def open_flight(log: str | Path | Flight, model: Model, options: ReadOptions | None = None, **more: Any) -> OpenFlight:
+    """One log for a model, as `open_flights` opens several."""
+    return open_flights([log], model, options, **more)[0]
 
 
 def opened(
     found: Flight,
     model: Model,
+    options: ReadOptions | None = None,
     *,
-    cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
-    between: Between = None,
     incomplete: bool = False,
-    accept: Sequence[str] = (),
-    keep: Sequence[str] = (),
     gate: bool = True,
+    **more: Any,
 ) -> OpenFlight:
     """A flight in memory as `open_flights` gives it; `rate_hz` is that of the records (default as `prepare`).
 
-    With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
-    are no records then), or with a desired wrench alone, which is taken for the command. The notes say so.
+    Of `options`, changed by `more`, those count that say nothing about files: `cutoff_hz`, `between`, `accept`, `keep`.
 
-    With `gate` a check that is bad and not among the names `accept` raises LogError. Phases of the names `keep` are not
-    left out.
+    With `incomplete` logs are opened too that hold no flight to compare models on: too short or without motion (there
+    are no records then), or with a desired wrench alone, which is taken for the command. The notes say so. With
+    `gate` a check that is bad and not among the names `accept` raises LogError.
     """
+    options = (options or ReadOptions()).changed(**more)
+    cutoff_hz, between, keep = options.cutoff_hz, options.between, options.keep
     found = flight.in_si(as_speeds(found, model))
-    asked = _Asked(found.path.name, accepted_names(accept), gate)
+    asked = _Asked(found.path.name, accepted_names(options.accept), gate)
     found, unlikely = possible(checked(found), model)
     asked.pass_((*(found.checks or ()), *unlikely, *rates(found, cutoff_hz, rotors=model.vehicle.has_rotors)))
     played, notes = _commanded(found, incomplete)
@@ -289,40 +289,32 @@ def distinct(flights: Sequence[OpenFlight]) -> list[OpenFlight]:
 def open_flights(
     logs: Sequence[str | Path | Flight],
     model: Model,
+    options: ReadOptions | None = None,
     *,
-    topics: Mapping[str, str] | None = None,
-    cutoff_hz: float = CUTOFF_HZ,
     rate_hz: float | None = None,
-    between: Between = None,
-    shifts: Mapping[str, float] | None = None,
     incomplete: bool = False,
-    unmeasured: Iterable[str] = (),
-    accept: Sequence[str] = (),
-    keep: Sequence[str] = (),
     gate: bool = True,
-    budget: Budget | str | None = None,
     load: Loader = flight.load,
+    **more: Any,
 ) -> list[OpenFlight]:
-    """Logs (or flights in memory) for a model, or what lies `between` some of their times [s], with names that differ.
+    """Logs (or flights in memory) for a model, read as `options` say, changed by `more`; with names that differ.
 
-    Topics are those of the model file where the log has them, overridden by `topics`. Commands may be wrenches,
-    actuators or both; motion may come from an IMU or, failing that, from the odometry. `shifts` move stamps
-    (`flight.shifted`). `unmeasured` are axes that the sensors did not measure, besides those of the model file
-    (`flight.unmeasured`). `rate_hz`, `incomplete`, `accept`, `keep` and `gate` are those of
-    `opened`; `load` reads as `flight.load` does, within the `budget` for each log. Raises LogError for the same flight
-    twice (`flight.repeats`), UsageError for an unknown axis or phase.
+    Topics are those of the model file where the log has them, overridden by the options'. Commands may be wrenches,
+    actuators or both; motion may come from an IMU or, failing that, from the odometry. `rate_hz`, `incomplete` and
+    `gate` are those of `opened`; `load` reads as `flight.load` does. Raises LogError for the same flight twice
+    (`flight.repeats`), UsageError for an unknown axis or phase.
     """
+    options = (options or ReadOptions()).changed(**more)
     found: list[OpenFlight] = []
-    how: dict[str, Any] = {"cutoff_hz": cutoff_hz, "rate_hz": rate_hz, "between": between, "incomplete": incomplete}
-    absent = axis_names([*axis_names(unmeasured), *model.unmeasured])
+    absent = axis_names([*axis_names(options.unmeasured), *model.unmeasured])
     declared: dict[str, Any] = {"unmeasured": absent} if absent else {}
-    declared |= {} if budget is None else {"budget": budget}
+    declared |= {} if options.budget is None else {"budget": options.budget}
     repeats = Repeats()
     for log in logs:
-        raw = log if isinstance(log, Flight) else load(log, topics, preferred=model.topics, **declared)
+        raw = log if isinstance(log, Flight) else load(log, options.topics, preferred=model.topics, **declared)
         if len(logs) > 1:
             repeats.refuse(raw, "" if isinstance(log, Flight) else str(log))
         raw = flight.without_axes(raw, dict.fromkeys(absent, Why.DECLARED))
-        moved = flight.shifted(raw, shifts or {})
-        found.append(opened(moved, model, accept=accept, keep=keep, gate=gate, **how))
+        moved = flight.shifted(raw, options.shifts or {})
+        found.append(opened(moved, model, options, rate_hz=rate_hz, incomplete=incomplete, gate=gate))
     return distinct(found)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wrenchgap.flight.errors import FitError, ModelError
+from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.prediction import Predictor
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.model import Model
@@ -35,6 +36,11 @@ class OtherPhysics:
     """The process was learnt on another version of the model, which had the effects `physics`."""
 
     physics: str
+
+
+def cutoff_of(gp: GaussianProcess | None) -> float:
+    """Cut-off [Hz] of the data that a process was learnt on; the usual one where there is none."""
+    return CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ
 
 
 def check_effects(gp: GaussianProcess, *models: Model) -> None:

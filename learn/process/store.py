@@ -34,8 +34,9 @@ WITH_LOOP = 4
 """Version from which on the bandwidth of the observer keeps the margin of the whole loop; an older one is forgotten."""
 METADATA = "gp.json"
 EPOCH = (1980, 1, 1, 0, 0, 0)
-LARGEST = 2**30
-"""Bytes of a part, at most: a few bytes of a zip may unfold to any number."""
+LARGEST, LARGEST_METADATA = 2**28, 2**22
+"""Bytes of all parts together, and of gp.json: a few bytes of a zip may unfold to any number. 1,000 points and six
+outputs are 50 MB, and the JSON of a process is some 10 kB."""
 ABSURD = 1e100
 """No number of a process is larger: products of two must not overflow."""
 DAMAGED = (
@@ -59,6 +60,7 @@ def load(path: Path | str) -> GaussianProcess:
     path = Path(path)
     try:
         with zipfile.ZipFile(path) as archive:
+            _check_sizes(archive)
             metadata = _metadata(archive, path)
             arrays = {Path(n).stem: _array(archive, n) for n in archive.namelist() if n.endswith(".npy")}
     except FileNotFoundError:
@@ -101,18 +103,21 @@ def _bytes(gp: GaussianProcess) -> bytes:
     return whole.getvalue()
 
 
-def _part(archive: zipfile.ZipFile, name: str) -> bytes:
-    """A part of the zip. Raises ValueError where it is larger than any process."""
-    size = archive.getinfo(name).file_size
-    if size > LARGEST:
-        raise ValueError(f"{name} claims {size} bytes")
-    return archive.read(name)
+def _check_sizes(archive: zipfile.ZipFile) -> None:
+    """Raise ValueError where the parts are larger than those of any process, or one comes twice."""
+    sizes = {part.filename: part.file_size for part in archive.infolist()}
+    if len(sizes) < len(archive.infolist()):
+        raise ValueError("a part comes twice")
+    if sum(sizes.values()) > LARGEST:
+        raise ValueError(f"its parts claim {sum(sizes.values())} bytes")
+    if sizes.get(METADATA, 0) > LARGEST_METADATA:
+        raise ValueError(f"{METADATA} claims {sizes[METADATA]} bytes")
 
 
 def _array(archive: zipfile.ZipFile, name: str) -> Array:
     """Numbers and nothing else: an object would be a pickle, which is code."""
     try:
-        found = np.load(BytesIO(_part(archive, name)), allow_pickle=False)
+        found = np.load(BytesIO(archive.read(name)), allow_pickle=False)
     except (ValueError, TypeError) as error:  # a header whose keys cannot be sorted, say
         raise ValueError(f"{name} holds objects" if "pickle" in str(error) else f"{name}: {_line(error)}") from None
     if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
@@ -125,7 +130,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> Array:
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if METADATA not in archive.namelist():
         raise FitError(f"{path}: a zip without {METADATA}, so not a stored GP; give a file made by `wrenchgap learn`")
-    metadata = json.loads(_part(archive, METADATA))
+    metadata = json.loads(archive.read(METADATA))
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise FitError(f"{path}: not a stored GP; give a file made by `wrenchgap learn`")
     if metadata.get("format_version") not in READABLE:

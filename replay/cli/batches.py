@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Run
 
 if TYPE_CHECKING:
     from wrenchgap.replay.batch.plan import Plan
@@ -78,21 +78,6 @@ class Where:
     def __post_init__(self) -> None:
         if self.scheduler is not None and (self.workers is not None or self.memory != "auto"):
             raise o.usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
-
-
-def options_of(reading: Reading) -> dict[str, Any]:
-    """How logs are read, as `api.open_flights` takes it."""
-    given = {
-        "topics": reading.topics,
-        "shifts": reading.shifts,
-        "between": reading.part,
-        "cutoff_hz": reading.cutoff_hz,
-    }
-    return (
-        given
-        | {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
-        | ({} if reading.allowed is None else {"budget": reading.allowed})
-    )
 
 
 def batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:

@@ -8,20 +8,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.console import Report, console, progress
 
 if TYPE_CHECKING:
     from wrenchgap.learn.data.opening import OpenFlight
+    from wrenchgap.learn.data.read_options import ReadOptions
     from wrenchgap.learn.process.gp import GaussianProcess
     from wrenchgap.plant.model import Model
 
 
 @dataclass
 class Reading:
-    """How logs are to be read; raises UsageError for an option that is not understood."""
+    """How logs are to be read, as typed, and as `options`; raises UsageError for one that is not understood."""
 
     topic: o.Topics = None
     shift: o.Shift = None
@@ -33,10 +34,28 @@ class Reading:
     budget: o.BudgetOption = None
 
     def __post_init__(self) -> None:
-        self.accepted, self.kept = o.parse_accept(self.accept), o.parse_keep(self.keep)
-        self.absent, self.allowed = o.parse_unmeasured(self.unmeasured), o.parse_budget(self.budget)
-        self.topics, self.shifts = o.parse_topics(self.topic), o.parse_shifts(self.shift)
-        self.cutoff_hz, self.part = o.parse_cutoff(self.cutoff), o.parse_between(self.between)
+        from wrenchgap.learn.data.read_options import ReadOptions
+
+        self.options = ReadOptions(
+            topics=o.parse_topics(self.topic),
+            shifts=o.parse_shifts(self.shift),
+            cutoff_hz=o.parse_cutoff(self.cutoff),
+            between=o.parse_between(self.between),
+            unmeasured=o.parse_unmeasured(self.unmeasured),
+            accept=o.parse_accept(self.accept),
+            keep=o.parse_keep(self.keep),
+            budget=o.parse_budget(self.budget),
+        )
+
+
+@dataclass(frozen=True)
+class Omit:
+    """Of a group of options, those that a command has not: `Annotated[Reading, Omit("cutoff")]`."""
+
+    names: tuple[str, ...]
+
+    def __init__(self, *names: str) -> None:
+        object.__setattr__(self, "names", names)
 
 
 @dataclass
@@ -94,7 +113,7 @@ class Run:
 
     def open(
         self,
-        reading: Reading,
+        options: ReadOptions,
         logs: Sequence[Path],
         model: Model,
         unseen: Sequence[Path] | None = None,
@@ -103,18 +122,15 @@ class Run:
         unseen_first: bool = False,
         **how: Any,
     ) -> tuple[list[OpenFlight], list[OpenFlight]]:
-        """Flights of `logs` and of `unseen`, opened for a model; `how` as in `learn.data.opening.open_flights`.
+        """Flights of `logs` and of `unseen`, opened for a model; `how` as `learn.data.opening.opened` has it.
 
         `roles` are those of the two among what went into the result; `unseen_first` reads those first, so that what is
         wrong with them is said first.
         """
         from wrenchgap.learn.data.opening import open_flights
 
-        how |= {"topics": reading.topics, "shifts": reading.shifts, "between": reading.part}
-        how |= {"unmeasured": reading.absent, "accept": reading.accepted, "keep": reading.kept}
-        how["budget"] = reading.allowed
         sides = [list(logs), list(unseen or ())][:: -1 if unseen_first else 1]
-        every = open_flights([*sides[0], *sides[1]], model, cutoff_hz=reading.cutoff_hz, **how)
+        every = open_flights([*sides[0], *sides[1]], model, options, **how)
         parts = [every[: len(sides[0])], every[len(sides[0]) :]]
         flights, tests = parts[:: -1 if unseen_first else 1]
         self._logs += [*((one, roles[0]) for one in flights), *((one, roles[1]) for one in tests)]
@@ -182,20 +198,30 @@ class Run:
 def grouped(function: Callable[..., None]) -> Callable[..., None]:
     """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
     hints = get_type_hints(function, include_extras=True)
-    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    groups = {name: found for name, kind in hints.items() if (found := _group(kind)) is not None}
     options: list[inspect.Parameter] = []
     for one in inspect.signature(function).parameters.values():
         rows = [(one.name, hints[one.name], one.default)]
-        if group := groups.get(one.name):
+        if one.name in groups:
+            group, names = groups[one.name]
             own = get_type_hints(group, include_extras=True)
-            rows = [(f.name, own[f.name], f.default) for f in fields(group)]
+            rows = [(f.name, own[f.name], f.default) for f in fields(group) if f.name in names]
         options += [inspect.Parameter(n, one.KEYWORD_ONLY, default=d, annotation=kind) for n, kind, d in rows]
 
     @wraps(function)
     def called(**values: Any) -> None:
-        made = {name: kind(**{f.name: values.pop(f.name) for f in fields(kind)}) for name, kind in groups.items()}
+        made = {name: kind(**{n: values.pop(n) for n in names}) for name, (kind, names) in groups.items()}
         function(**values, **made)
 
     called.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     called.__annotations__ = {option.name: option.annotation for option in options}
     return called
+
+
+def _group(annotation: Any) -> tuple[Any, list[str]] | None:
+    """The dataclass of a group of options, and the names of those that the command has; None for a single option."""
+    kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
+    if not is_dataclass(kind):
+        return None
+    without = {name for mark in marks if isinstance(mark, Omit) for name in mark.names}
+    return kind, [one.name for one in fields(kind) if one.name not in without]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
@@ -37,6 +37,7 @@ from wrenchgap.replay.export.c_lines import Own, Printer
 from wrenchgap.replay.export.context import context, correction_max, tables_of, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
 from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
+from wrenchgap.replay.export.records import HASHED, export_id
 from wrenchgap.replay.export.vectors import Vectors, recorded
 
 Precision = Literal["double", "float"]
@@ -58,8 +59,6 @@ FILES = {
     "CMakeLists.txt": "CMakeLists.txt.jinja",
     "README.md": "README.md.jinja",
 }
-HASHED = ("wrenchgap_compensator.c", "wrenchgap_compensator.h", "wrenchgap_tables.h")
-"""Files whose content every record of a flight names (`export_id`)."""
 ESCAPES: dict[str, Callable[[str], str]] = {".c": c_comment, ".h": c_comment, ".md": markdown}
 """What makes a name harmless in a file, by its ending; `build_text` in all others."""
 
@@ -179,17 +178,13 @@ def _check_range(tables: Sequence[tuple[str, Array, str]], precision: str) -> No
 
 
 def _files(said: dict[str, Any]) -> dict[str, str]:
-    """The text of every file by its name; those that are hashed first, as the header of records has their hash."""
-    texts: dict[str, str] = {}
-    for name in (*HASHED, *(n for n in FILES if n not in HASHED)):
-        known = said | ({} if name in HASHED else {"export": export_id(texts)})
-        texts[name] = _environment(name).get_template(FILES[name]).render(**known)
-    return {name: texts[name] for name in FILES}
+    """The text of every file by its name, with the id of all that are hashed."""
 
+    def text(name: str, export: str) -> str:
+        return _environment(name).get_template(FILES[name]).render(**said, export=export)
 
-def export_id(texts: Mapping[str, str]) -> str:
-    """Sixteen hexadecimal digits that tell this code from any other: of the SHA-256 of the files in `HASHED`."""
-    return hashlib.sha256("\0".join(texts[name] for name in HASHED).encode()).hexdigest()[:16]
+    found = export_id({name: text(name, "").encode() for name in HASHED})
+    return {name: text(name, found) for name in FILES}
 
 
 def _of_process(plan: Plan) -> dict[str, Any]:

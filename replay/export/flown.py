@@ -7,7 +7,6 @@ by their first bytes and their checksum: a file of records, a topic of bytes in 
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import shutil
 import subprocess
@@ -26,12 +25,19 @@ from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import Array
 from wrenchgap.flight.result import Result
-from wrenchgap.replay.export.export import HASHED, export_id
-from wrenchgap.replay.export.records import HEAD, OUTPUT, PRECISION, read_records, record_type
+from wrenchgap.replay.export.records import (
+    EXPORT_ID,
+    HASHED,
+    HEAD,
+    OUTPUT,
+    PRECISION,
+    export_id,
+    read_records,
+    record_type,
+)
 
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
 STATUS = ("WG_OK", "WG_BAD_INPUT", "WG_NOT_ACCEPTED", "WG_NO_NUMBER", "WG_UNREACHABLE")
-FILES = (*HASHED, "wrenchgap_record.h", "wrenchgap_record.c")
 AT_ONCE = 20_000
 """Records that are stepped in one run of the program: some 30 MB."""
 
@@ -106,31 +112,34 @@ class FlownExport(Result):
         return _rows(self.flown["state"] == self.reset["state"]) & _rows(self.flown["counts"] == self.reset["counts"])
 
     @cached_property
-    def follows(self) -> NDArray[np.bool_]:
-        """(K,) whether the record before, if there is one, is that of the period before."""
-        numbers = self.flown["number"].astype(np.int64)
-        return np.concatenate(([False], np.diff(numbers) == 1))
+    def steps(self) -> NDArray[np.int32]:
+        """(K,) by how much `number` goes up from the record before, modulo 2^32; 1 for the first."""
+        return np.concatenate((np.ones(1, np.int32), np.diff(self.flown["number"]).astype(np.uint32).view(np.int32)))
+
+    @cached_property
+    def ordered(self) -> NDArray[np.bool_]:
+        """(K,) whether `number` goes up, or starts again with the state of wg_reset."""
+        return (self.steps > 0) | self.begins
 
     @cached_property
     def continues(self) -> NDArray[np.bool_]:
         """(K,) whether the state is the one that the period before left, or that of wg_reset; true where the period
-        before is not recorded.
+        before is not recorded, false where `number` does not tell.
         """  # noqa: D205
         flown, made = self.flown["state"][1:].astype(float), self.made["state"][:-1].astype(float)
         near = np.abs(flown - made) <= self.tolerance * np.maximum(1.0, np.abs(made))
         same = _rows(near) & _rows(self.flown["counts"][1:] == self.made["counts"][:-1])
-        return np.concatenate(([True], same)) | self.begins | ~self.follows
+        return np.concatenate(([True], same)) | self.begins | (self.steps > 1)
 
     @property
     def proved(self) -> bool:
         """Whether this export made every output, and nothing else changed its state between two periods."""
-        return bool(self.agrees.all() and self.continues.all())
+        return bool(self.agrees.all() and self.continues.all() and self.ordered.all())
 
     @cached_property
     def lost(self) -> int:
         """Periods between the first and the last record that are not recorded."""
-        steps = np.diff(self.flown["number"].astype(np.int64))
-        return int(np.sum(steps[steps > 1] - 1))
+        return int(np.sum(self.steps[self.steps > 1].astype(np.int64) - 1))
 
     @property
     def statuses(self) -> dict[str, int]:
@@ -149,11 +158,11 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
     is no export, was changed since, or cannot be compiled, and LogError for a log without records of it.
     """
     path, place = Path(log), Path(folder)
-    export = _checked_export(place)
+    export, contents = _checked_export(place)
     records, damaged = read_records(path, budget)
     heads = np.frombuffer(b"".join(r[: HEAD.itemsize] for r in records), HEAD)
     ids = [bytes(one).hex() for one in heads["export"]]
-    own = [r for r, one in zip(records, ids, strict=True) if one == export]
+    own = list(dict.fromkeys(r for r, one in zip(records, ids, strict=True) if one == export))  # one log may repeat it
     others = {one: n for one, n in Counter(ids).items() if one != export}
     if not own:
         raise LogError(
@@ -165,7 +174,7 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
         raise LogError(f"{path}: its records are of {len(kinds)} builds of one export; expected one; cut the log apart")
     kind = record_type(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0])
     flown = np.frombuffer(b"".join(own), kind)
-    tolerances, made = _stepped(place, own, PRECISION[int(flown["real"][0])], kind)
+    tolerances, made = _stepped(place, contents, own, PRECISION[int(flown["real"][0])], kind)
     return FlownExport(
         path=path,
         folder=place,
@@ -193,36 +202,40 @@ def _deviation(flown: np.void, made: np.void) -> Deviation:
     )
 
 
-def _checked_export(folder: Path) -> str:
-    """The id of an exported folder, whose code is as it was written."""
+def _checked_export(folder: Path) -> tuple[str, dict[str, bytes]]:
+    """The id of an exported folder, whose code is as it was written, and that code."""
     if not folder.is_dir():
         raise UsageError(f"--export {folder}: no such folder; name the one that `wrenchgap export` wrote")
-    missing = [name for name in FILES if not (folder / name).is_file()]
+    missing = [name for name in HASHED if not (folder / name).is_file()]
     if missing:
         raise UsageError(
             f"--export {folder}: has no {missing[0]}; expected a folder that `wrenchgap export` wrote (older ones keep "
             "no records: export again)"
         )
-    texts = {name: (folder / name).read_text(encoding="utf-8", errors="replace") for name in FILES}
-    said = re.search(r'#define WG_EXPORT "([0-9a-f]{16})"', texts["wrenchgap_record.h"])
-    found = export_id(texts)
-    if said is None or said[1] != found:
+    contents = {name: (folder / name).read_bytes() for name in HASHED}
+    said = [match[2].decode() for match in EXPORT_ID.finditer(contents["wrenchgap_record.h"])]
+    found = export_id(contents)
+    if said != [found]:
         raise UsageError(
             f"--export {folder}: {', '.join(HASHED)} are not as `wrenchgap export` wrote them "
-            f"({'no id' if said is None else said[1]} in wrenchgap_record.h, {found} of the code); export again"
+            f"({', '.join(said) or 'no id'} in wrenchgap_record.h, {found} of the code); export again"
         )
-    return found
+    return found, contents
 
 
 def _stepped(
-    folder: Path, records: list[bytes], precision: str, kind: np.dtype[Any]
+    folder: Path, contents: dict[str, bytes], records: list[bytes], precision: str, kind: np.dtype[Any]
 ) -> tuple[tuple[float, float], NDArray[np.void]]:
-    """The tolerances, and what the code makes: the state after wg_reset, then every record."""
+    """The tolerances, and what the code makes: the state after wg_reset, then every record.
+
+    What was checked is compiled, in a folder of its own, where no other file can stand in for a header.
+    """
     with tempfile.TemporaryDirectory(prefix="wrenchgap-") as place:
-        program = Path(place) / "flown"
-        _run([*_compiler(), "-std=c99", "-O2", f"-DWG_{precision.upper()}", "-I", str(folder.resolve()), "-o",
-              str(program), str(Path(__file__).with_name("flown.c")),
-              *(str((folder / name).resolve()) for name in FILES if name.endswith(".c")), "-lm"],
+        program, main = Path(place) / "flown", Path(__file__).with_name("flown.c")
+        for name, content in {**contents, main.name: main.read_bytes()}.items():
+            (Path(place) / name).write_bytes(content)
+        sources = [str(Path(place) / name) for name in (main.name, *contents) if name.endswith(".c")]
+        _run([*_compiler(), "-std=c99", "-O2", f"-DWG_{precision.upper()}", "-o", str(program), *sources, "-lm"],
              f"--export {folder}: cannot be compiled")  # fmt: skip
         answers = [_run([str(program)], f"--export {folder}: its code does not read the records", b"".join(part))
                    for part in _parts(records)]  # fmt: skip

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import mmap
+import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,15 @@ from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import READERS
 from wrenchgap.flight.formats.reader import DoubtfulError, TableReader
 
+HASHED = (
+    "wrenchgap_compensator.c",
+    "wrenchgap_compensator.h",
+    "wrenchgap_tables.h",
+    "wrenchgap_record.h",
+    "wrenchgap_record.c",
+)
+"""Files that are compiled on the vehicle, whose content every record of a flight names (`export_id`)."""
+EXPORT_ID = re.compile(rb'(#define WG_EXPORT ")([0-9a-f]*)"')
 MAGIC = b"WGR1"
 HEAD = np.dtype(
     {
@@ -39,6 +50,15 @@ OUTPUT = {
     "cost": 1,
 }
 PRECISION = {8: "double", 4: "float"}
+
+
+def export_id(contents: Mapping[str, bytes]) -> str:
+    """Sixteen hexadecimal digits that tell this code from any other: of the SHA-256 of the files in `HASHED`.
+
+    `contents` are their bytes, by name; the id that wrenchgap_record.h states is left out of it.
+    """
+    parts = (EXPORT_ID.sub(rb'\1"', contents[name]) for name in HASHED)
+    return hashlib.sha256(b"".join(len(part).to_bytes(8) + part for part in parts)).hexdigest()[:16]
 
 
 def record_type(head: np.void) -> np.dtype[Any]:

@@ -18,7 +18,7 @@ SHOWN = 10
 
 def summary(found: FlownExport) -> str:
     """The answer in one sentence."""
-    count, wrong, cut = len(found), int(np.sum(~found.agrees)), int(np.sum(~found.continues))
+    count, wrong, cut = len(found), int(np.sum(~found.agrees)), int(np.sum(~found.continues & found.ordered))
     if found.proved:
         return (
             f"Proved: every one of {count:,} recorded periods is what the export {found.export} makes of its state and "
@@ -26,6 +26,11 @@ def summary(found: FlownExport) -> str:
         )
     parts = [f"{wrong:,} of {count:,} recorded periods are not what the export {found.export} makes"] if wrong else []
     parts += [f"the state was changed from outside before {cut:,} of {count:,} periods"] if cut else []
+    if back := int(np.sum(~found.ordered)):
+        parts.append(
+            f"{back:,} of {count:,} records repeat a number or go back without wg_reset, so that nothing tells which "
+            "period was before (count `number` up by one in each period)"
+        )
     return f"Not proved: {' and '.join(parts)}."
 
 
@@ -56,8 +61,11 @@ def warnings(found: FlownExport) -> list[str]:
         said.append(
             f"{found.lost} periods between the first and the last record are not recorded: nothing is said of them"
         )
-    if not (found.begins[0] or found.flown["number"][0] == 0):
-        said.append(f"the log begins with period {found.flown['number'][0]}: nothing is said of those before it")
+    if not found.begins[0]:
+        said.append(
+            f"the log begins with period {found.flown['number'][0]}, not with the state of wg_reset: nothing is said "
+            "of what was before"
+        )
     if found.damaged:
         said.append(f"damaged or cut records: {found.damaged}")
     if found.others:
@@ -77,7 +85,8 @@ def to_json(found: FlownExport) -> dict[str, Any]:
         "records": len(found),
         "identical": int(np.sum(found.identical)),
         "agree": int(np.sum(found.agrees)),
-        "state_changed": int(np.sum(~found.continues)),
+        "state_changed": int(np.sum(~found.continues & found.ordered)),
+        "out_of_order": int(np.sum(~found.ordered)),
         "largest_difference": float(found.apart.max()),
         "tolerance": found.tolerance,
         "starts": int(np.sum(found.begins)),

@@ -10,17 +10,15 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from wrenchgap import flight
-from wrenchgap.flight.budget import Budget
 from wrenchgap.flight.channels import Channel, channels
-from wrenchgap.learn.data.between import Between
 from wrenchgap.learn.data.comparison import compare
-from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.learn.data.opening import Loader, open_flights
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.process.gp import GaussianProcess
-from wrenchgap.learn.process.predictors import predictors
+from wrenchgap.learn.process.predictors import cutoff_of, predictors
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.session.compensation import SessionCompensation
@@ -54,34 +52,17 @@ class LogSession:
         logs: Sequence[str | Path],
         model: Model,
         gp: GaussianProcess | None = None,
+        options: ReadOptions | None = None,
         *,
-        topics: Mapping[str, str] | None = None,
-        between: Between = None,
-        shifts: Mapping[str, float] | None = None,
-        unmeasured: Sequence[str] = (),
-        accept: Sequence[str] = (),
-        keep: Sequence[str] = (),
-        budget: Budget | str | None = None,
         load: Loader = flight.load,
         against: Sequence[Model] = (),
         gp_name: str = "GP",
         folder: SaveFolder | None = None,
-        cutoff_hz: float | None = None,
     ) -> None:
-        cutoff = cutoff_hz or (CUTOFF_HZ if gp is None else gp.provenance.cutoff_hz or CUTOFF_HZ)
-        how: dict[str, Any] = {
-            "topics": topics,
-            "between": between,
-            "shifts": shifts,
-            "unmeasured": unmeasured,
-            "accept": accept,
-            "keep": keep,
-            "budget": budget,
-            "load": load,
-        }
-        opened = open_flights(logs, model, cutoff_hz=cutoff, **how)
-        self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, cutoff)
-        self._budget = budget
+        options = options or ReadOptions(cutoff_hz=cutoff_of(gp))
+        opened = open_flights(logs, model, options, load=load)
+        self.working = WorkingModel({one.records[0].flight: one for one in opened}, model, gp, options.cutoff_hz)
+        self._budget = options.budget
         self.vehicle, self.flights = model.vehicle, tuple(self.working.opened)
         found, notes = predictors(model, against)
         self._against = found[len(found) - len(against) :]

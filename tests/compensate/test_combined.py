@@ -1,5 +1,7 @@
 """Feed-forward and observer together, against first-order responses in closed form behind a lag and a delay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import step
@@ -143,3 +145,38 @@ def test_impossible_settings_are_refused(dt, hz, more, said):
 def test_missing_state_gets_one_line():
     with pytest.raises(UsageError, match="needs the state"):
         Combined(MODEL.vehicle, DT, 1.0).step(HOVER)
+
+
+@pytest.mark.parametrize("wrench", [HOVER[:3], None, ["a"] * 6, HOVER * np.nan])
+def test_a_step_that_is_refused_is_as_if_it_had_not_been(wrench):
+    """Three numbers, once, were an IndexError in every later step."""
+    observer, fresh = DisturbanceObserver(MODEL.vehicle, 0.005), DisturbanceObserver(MODEL.vehicle, 0.005)
+    state = known(np.zeros(3))
+    for one in range(3):
+        if one:
+            observer.step(HOVER + 0.1 * np.eye(6)[3], state)
+        with pytest.raises(UsageError, match=r"combined|compensate"):
+            observer.step(wrench, state)
+        fresh.reset()
+        fresh._estimate = observer.estimate
+        for _ in range(4):
+            assert observer.step(HOVER, state).wrench_cmd == pytest.approx(fresh.step(HOVER, state).wrench_cmd)
+
+
+def test_a_state_that_raises_leaves_nothing_behind():
+    observer, state = DisturbanceObserver(MODEL.vehicle, 0.005), known(np.zeros(3))
+    observer.step(HOVER, state)
+    with pytest.raises(IndexError):
+        observer.step(HOVER, replace(state, omega_B=np.zeros((0, 3))))
+    assert observer.step(HOVER, state).wrench_cmd == pytest.approx(HOVER)
+
+
+@pytest.mark.parametrize("most", [[np.nan] * 3, [-1.0] * 3, [1.0, 1.0]])
+def test_a_bound_that_is_none_is_refused(most):
+    with pytest.raises(UsageError, match="torque_max"):
+        Combined(MODEL.vehicle, 0.005, 1.0, torque_max=most)
+
+
+def test_a_delay_that_no_vehicle_has_is_refused():
+    with pytest.raises(UsageError, match="delay"):
+        Combined(MODEL.vehicle, 0.005, 1.0, delay=1e300)

@@ -1,6 +1,7 @@
 """A flown export, proved from its records: what was changed on the way is found, what was not is proved."""
 
 import json
+import shutil
 import struct
 import subprocess
 import zlib
@@ -147,6 +148,51 @@ def test_a_state_that_something_else_wrote_to_is_found(flight, tmp_path):
     assert "changed from outside before 1 of 398 periods" in str(found)
 
 
+@pytest.mark.parametrize("count", ["same", "back"])
+def test_numbers_that_do_not_go_up_prove_nothing(flight, tmp_path, count):
+    """A state that is changed before every period was "proved" where no record follows another by its number."""
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    for k in range(0, len(data), length):
+        number = 7 if count == "same" else len(data) - k
+        data = resealed(data, k, lambda record, number=number: struct.pack_into("<I", record, 24, number))
+    (tmp_path / "changed.bin").write_bytes(data)
+    found = wg.prove_flown(tmp_path / "changed.bin", flight / "comp")
+    assert not found.proved
+    assert found.agrees.all()
+    assert np.sum(~found.ordered) == PERIODS - len(LOST) - 3  # the first, and two after which all is forgotten
+    assert "395 of 398 records repeat a number or go back" in str(found)
+
+
+def test_two_topics_that_repeat_a_record_and_a_count_that_runs_over_are_proved(flight, tmp_path):
+    data = (flight / "flight.bin").read_bytes()
+    length = struct.unpack_from("<I", data, 4)[0]
+    data = data[: 100 * length]
+    for k in range(100):
+        number = (k + 2**32 - 50) % 2**32
+        data = resealed(data, k * length, lambda record, number=number: struct.pack_into("<I", record, 24, number))
+    (tmp_path / "twice.bin").write_bytes(data + data)
+    found = wg.prove_flown(tmp_path / "twice.bin", flight / "comp")
+    assert found.proved
+    assert (len(found), found.lost) == (100, 0)
+
+
+@pytest.mark.parametrize("name", ["wrenchgap_record.h", "wrenchgap_record.c"])
+def test_the_tolerance_and_the_writing_of_records_are_those_of_the_export(flight, tmp_path, name):
+    shutil.copytree(flight / "comp", tmp_path / "comp")
+    code = tmp_path / "comp" / name
+    code.write_text(code.read_text() + "\n")
+    with pytest.raises(UsageError, match="not as `wrenchgap export` wrote them"):
+        wg.prove_flown(flight / "flight.bin", tmp_path / "comp")
+
+
+def test_a_file_beside_the_export_stands_in_for_no_header(flight, tmp_path):
+    shutil.copytree(flight / "comp", tmp_path / "comp")
+    for name in ("math.h", "string.h", "stdint.h", "stdio.h"):
+        (tmp_path / "comp" / name).write_text("#error this is not the header of the C library\n")
+    assert wg.prove_flown(flight / "flight.bin", tmp_path / "comp").proved
+
+
 def test_records_are_found_between_other_bytes_and_damaged_ones_are_counted(flight, tmp_path):
     data = (flight / "flight.bin").read_bytes()
     length = struct.unpack_from("<I", data, 4)[0]
@@ -206,9 +252,19 @@ def test_the_command_says_so_by_its_exit_code(flight, tmp_path, run, refused):
     assert "--model MODEL is missing" in refused("replay", changed)
 
 
-@pytest.mark.parametrize("value", ["NAN", "2e6", "-INFINITY"])
-def test_a_memory_that_something_wrote_to_heals(tmp_path, value):
-    """An estimate that is no number, or beyond its bound, was a saturated command for ever."""
+@pytest.mark.parametrize(
+    "written",
+    [
+        *(f"estimate[0] = {value}" for value in ("NAN", "2e6", "-INFINITY")),
+        *(
+            f"{name}[{k}] = {value}"
+            for name in ("optimum", "known", "correction")
+            for k, value in ((2, -5), (3, "NAN"))
+        ),
+    ],
+)
+def test_a_memory_that_something_wrote_to_heals(tmp_path, written):
+    """An estimate, or a correction on an axis that has none, was a wrong or saturated command for ever."""
     folder = tmp_path / "comp"
     wg.export_compensator(
         None,
@@ -228,20 +284,22 @@ int main(void)
     wg_input in = {{0}};
     wg_output out;
     wg_reset(&memory);
-    memory.estimate[0] = (wg_real){value};
+    memory.{written};
     in.wrench_desired[2] = 35;
     in.quat_EB[0] = 1;
     wg_step(&memory, &in, &out);
-    printf("%.9g %.9g %d", (double)out.wrench_cmd[3], (double)out.estimate[0], out.status);
+    printf("%.9g %.9g %.9g %d", (double)out.wrench_cmd[2], (double)out.wrench_cmd[3], (double)out.estimate[0],
+           out.status);
     return 0;
 }}
 """)
     words = [COMPILER, *STRICT, "-I", folder, "-o", tmp_path / "bad", tmp_path / "bad.c"]
     subprocess.run([str(w) for w in (*words, folder / "wrenchgap_compensator.c", "-lm")], check=True)
-    torque, estimate, status = subprocess.run(
+    thrust, torque, estimate, status = subprocess.run(
         [tmp_path / "bad"], capture_output=True, text=True, check=True
     ).stdout.split()
     assert float(torque) == pytest.approx(np.cross(OFFSET, [0, 0, 35.0])[0], abs=1e-6)
+    assert float(thrust) == pytest.approx(35.0, abs=1e-9)
     assert (float(estimate), int(status)) == (0.0, 0)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap import flight, load_model, open_flights, simulate
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.viewer.analysis import VIEWS
 from wrenchgap.viewer.plots import plots_of
@@ -119,7 +120,7 @@ def test_the_model_file_says_it(log, result_of, refused, tmp_path):
 
 
 def test_the_viewer_draws_nothing_there(log):
-    session = LogSession([log], load_model(NAME), unmeasured=GONE)
+    session = LogSession([log], load_model(NAME), options=ReadOptions(unmeasured=GONE))
     (name,) = session.flights
     lines = {p.title: [line.name for line in p.lines] for p in plots_of(session.scene(name))}
     assert "measured" not in lines["force x"]

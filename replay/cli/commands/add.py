@@ -55,7 +55,7 @@ def add(
     from wrenchgap.replay import api
 
     with run.progress("fitting") as report:
-        flights, _ = run.open(reading, logs, base)
+        flights, _ = run.open(reading.options, logs, base)
         added = api.add(base, effects, flights, progress=report)
     saved = api.save_model(added, output, command=command, force=run.force)
     run.result(added)

@@ -33,7 +33,7 @@ def calibrate(
     run.claim({"--output": output}, *logs, *(validate or ()))
     base, command = run.model(model), o.command_line(ctx)
     with run.progress("calibrating") as report:
-        flights, tests = run.open(reading, logs, base, validate)
+        flights, tests = run.open(reading.options, logs, base, validate)
         found = modelling.calibrate(flights, base, validate=tests, progress=report)
     kept = found.given if found.added is None else found.added
     saved = api.save_model(kept, output, before=base, command=command, force=run.force)

@@ -66,7 +66,7 @@ def changed(
     page_file.check(page)
     base, names = run.model(model), o.parse_effects(effects_only)
     with run.progress("comparing") as report:
-        good, bad = run.open(reading, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
+        good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
         get_ready(cores(), "wrenchgap.learn.changed.changed")  # no earlier: an error would wait for them
         found = between_flights.changed(bad, good, base, names=names, progress=report)
     run.result(found)

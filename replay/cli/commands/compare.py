@@ -44,7 +44,7 @@ def compare(
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
     process = run.gp(gp)
     with run.progress("reading") as report:
-        flights, _ = run.open(reading, logs, base)
+        flights, _ = run.open(reading.options, logs, base)
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
     run.show(*banner(result), *parts(result, signed=by_flight))

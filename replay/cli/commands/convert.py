@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
 
 
 def convert(
@@ -20,11 +20,8 @@ def convert(
             "--output", "-o", metavar="OUT", help="Log to write (.mcap), or an existing folder.", show_default=False
         ),
     ],
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    unmeasured: o.Unmeasured = None,
-    budget: o.BudgetOption = None,
     *,
+    reading: Annotated[Reading, Omit("cutoff", "between", "accept", "keep")],
     run: Run,
 ) -> None:
     """Write logs of any format as MCAP with ROS 2 messages, which Foxglove, PlotJuggler and the rosbag tools open.
@@ -37,15 +34,15 @@ def convert(
     from wrenchgap import flight
     from wrenchgap.replay.present.documents import log_input
 
-    asked = Reading(topic, shift, unmeasured=unmeasured, budget=budget)
+    asked = reading.options
     targets = _targets(logs, output)
     run.claim({f"--output {log.name}": target for log, target in targets.items()}, *logs)
     bodies = []
     with run.progress("converting") as told:
         for number, (log, target) in enumerate(targets.items()):
             told(number / len(targets), f"reading {log.name}")
-            found = flight.load(log, asked.topics, unmeasured=asked.absent, budget=asked.allowed)
-            found = flight.shifted(found, asked.shifts)
+            found = flight.load(log, asked.topics, unmeasured=asked.unmeasured, budget=asked.budget)
+            found = flight.shifted(found, asked.shifts or {})
             source = {"source": str(log), "source_sha256": found.content_hash, "command": o.command_line(ctx)}
             flight.write(found, target, metadata=source | {"notes": "\n".join(found.notes)}, force=run.force)
             run.inputs.append(log_input(found))

@@ -9,7 +9,7 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.replay import DespiteVerdict
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
 
 MANY = ("--without", "--with", "--gains")
 Compensate = Annotated[
@@ -70,14 +70,8 @@ def counterfactual(
     believe: Believe = None,
     start: Start = 0.0,
     duration: Duration = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    between: o.Between = None,
-    unmeasured: o.Unmeasured = None,
-    accept: o.Accept = None,
-    keep: o.Keep = None,
-    budget: o.BudgetOption = None,
     *,
+    reading: Annotated[Reading, Omit("cutoff")],
     run: Run,
 ) -> None:
     """Re-simulate a recorded flight with something changed.
@@ -95,9 +89,8 @@ def counterfactual(
     run.claim({"--output": output}, log, gp)
     base, other = run.model(model), None if believe is None else run.model(believe, "believed")
     process = run.gp(gp)
-    reading = Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep, budget=budget)
     with run.progress("counterfactual", "reading the log") as report:
-        ((flight,), _) = run.open(reading, [log], base)
+        ((flight,), _) = run.open(reading.options, [log], base)
         result = api.counterfactual(
             flight,
             base,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
 
 if TYPE_CHECKING:
     from wrenchgap.learn.design.manoeuvres import Limits
@@ -65,14 +65,8 @@ def design(
     csv: Sampled = None,
     figure: o.Figure = None,
     seed: Seed = 0,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    between: o.Between = None,
-    unmeasured: o.Unmeasured = None,
-    accept: o.Accept = None,
-    keep: o.Keep = None,
-    budget: o.BudgetOption = None,
     *,
+    reading: Annotated[Reading, Omit("cutoff")],
     run: Run,
 ) -> None:
     """Find the reference trajectory that separates effects, and check it on the simulated vehicle.
@@ -89,17 +83,17 @@ def design(
     run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
     if output.suffix != ".toml":
         raise o.usage_error(f"--output {output}: trajectories are written as TOML; expected a name that ends in .toml")
-    base, reading = run.model(model), Reading(topic, shift, 8.0, between, unmeasured, accept, keep, budget)
+    base = run.model(model)
     along = None if also is None else o.parse_effects(",".join(n for n in also if n != "none"))
     with run.progress("designing") as report:
         found = api.design(
             o.parse_effects(",".join(effects)),
             base,
-            run.open(reading, logs or [], base)[0],
+            run.open(reading.options, logs or [], base)[0],
             limits=_limits(base.vehicle, room, max_tilt, max_speed),
             duration=duration,
             also=along,
-            unmeasured=reading.absent,
+            unmeasured=reading.options.unmeasured,
             seed=seed,
             progress=report,
         )

@@ -39,7 +39,7 @@ def explain(
     base, names = run.model(model), o.parse_effects(effects_only)
     with run.progress("explaining") as report:
         get_ready(cores())  # workers start while logs are read
-        flights, tests = run.open(reading, logs, base, validate)
+        flights, tests = run.open(reading.options, logs, base, validate)
         found = api.explain(flights, base, names=names, validate=tests, progress=report)
     run.result(found)
     read = (o.common_options(ctx), o.common_options(ctx, "cutoff"))

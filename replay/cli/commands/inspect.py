@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
 
 FOUND_BAD = 3
 """Exit code where the command did its work and the log is bad."""
@@ -25,14 +25,8 @@ def inspect(
             autocompletion=o.complete_models,
         ),
     ] = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: o.Cutoff = 8.0,
-    unmeasured: o.Unmeasured = None,
-    accept: o.Accept = None,
-    keep: o.Keep = None,
-    budget: o.BudgetOption = None,
     *,
+    reading: Annotated[Reading, Omit("between")],
     run: Run,
 ) -> None:
     """What is in a log: topics, the roles they play, rates, gaps, clocks, and whether the values are plausible.
@@ -50,13 +44,10 @@ def inspect(
         from wrenchgap.learn.diagnose import model_checks
 
     run.claim({}, *logs)
-    asked = Reading(topic, shift, cutoff, unmeasured=unmeasured, accept=accept, keep=keep, budget=budget)
-    how: dict[str, Any] = {"topics": asked.topics, "shifts": asked.shifts, "unmeasured": asked.absent}
-    how |= {"accept": asked.accepted, "keep": asked.kept, "budget": asked.allowed}
     known = None if model is None else run.model(model)
     bodies = []
     for path in logs:
-        seen = model_checks.inspect(path, known, cutoff_hz=asked.cutoff_hz, **how)
+        seen = model_checks.inspect(path, known, reading.options)
         run.result(seen)
         bodies.append(seen.to_json())
     run.inputs[:0] = [{"role": "log", "file": b["path"], "sha256": b["sha256"]} for b in bodies]

@@ -103,7 +103,7 @@ def learn(
     settings = FitSettings(points, inputs=names, restarts=restarts, seed=seed, guarded=not as_fitted, **how)
     physics_of(base, settings)  # or it raises, before any log is read
     with run.progress("learning") as report:
-        flights, tests = run.open(reading, logs, base, validate)
+        flights, tests = run.open(reading.options, logs, base, validate)
         learnt = api.learn_gp(
             flights,
             base,

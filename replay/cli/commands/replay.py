@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import inspect
 import math
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
+
+if TYPE_CHECKING:
+    from wrenchgap.flight.budget import Budget
 
 FOUND_OTHER = 3
 """Exit code where the command did its work and the records are not what the export makes."""
@@ -76,15 +80,9 @@ def replay(
     csv: o.Csv = None,
     parquet: Parquet = None,
     figure: o.Figure = None,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
-    cutoff: CutoffOfGp = None,
-    between: o.Between = None,
-    unmeasured: o.Unmeasured = None,
-    accept: o.Accept = None,
-    keep: o.Keep = None,
-    budget: o.BudgetOption = None,
     *,
+    reading: Annotated[Reading, Omit("cutoff")],
+    cutoff: CutoffOfGp = None,
     run: Run,
 ) -> None:
     """Re-run optimiser and uncertainty filter on the logged wrenches, at the log's own stamps.
@@ -99,11 +97,11 @@ def replay(
     """
     # Long because every option is one line of the signature.
     if export is not None:
-        _prove(log, export, csv, budget, run, idle=_said(locals()))
+        _prove(log, export, csv, reading.options.budget, run, idle=_said(locals()))
         return
     from wrenchgap.compensate import Settings
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.learn.data.measurement import CUTOFF_HZ
+    from wrenchgap.learn.process.predictors import cutoff_of
     from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import checked
     from wrenchgap.replay.present.replay import write_files
@@ -122,10 +120,9 @@ def replay(
     base, process, wanted = run.model(model), run.gp(gp), checked(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
-    usual = process.provenance.cutoff_hz or CUTOFF_HZ
-    reading = Reading(topic, shift, usual if cutoff is None else cutoff, between, unmeasured, accept, keep, budget)
+    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else o.parse_cutoff(cutoff))
     with run.progress("replaying", "reading the log") as report:
-        ((opened,), _) = run.open(reading, [log], base, rate_hz=math.inf, incomplete=True)
+        ((opened,), _) = run.open(options, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
     write_files(result, output, csv, parquet, figure, force=run.force)
     run.write("replay", result.to_json())
@@ -135,12 +132,14 @@ def replay(
 
 def _said(values: dict[str, Any]) -> list[str]:
     """Options of `replay` that were given and that --export has no use for."""
-    usual = {name: one.default for name, one in inspect.signature(replay).parameters.items()}
-    idle = set(usual) - {"log", "export", "csv", "budget", "run"}
-    return sorted(f"--{name.replace('_', '-')}" for name in idle if values[name] not in (usual[name], []))
+    usual = {one.name: one.default for one in fields(Reading)}
+    usual |= {name: one.default for name, one in inspect.signature(replay).parameters.items()}
+    given = {**values, **asdict(values["reading"]), "cutoff": values["cutoff"]}
+    idle = set(usual) - {"log", "export", "csv", "budget", "reading", "run"}
+    return sorted(f"--{name.replace('_', '-')}" for name in idle if given[name] not in (usual[name], None, []))
 
 
-def _prove(log: Path, folder: Path, csv: Path | None, budget: str | None, run: Run, idle: list[str]) -> None:
+def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run, idle: list[str]) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
     from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay.onboard import prove_flown
@@ -150,7 +149,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, budget: str | None, run: R
         raise UsageError(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
     run.claim({"--csv": csv}, log)
     with run.progress("proving", "reading the log"):
-        found = prove_flown(log, folder, budget=o.parse_budget(budget))
+        found = prove_flown(log, folder, budget=budget)
     if log.is_file():
         run.note_input(log, "log")
     run.write("replay-export", {**found.to_json(), "folder": str(folder)})

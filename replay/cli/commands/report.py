@@ -44,7 +44,7 @@ def report(
     said = {"between": between, "topics": topics, "shift": shifts, "unmeasured": reading.unmeasured}
     options = {key: value for key, value in said.items() if value}
     with run.progress("reporting") as told:
-        flights, tests = run.open(reading, logs, base, validate)
+        flights, tests = run.open(reading.options, logs, base, validate)
         found = api.report(flights, base, validate=tests, gp=process, progress=told)
         told(1.0, "writing the page")
         request = Request(model, o.command_line(ctx), o.common_options(ctx), options, gp)

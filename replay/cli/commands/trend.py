@@ -62,7 +62,7 @@ def trend(
             found = trend_of_rows(Store(str(logs[0])), base, names, vehicle)
             run.note_input(logs[0] / "run.json", "batch")
         else:
-            flights, _ = run.open(reading, logs, base)
+            flights, _ = run.open(reading.options, logs, base)
             found = between_flights.trend(flights, base, names, progress=report)
     run.result(found)
     run.draw(found, figure)

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.requests import Omit, Reading, Run
 
 MANY = ("--against",)
 SavedView = Annotated[
@@ -48,14 +48,9 @@ def view(
     save_to: SaveTo = None,
     force: Replace = False,
     browser: Browser = False,
-    topic: o.Topics = None,
-    shift: o.Shift = None,
+    *,
+    reading: Annotated[Reading, Omit("cutoff")],
     cutoff: OwnCutoff = None,
-    between: o.Between = None,
-    unmeasured: o.Unmeasured = None,
-    accept: o.Accept = None,
-    keep: o.Keep = None,
-    budget: o.BudgetOption = None,
     own: o.OwnEffects = None,
     quiet: o.Quiet = False,
 ) -> None:
@@ -74,6 +69,7 @@ def view(
 
     with uncollected():
         from wrenchgap.flight import cache
+        from wrenchgap.learn.process.predictors import cutoff_of
         from wrenchgap.replay.session.log_session import LogSession
         from wrenchgap.replay.session.saving import SaveFolder
         from wrenchgap.viewer.gate import ANYWHERE, exposed
@@ -84,26 +80,15 @@ def view(
         raise UsageError("--force: the page writes no files; name a folder for them, --save-to FOLDER")
     folder = None if save_to is None else SaveFolder(save_to, force=force)
     run, opening = Run(quiet=quiet), None if saved is None else read(saved)
-    base, others, reading = (
-        run.model(model),
-        list(map(run.model, against or ())),
-        Reading(topic, shift, between=between, unmeasured=unmeasured, accept=accept, keep=keep, budget=budget),
-    )
-    process = run.gp(gp)
+    base, others, process = run.model(model), list(map(run.model, against or ())), run.gp(gp)
+    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else o.parse_cutoff(cutoff))
     with run.progress("opening") as report:
         session = LogSession(
             logs,
             base,
             process,
-            topics=reading.topics,
-            between=reading.part,
-            shifts=reading.shifts,
-            unmeasured=reading.absent,
-            accept=reading.accepted,
-            keep=reading.kept,
-            budget=reading.allowed,
+            options,
             load=cache.load,
-            cutoff_hz=None if cutoff is None else o.parse_cutoff(cutoff),
             against=others,
             gp_name="GP" if gp is None else gp.name,
             folder=folder,

@@ -28,7 +28,7 @@ def where(
     run.claim({"--json": run.json, "--figure": figure}, *logs, model, gp)
     base, process = run.model(model), run.gp(gp)
     with run.progress("where") as report:
-        flights, _ = run.open(reading, logs, base)
+        flights, _ = run.open(reading.options, logs, base)
         result = api.where(flights, base, gp=process, progress=report)
     run.result(result)
     run.notes(base.notes)

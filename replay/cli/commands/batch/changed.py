@@ -40,5 +40,5 @@ def changed(
 
     good = tuple(one.url for one in found(healthy))
     names = o.parse_effects(effects_only)
-    plan = Plan("changed", parsed_models(model), b.options_of(reading), names, good)
+    plan = Plan("changed", parsed_models(model), reading.options.to_json(), names, good)
     b.batch(plan, [*logs], output, where, run)

@@ -34,5 +34,5 @@ def compare(
     """
     from wrenchgap.replay.batch.plan import Plan, parsed_models
 
-    plan = Plan("compare", parsed_models(model), b.options_of(reading), o.parse_effects(fit))
+    plan = Plan("compare", parsed_models(model), reading.options.to_json(), o.parse_effects(fit))
     b.batch(plan, logs, output, where, run)

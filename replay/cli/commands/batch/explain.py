@@ -46,5 +46,5 @@ def explain(
     from wrenchgap.replay.batch.plan import Plan, parsed_models
 
     names = o.parse_effects(effects_only)
-    plan = Plan("explain", parsed_models(model), b.options_of(reading), names, each=each)
+    plan = Plan("explain", parsed_models(model), reading.options.to_json(), names, each=each)
     b.batch(plan, logs, output, where, run, passes)

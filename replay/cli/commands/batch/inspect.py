@@ -15,4 +15,4 @@ def inspect(
     """
     from wrenchgap.replay.batch.plan import Plan, parsed_models
 
-    b.batch(Plan("inspect", parsed_models(model or []), b.options_of(reading)), logs, output, where, run)
+    b.batch(Plan("inspect", parsed_models(model or []), reading.options.to_json()), logs, output, where, run)
