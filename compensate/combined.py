@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from wrenchgap.compensate.compensator import REACH, Compensator, Result, wrench_of
 from wrenchgap.compensate.not_compiled import NotCompiled
+from wrenchgap.compensate.physics import HORIZON_MAX
 from wrenchgap.compensate.reach import reach_of
 from wrenchgap.compensate.step_row import IMPLAUSIBLE, plausible
 from wrenchgap.flight.errors import UsageError
@@ -37,9 +38,6 @@ from wrenchgap.plant.vehicle import Vehicle
 JUMP = 4.0
 """Torque, in authorities, beyond which a change of the rate is no motion: the vehicle itself makes one, from one
 limit to the other two; what hits it for a period is then not learnt, and the period after it is."""
-
-DELAY_MAX = 10.0
-"""Longest delay of a torque [s]: what was asked for is remembered for so long."""
 
 
 class Combined:
@@ -76,10 +74,10 @@ class Combined:
         if bound.shape not in ((), (3,)) or not (bound >= 0).all():
             raise UsageError(f"combined: got torque_max {bound.tolist()} Nm, expected three numbers, each zero or more")
         self.lag = np.broadcast_to(np.asarray(lag, dtype=float), 3).copy()
-        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and 0 <= delay <= DELAY_MAX):
+        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and 0 <= delay <= HORIZON_MAX):
             raise UsageError(
                 f"combined: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more, and a delay of "
-                f"{DELAY_MAX:g} s at most"
+                f"{HORIZON_MAX:g} s at most"
             )
         self.inertia, self.dt, self.delay = vehicle.body.inertia, dt, delay
         self.gain, self.feedforward = 2.0 * math.pi * bandwidth_hz, feedforward

@@ -33,6 +33,9 @@ from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wre
 STEPS = np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4])
 """Steps of numerical derivatives, relative to the weight [N] and the weight times a metre [Nm]."""
 
+HORIZON_MAX = 10.0
+"""Longest lead, and delay of commands [s]: each period of it is one step of the model, or is remembered."""
+
 
 class PhysicsMismatch:
     """The effects of a wrench model on some components of the wrench; a `plant.mismatch.Follows`.
@@ -44,9 +47,14 @@ class PhysicsMismatch:
     needs_state = True
 
     def __init__(self, model: WrenchModel, outputs: tuple[str, ...], lead: float | None = None) -> None:
-        if lead is not None and not (np.isfinite(lead) and lead > 0):
-            raise UsageError(f"compensate: lead is {lead} s, expected a positive number")
+        if lead is not None and not 0 < lead <= HORIZON_MAX:
+            raise UsageError(f"compensate: lead is {lead} s, expected a positive number of {HORIZON_MAX:g} at most")
         kept = tuple(e for e in model.effects if not isinstance(e.effect, SensorEffect))
+        for one in kept:
+            if one.name == "command_delay" and not one.theta[0] <= HORIZON_MAX:
+                raise UsageError(
+                    f"compensate: command_delay is {one.theta[0]:g} s, expected {HORIZON_MAX:g} at most; remove it"
+                )
         self.model = WrenchModel(model.vehicle, kept)
         self.outputs, self.lead = outputs, lead
         output_indices(outputs)

@@ -175,10 +175,19 @@ def values_of(
     return {name: float(np.radians(v)) if name in degrees else v for name, v in given.items()}
 
 
+LONGEST_TEXT, LONGEST_TOML = 2**24, 2**20
+"""Bytes of a file that is read as text, and characters of a TOML document, which take its parser 10 s; models have
+some 10,000."""
+
+
 def text_of(path: Path, words: str, error: type[WrenchgapError] = ModelError, remedy: str = "") -> str:
     """The text of a file; raises `error`, which says that it cannot be read `words` ("as a model file")."""
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(LONGEST_TEXT + 1)
+        if len(content) <= LONGEST_TEXT:
+            return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+        reason = f"it is longer than {LONGEST_TEXT // 2**20} MB"
     except (OSError, UnicodeDecodeError) as found:
         reason = getattr(found, "strerror", None) or "it is not text"
     except ValueError:  # a zero byte
@@ -224,6 +233,8 @@ def toml(text: str, error: type[WrenchgapError] = ModelError) -> dict[str, Any]:
 
 def toml_document(text: str, error: type[WrenchgapError] = ModelError) -> tomlkit.TOMLDocument:
     """A TOML document with its comments."""
+    if len(text) > LONGEST_TOML:
+        raise error(f"is longer than {LONGEST_TOML:,} characters, which no file of wrenchgap is")
     try:
         return tomlkit.parse(text)
     except RecursionError:

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from wrenchgap.compensate import Combined, Compensator, Settings
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.identify.add import Addition, model_of
 from wrenchgap.learn.identify.learning import Learnt
 from wrenchgap.learn.process.gp import GaussianProcess
@@ -64,6 +65,8 @@ def export_compensator(
     """
     path, known = Path(folder), model_of(model)
     checked(path, tuple(exporting.FILES), force=force)
+    if known.path is not None and known.path.resolve().is_relative_to(path.resolve()):
+        raise UsageError(f"--output {path}: the model {known.path} is in it; choose another name")
     process = gp.gp if isinstance(gp, Learnt) else gp
     asked = settings or Settings(dt=1.0 / known.controller.rate_hz, max_evaluations=EVALUATIONS)
     made = exporting.export(

@@ -17,7 +17,7 @@ from typing import Any
 
 from wrenchgap._escaping import json_text
 from wrenchgap.flight.errors import UsageError
-from wrenchgap.plant.reader import shortened
+from wrenchgap.plant.reader import shortened, text_of
 from wrenchgap.viewer.inbox import LARGEST_NUMBER
 from wrenchgap.viewer.scene_drawing import NOTHING, Shown
 
@@ -53,11 +53,7 @@ class ViewState:
 
 def read(path: Path) -> ViewState:
     """A view from its file. Raises UsageError where there is none."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise UsageError(f"--view {path}: cannot be read: {reason}; expected what `Save view` wrote") from None
+    text = text_of(path, "as --view", UsageError, "; expected what `Save view` wrote")
     return parse(text, f"--view {path}")
 
 

@@ -170,6 +170,34 @@ def mcap_json(path: Path, size: int) -> None:
     _save(path, found)
 
 
+def mcap_empty_types(path: Path, size: int) -> None:
+    """A type of `size` fields of a type of `size` fields ..., six deep, the last of which has none."""
+    kinds = [f"lab_msgs/T{level}" for level in range(7)]
+    parts = ["\n".join(f"{inner} f{i}" for i in range(size)) for inner in kinds[1:]] + ["uint8 C=1"]
+    text = f"\n{'=' * 80}\n".join([parts[0], *(f"MSG: {kinds[i]}\n{parts[i]}" for i in range(1, 7))])
+    _undecodable(path, "lab_msgs/msg/T0", "ros2msg", text)
+
+
+def mcap_parentheses(path: Path, size: int) -> None:
+    """A constant of IDL in `size` pairs of parentheses."""
+    _idl(path, f"const unsigned long A = {'(' * size}1{')' * size};")
+
+
+def mcap_constants(path: Path, size: int) -> None:
+    """`size` constants of IDL, each the square of the one before."""
+    _idl(path, "const long A0 = 3;" + "".join(f"const long A{i} = A{i - 1} * A{i - 1};" for i in range(1, size)))
+
+
+def _idl(path: Path, constants: str) -> None:
+    body = f"module lab_msgs {{ module msg {{ module X_Constants {{ {constants} }}; struct X {{ double a; }}; }}; }};"
+    _undecodable(path, "lab_msgs/msg/X", "ros2idl", body)
+
+
+def _undecodable(path: Path, kind: str, encoding: str, text: str) -> None:
+    found = _mcap([(kind, encoding, text.encode())], [(1, "/x", "cdr")])
+    _save(path, [*found, *(_message(0, 10**9 + i * 10**7, b"\0\1\0\0" + bytes(8)) for i in range(2))])
+
+
 def csv_columns(path: Path, size: int) -> None:
     """`size` columns and two rows."""
     with path.open("w", encoding="utf-8") as file:
@@ -285,6 +313,26 @@ def db3_generated(path: Path, size: int) -> None:
     database.close()
 
 
+def bag_view(path: Path, size: int) -> None:
+    """A folder of two bags whose messages are a view without end."""
+    path.mkdir()
+    for number in (0, 1):
+        database = _database(path / f"bag_{number}.db3", "BLOB")
+        database.execute("DROP TABLE messages")
+        rows = f"SELECT {size} UNION ALL SELECT x + 1 FROM c"
+        database.execute(f"CREATE VIEW messages AS WITH RECURSIVE c(x) AS ({rows}) SELECT x AS timestamp FROM c")
+        database.commit()
+        database.close()
+
+
+def bag_metadata(path: Path, size: int) -> None:
+    """A bag of one topic whose metadata.yaml has `size` empty lines, and a name with as many spaces."""
+    path.mkdir()
+    db3_topics(path / "bag_0.db3", 1)
+    lines = "\n" * size + "relative_file_paths:\n - bag_0.db3\n - a" + " " * size + "b\n"
+    (path / "metadata.yaml").write_text(lines, encoding="utf-8")
+
+
 def db3_topics(path: Path, size: int) -> None:
     """`size` topics with a message each."""
     database = _database(path, "BLOB")
@@ -315,6 +363,11 @@ MAKERS: dict[str, tuple[Maker, str, int, int]] = {
     "mcap-chunks": (mcap_chunks, "a.mcap", 100, 1),
     "mcap-arrays": (mcap_arrays, "a.mcap", 300, 1),
     "mcap-json": (mcap_json, "a.mcap", 60_000, 20),
+    "mcap-empty-types": (mcap_empty_types, "a.mcap", 300, 3),
+    "mcap-parentheses": (mcap_parentheses, "a.mcap", 14, 2),
+    "mcap-constants": (mcap_constants, "a.mcap", 40, 3),
+    "bag-view": (bag_view, "bag", 1, 1),
+    "bag-metadata": (bag_metadata, "bag", 300_000, 10),
     "csv-columns": (csv_columns, "a.csv", 100_000, 20),
     "csv-header": (csv_header, "a.csv", 100_000_000, 500),
     "csv-commas": (csv_commas, "a.csv", 50_000_000, 50),

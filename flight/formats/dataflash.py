@@ -129,7 +129,7 @@ def _columns(data: NDArray[np.uint8], places: NDArray[np.int64], layout: Any) ->
         return {}
     letters = [letter for letter in layout.format if letter in CODES]
     dtype = np.dtype([(name, CODES[letter][0]) for name, letter in zip(layout.columns, letters, strict=False)])
-    if dtype.itemsize != layout.len - HEADER or len(letters) != len(layout.columns):
+    if not letters or dtype.itemsize != layout.len - HEADER or len(letters) != len(layout.columns):
         return {}
     rows = np.empty((len(places), dtype.itemsize), dtype=np.uint8)
     for first in range(0, len(places), BLOCK):

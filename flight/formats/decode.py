@@ -8,6 +8,7 @@ itself. Messages that a reader hands on where they lie are copied by the layout 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -40,7 +41,14 @@ ACTUATORS = {
 
 
 MOST_FIELDS = 5000
-"""Names of a type's fields, at most: a recursive definition has no end of them."""
+"""Fields of a type that are looked at, at most: a recursive definition has no end of them."""
+LONGEST_DEFINITION = 2**20
+"""Characters of a definition: those of the largest types with all that they use are some 20,000."""
+NO_SYNTAX = re.compile(r""""(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'|//[^\n]*|/\*.*?(?:\*/|\Z)""", re.DOTALL)
+"""Texts and comments of IDL."""
+CONSTANT = re.compile(r"\bconst\b[^=;]*=\s*([^;]*);")
+LITERAL = re.compile(r"[-+]?[\w.:]*(?:[eE][-+]?\d+)?\s*")
+NESTED = re.compile(r"\([^()]*\(")
 
 
 def definitions_of(channel: Channel) -> Definitions:
@@ -50,6 +58,8 @@ def definitions_of(channel: Channel) -> Definitions:
     if channel.definition:
         try:
             found |= _parsed(channel.definition, channel.type, channel.definition_format)
+        except UndecodableError:
+            raise
         except Exception as error:  # of a damaged definition rosbags raises many kinds
             raise UndecodableError(f"its definition of {channel.type} cannot be read: {one_line(error)}") from error
     if channel.type not in found:
@@ -76,26 +86,42 @@ def _known(store: Stores) -> Definitions:
 
 @lru_cache(maxsize=512)
 def _parsed(text: str, kind: str, definition_format: str) -> Definitions:
+    if len(text) > LONGEST_DEFINITION:
+        raise UndecodableError(f"its definition of {kind} is {len(text):,} characters long")
     if definition_format == "msg":
         return get_types_from_msg(text, kind)
     found: dict[str, tuple[Any, Any]] = {}
     for part in text.split("=" * 80 + "\n"):
         body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
         if body.strip():
+            _check_idl(body)
             found |= get_types_from_idl(body)
     return found
 
 
+def _check_idl(text: str) -> None:
+    """Raise UndecodableError for what ROS never writes and what may take for ever to parse or to evaluate.
+
+    Parentheses in parentheses are parsed again on every level, constants of constants are evaluated at each use, and a
+    shift makes a number of any length.
+    """
+    plain = NO_SYNTAX.sub("", text)
+    if NESTED.search(plain) or "<<" in plain or not all(map(LITERAL.fullmatch, CONSTANT.findall(plain))):
+        raise UndecodableError("its definition in IDL computes with constants, which those of ROS do not")
+
+
 def flat_fields(kind: str, definitions: Definitions, depth: int = 6) -> list[str]:
     """Dotted names of a type's fields, e.g. twist.linear.x; sequences of messages are not entered."""
-    return list(islice(_flat(kind, definitions, depth), MOST_FIELDS))
+    return [name for name in islice(_flat(kind, definitions, depth), MOST_FIELDS) if name]
 
 
 def _flat(kind: str, definitions: Definitions, depth: int) -> Iterator[str]:
+    """Names of fields, and nothing for a message that is entered, so that it is counted."""
     for name, (node, payload) in definitions[kind][1]:
         if node == Nodetype.NAME and depth and payload in definitions:
+            yield ""
             for inner in _flat(payload, definitions, depth - 1):
-                yield f"{name}.{inner}"
+                yield inner and f"{name}.{inner}"
         else:
             yield name
 

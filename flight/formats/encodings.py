@@ -67,7 +67,7 @@ class Encoded(ABC):
             self.account.ask(self._held + DECODED * len(payload), "decoded messages")
             try:
                 row = self.row(payload)
-            except (ValueError, RecursionError):
+            except (ValueError, RecursionError, OverflowError):
                 row = {}
                 self.malformed += 1
             self._rows.append(row)
@@ -147,9 +147,14 @@ def _gather(value: Any, path: str, found: dict[str, Value], depth: int) -> None:
     elif kind is float:
         found[path] = value
     elif kind is int or kind is bool:
-        found[path] = float(value) if abs(value) < 1e300 else float("nan")
+        found[path] = _number(value)
     elif kind is list and 0 < len(value) <= LONGEST and all(isinstance(item, int | float) for item in value):
-        found[path] = [float(item) for item in value]
+        found[path] = [_number(item) for item in value]
+
+
+def _number(value: float) -> float:
+    """A number of JSON, which may have any number of digits; NaN beyond what a float holds."""
+    return float(value) if not isinstance(value, int) or abs(value) < 1e300 else float("nan")
 
 
 def _schema_fields(schema: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
@@ -202,10 +207,11 @@ def _repeated(described: Any) -> bool:
 
 
 def _described(kind: Any, path: str = "", depth: int = DEEPEST) -> Iterator[str]:
-    """Dotted names of a protobuf type's fields."""
+    """Dotted names of a protobuf type's fields, and nothing for a message that is entered, so that it is counted."""
     for described in kind.fields:
         name = f"{path}.{described.name}" if path else described.name
         if described.message_type is not None and depth and not _repeated(described):
+            yield ""
             yield from _described(described.message_type, name, depth - 1)
         else:
             yield name
@@ -235,7 +241,7 @@ def _protobuf(channel: Channel, account: Account) -> ProtobufMessages:
         for file in files.file:
             pool.Add(file)
         kind = pool.FindMessageTypeByName(channel.type)
-        fields = list(islice(_described(kind), MOST))
+        fields = [name for name in islice(_described(kind), MOST) if name]
         return ProtobufMessages(channel, fields, account, kind=factory.GetMessageClass(kind))
     except Exception as error:  # of a damaged description protobuf raises many kinds
         raise UndecodableError(f"its description of {channel.type} cannot be read: {one_line(error)}") from error

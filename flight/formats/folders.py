@@ -14,6 +14,7 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
+from wrenchgap.flight.budget import Account, Budget, BudgetError
 from wrenchgap.flight.errors import LogError
 
 STORAGE = (".db3", ".mcap")
@@ -23,6 +24,10 @@ JOINED = 5.0
 """Files whose times follow within this [s] are one recording."""
 OVERLAP = 1.0
 """By so much [s] the next file of a recording may begin before the last one ends."""
+STEPS = 100_000
+"""Of a query, after which the time is looked at."""
+COPIES, LONGEST = 8, 10**9
+"""A message may have an eighth of the budget, as it is copied; and so many bytes, which is sqlite's own limit."""
 
 Range = tuple[int, int]
 
@@ -96,6 +101,44 @@ def _listed(paths: Sequence[Path], most: int = 4) -> str:
     return ", ".join(p.name for p in paths[:most]) + (", ..." if len(paths) > most else "")
 
 
+def bag_database(path: Path, account: Account) -> sqlite3.Connection:
+    """The SQLite file of a bag, read only, whose queries end where the account's time does.
+
+    Raises sqlite3.DatabaseError where its tables are none: a view may have no end, and a computed column is not in the
+    file, so that its size says nothing.
+    """
+    database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    try:
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(account.memory / COPIES, LONGEST)))
+        database.set_progress_handler(lambda: _over_time(account), STEPS)
+        database.text_factory = lambda text: text.decode(errors="replace")
+        tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {"messages", "topics"} <= tables:
+            raise sqlite3.DatabaseError("no tables messages and topics")
+        for name in ("messages", "topics", "message_definitions"):
+            if any(hidden for *_, hidden in database.execute(f"PRAGMA table_xinfo({name})")):
+                raise sqlite3.DatabaseError(f"columns of {name} are computed")
+        if "message_definitions" not in tables and _is_there(database, "message_definitions"):
+            raise sqlite3.DatabaseError("message_definitions is no table")
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def _is_there(database: sqlite3.Connection, name: str) -> bool:
+    return database.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (name,)).fetchone() is not None
+
+
+def _over_time(account: Account) -> bool:
+    """Whether a query is to be interrupted."""
+    try:
+        account.check_time()
+    except BudgetError:
+        return True
+    return False
+
+
 def _time_range(path: Path) -> Range | None:
     """First and last log time [ns] of a bag file, where it tells them without being read whole."""
     try:
@@ -105,7 +148,7 @@ def _time_range(path: Path) -> Range | None:
             known = None if summary is None else summary.statistics
             return None if known is None else (known.message_start_time, known.message_end_time)
         if path.suffix == ".db3":
-            database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            database = bag_database(path, Budget().account(path, path.stat().st_size))
             try:
                 first, last = database.execute("SELECT MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
             finally:

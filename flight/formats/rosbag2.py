@@ -6,7 +6,6 @@ and files that were compressed by `ros2 bag record --compression-mode` are read 
 
 from __future__ import annotations
 
-import re
 import sqlite3
 import tempfile
 from array import array
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight.budget import Account, BudgetError, in_bytes
 from wrenchgap.flight.errors import LogError
-from wrenchgap.flight.formats.folders import natural, only_recording, storage
+from wrenchgap.flight.formats.folders import COPIES, bag_database, natural, only_recording, storage
 from wrenchgap.flight.formats.kernels import grouped
 from wrenchgap.flight.formats.mcap import McapReader
 from wrenchgap.flight.formats.reader import (
@@ -47,10 +46,8 @@ FETCHED, ROWS, BYTES = 128, 4096, 2**22
 """Rows of a table that are fetched and taken at once, at most, and bytes of their messages, about."""
 TOPIC = 1000
 """Bytes of a topic, besides its definition."""
-STEPS = 100_000
-"""Of a query, after which the time is looked at."""
-COPIES, LONGEST = 8, 10**9
-"""A message may have an eighth of the budget, as it is copied; and so many bytes, which is sqlite's own limit."""
+LONGEST_METADATA = 2**24
+"""Bytes of a metadata.yaml that are read: a thousand topics are 1 MB."""
 Row = tuple[Any, Any, Any]
 PAYLOAD = itemgetter(2)
 
@@ -68,10 +65,7 @@ class Rosbag2SqliteReader(Reader):
         """Go through the table of messages as it was written."""
         gathered = Gatherer(self.account)
         try:
-            database = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
-            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(self.account.memory / COPIES, LONGEST)))
-            database.set_progress_handler(self._over_time, STEPS)
-            database.text_factory = lambda text: text.decode(errors="replace")
+            database = bag_database(self.path, self.account)
             try:
                 channels, self._broken = _channels(database, self.account)
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
@@ -94,14 +88,6 @@ class Rosbag2SqliteReader(Reader):
         if self._broken:
             self.notes.append(f"{self._broken} row(s) of {self.path.name} are damaged or belong to no topic: left out.")
         yield from gathered.flush()
-
-    def _over_time(self) -> bool:
-        """Whether a query is to be interrupted."""
-        try:
-            self.account.check_time()
-        except BudgetError:
-            return True
-        return False
 
     def _taken(
         self, rows: list[Row], channels: dict[int, Channel], wanted: Wanted, gathered: Gatherer
@@ -254,13 +240,12 @@ class Rosbag2FolderReader(Reader):
 
 def _channels(database: sqlite3.Connection, account: Account) -> tuple[dict[int, Channel], int]:
     """Channels by number, and how many rows of the topics are none."""
-    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if not {"messages", "topics"} <= tables:  # a view of these names may have no end
-        raise sqlite3.DatabaseError("no tables messages and topics")
     definitions = {}
-    if "message_definitions" in tables:
+    if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone():
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        definitions = {name: (encoding, text) for name, encoding, text in database.execute(query)}
+        for name, encoding, text in database.execute(query):
+            account.take(TOPIC + (len(text) if isinstance(text, str | bytes) else 0), "definitions")
+            definitions[name] = encoding, text
     channels, broken = {}, 0
     for identifier, *row in database.execute("SELECT id, name, type, serialization_format FROM topics"):
         if not isinstance(identifier, int) or not all(isinstance(cell, str) for cell in row):
@@ -279,8 +264,12 @@ def _listed_files(metadata: Path) -> set[str] | None:
     """Names under `relative_file_paths:` of metadata.yaml; None without that file."""
     if not metadata.is_file():
         return None
-    block = re.search(
-        r"^\s*relative_file_paths:\s*\n((?:\s*-\s*\S.*\n?)*)", metadata.read_text(errors="replace"), flags=re.MULTILINE
-    )
-    names = re.findall(r"-\s*(\S.*?)\s*$", block.group(1), flags=re.MULTILINE) if block else []
-    return {Path(name.strip("'\"")).name for name in names}
+    with metadata.open("rb") as file:
+        lines = file.read(LONGEST_METADATA).decode(errors="replace").splitlines()
+    names, inside = set(), False
+    for line in map(str.strip, lines):
+        if inside and line.startswith("-"):
+            names.add(Path(line[1:].strip().strip("'\"")).name)
+        elif line:
+            inside = line == "relative_file_paths:"
+    return names

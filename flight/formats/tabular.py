@@ -32,6 +32,8 @@ DELIMITERS = ",;\t|"
 SUFFIXES = (".csv", ".tsv", ".txt")
 COLUMN, CELL, NESTED = 2000, 60, 400
 """Bytes of a column by itself, of a number of it, and of a value of a column of lists or tables."""
+DATES = 10_000
+"""Dates that are read between two looks at the time, where each has a form of its own."""
 PIECE = 2**24
 """Bytes of a file that are looked at at once."""
 STEPS = ((1.0, "s"), (1e3, "ms"), (1e6, "us"))
@@ -179,7 +181,7 @@ def tables_of(frame: pd.DataFrame, reader: TableReader) -> dict[str, Table]:
     if spoilt:
         notes.append(f"{spoilt} cell(s) of {path.name} hold no number: left out.")
     stated = known[time]
-    stamps, finite, said = _stamps(frame[time], "" if stated is None else stated.unit, time)
+    stamps, finite, said = _stamps(frame[time], "" if stated is None else stated.unit, time, reader.account)
     notes.append(said)
     order = np.flatnonzero(finite)[np.argsort(stamps[finite], kind="stable")]
     lost, moved = len(stamps) - len(order), int((np.diff(stamps[finite]) < 0).sum())
@@ -222,20 +224,45 @@ def _numeric(header: str, column: Any) -> tuple[Columns, int]:
         return {header: column.to_numpy(dtype=float)}, 0
     if pd.api.types.is_datetime64_any_dtype(column):
         return {}, 0
-    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    values = _numbers(column).to_numpy(dtype=float, na_value=np.nan)
     count = int((np.isnan(values) & column.notna().to_numpy()).sum())
     return ({}, 0) if count == len(values) else ({header: values}, count)  # a column of words is none of numbers
 
 
-def _stamps(column: Any, unit: str, header: str) -> tuple[Stamps, Any, str]:
+def _numbers(column: Any) -> Any:
+    """The cells that are numbers, NaN for others; also for whole numbers that no float holds."""
+    import pandas as pd
+
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:
+        return pd.to_numeric(column.astype(str), errors="coerce").replace([np.inf, -np.inf], np.nan)
+
+
+def _dates(column: Any, account: Account) -> Any:
+    """The cells that are dates; of a form that pandas guesses one by one, so many at a time."""
+    import pandas as pd
+    from pandas.tseries.api import guess_datetime_format
+
+    first = column.dropna().head(1)
+    guessed = first.empty or guess_datetime_format(str(first.iloc[0])) is not None
+    parts = [column] if guessed else [column.iloc[k : k + DATES] for k in range(0, len(column), DATES)]
+    found = []
+    for part in parts:
+        account.check_time()
+        found.append(pd.to_datetime(part, errors="coerce", utc=True))
+    return pd.concat(found)
+
+
+def _stamps(column: Any, unit: str, header: str, account: Account) -> tuple[Stamps, Any, str]:
     """Times [ns], where they are known (N,), and how they were read."""
     import pandas as pd
 
-    numbers = None if pd.api.types.is_datetime64_any_dtype(column) else pd.to_numeric(column, errors="coerce")
+    numbers = None if pd.api.types.is_datetime64_any_dtype(column) else _numbers(column)
     if numbers is None or numbers.notna().sum() < 0.5 * len(column):
         with warnings.catch_warnings():  # dates in several forms: pandas says that it reads them one by one
             warnings.simplefilter("ignore", UserWarning)
-            dates = pd.to_datetime(column, errors="coerce", utc=True)
+            dates = _dates(column, account)
         first, last = (stamp.tz_localize("UTC") for stamp in (pd.Timestamp.min, pd.Timestamp.max))  # of int64 ns
         dates = dates.where((dates >= first) & (dates <= last)).astype("datetime64[ns, UTC]")
         known = dates.notna().to_numpy()

@@ -120,11 +120,11 @@ def _array(archive: zipfile.ZipFile, name: str) -> Array:
         found = np.load(BytesIO(archive.read(name)), allow_pickle=False)
     except (ValueError, TypeError) as error:  # a header whose keys cannot be sorted, say
         raise ValueError(f"{name} holds objects" if "pickle" in str(error) else f"{name}: {_line(error)}") from None
-    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
-        raise ValueError(f"{name} holds no real numbers")
-    if np.abs(values := found.astype(float)).max(initial=0.0) > ABSURD:
+    if not isinstance(found, np.ndarray) or found.dtype != np.dtype("<f8"):
+        raise ValueError(f"{name} holds no numbers in double precision")
+    if np.abs(found).max(initial=0.0) > ABSURD:
         raise ValueError(f"{name} holds numbers above {ABSURD:g}")
-    return values
+    return found
 
 
 def _metadata(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any
 from wrenchgap.flight.errors import LogError, UsageError, WrenchgapError
 from wrenchgap.flight.formats import content_hash
 from wrenchgap.flight.formats.folders import SINGLE, storage
+from wrenchgap.plant.reader import text_of
 
 EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 """The extra of wrenchgap that reads each kind of address."""
@@ -75,7 +76,7 @@ def _expanded(name: str, vehicle: str | None, seen: set[Path]) -> Iterator[Sourc
             return
         seen.add(path.resolve())
     if path.suffix.lower() in LISTS and path.is_file():
-        lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
+        lines = (line.strip() for line in text_of(path, "as a list of logs", UsageError).splitlines())
         for line in lines:
             if line and not line.startswith("#"):
                 yield from _expanded(line, vehicle, seen)

@@ -26,7 +26,8 @@ def checked(folder: Path, names: Mapping[str, str] | tuple[str, ...], *, force: 
         return
     if not force:
         raise UsageError(f"--output {folder}: exists already; choose another name or overwrite it with --force")
-    others = sorted({p.name for p in folder.iterdir()} - set(names) - {"selftest"})
+    ours = {*names, "selftest"}
+    others = sorted(p.name for p in folder.iterdir() if p.name not in ours or p.is_symlink() or not p.is_file())
     if others:
         raise UsageError(
             f"--output {folder}: holds {', '.join(others[:3])}, which `export` did not write; --force replaces the "

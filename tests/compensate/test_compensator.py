@@ -205,3 +205,9 @@ def test_bad_settings_get_one_line(name, value):
     with pytest.raises(UsageError, match=rf"{name} .*(expected|is not a number)") as caught:
         Settings(**{name: value})
     assert "\n" not in str(caught.value)
+
+
+def test_a_threshold_below_all_numbers_is_none():
+    """It opened the gate altogether."""
+    with pytest.raises(UsageError, match="sigma_threshold is -inf"):
+        Settings(sigma_threshold=-np.inf)

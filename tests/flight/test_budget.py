@@ -62,9 +62,20 @@ def test_texts_of_parquet_are_counted_before_they_are_written_out(tmp_path):
         flight.inspect(made("parquet-text", tmp_path))
 
 
-def test_messages_of_a_database_that_are_generated_are_refused(tmp_path):
-    with pytest.raises(BudgetError, match="a message of more than"):
-        flight.inspect(made("db3-generated", tmp_path))
+@pytest.mark.parametrize(("name", "said"), [("db3-generated", "computed"), ("bag-view", "no tables")])
+def test_a_database_whose_messages_are_not_in_the_file_is_refused(name, said, tmp_path):
+    with pytest.raises(flight.LogError, match=said):
+        flight.inspect(made(name, tmp_path))
+
+
+def test_a_type_without_numbers_is_refused_before_its_fields_are_counted(tmp_path):
+    with pytest.raises(BudgetError, match="the fields of one message"):
+        flight.inspect(made("mcap-empty-types", tmp_path), budget="100MB")
+
+
+@pytest.mark.parametrize("name", ["mcap-parentheses", "mcap-constants", "bag-metadata"])
+def test_what_took_hours_to_parse_is_looked_at_at_once(name, tmp_path):
+    assert flight.inspect(made(name, tmp_path), budget="10s").topics
 
 
 def test_hundreds_of_instances_are_left_out_and_said(tmp_path):

@@ -11,6 +11,7 @@ import pytest
 
 import wrenchgap as wg
 from tests.replay.exported_c import (
+    COMPILER,
     DT,
     EFFECTS,
     MODEL,
@@ -215,3 +216,30 @@ def test_make_and_readme_of_the_folder(flown, tmp_path):
     readme = (tmp_path / "c" / "README.md").read_text()
     assert "torque.gp" in readme
     assert "| at worst |" in readme
+
+
+def test_what_a_user_has_in_the_folder_stays(tmp_path):
+    model, folder = with_effects(com_offset=[0.01, 0.0, 0.0]), tmp_path / "comp"
+    (folder / "selftest").mkdir(parents=True)
+    with pytest.raises(UsageError, match="holds selftest, which `export` did not write"):
+        wg.export_compensator(None, model, folder, force=True)
+    (folder / "selftest").rmdir()
+    saved = wg.save_model(model, folder / "own.toml")
+    with pytest.raises(UsageError, match="did not write"):
+        wg.export_compensator(None, saved, folder, force=True)
+
+
+def test_a_build_that_notices_no_number_is_refused(tmp_path):
+    wg.export_compensator(None, with_effects(com_offset=[0.01, 0.0, 0.0]), tmp_path / "comp")
+    words = [
+        COMPILER,
+        "-std=c99",
+        "-ffast-math",
+        "-c",
+        "-o",
+        tmp_path / "a.o",
+        tmp_path / "comp/wrenchgap_compensator.c",
+    ]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "-ffast-math" in done.stderr

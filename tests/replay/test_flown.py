@@ -308,3 +308,14 @@ def test_a_number_beyond_single_precision_is_not_exported_in_it(tmp_path):
     large = replace(gp, signal_variance=np.array([1e45, 1.0, 1.0]))
     with pytest.raises(UsageError, match="too large for --precision float"):
         wg.export_compensator(large, with_effects(), tmp_path / "comp", precision="float")
+
+
+def test_a_state_that_no_record_holds_is_not_exported(tmp_path):
+    """Honest flights of it could not be proved: their records were too long to be found."""
+    late, settings = with_effects(command_delay=[0.1]), Settings(dt=0.00025, max_evaluations=12)
+    with pytest.raises(UsageError, match="--without command_delay"):
+        wg.export_compensator(None, late, tmp_path / "comp", settings, lead=0.05)
+    with pytest.raises(UsageError, match="command_delay is 3000 s"):
+        wg.export_compensator(None, with_effects(command_delay=[3000.0]), tmp_path / "comp", lead=0.05)
+    with pytest.raises(UsageError, match="lead is 1000"):
+        wg.export_compensator(None, with_effects(servo_lag=[0.06]), tmp_path / "comp", lead=1000.0)

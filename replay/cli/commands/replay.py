@@ -147,7 +147,7 @@ def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | Non
 
     if idle:
         raise UsageError(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
-    run.claim({"--csv": csv}, log)
+    run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
         found = prove_flown(log, folder, budget=budget)
     if log.is_file():

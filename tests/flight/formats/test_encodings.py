@@ -82,6 +82,7 @@ def test_json_with_and_without_schemas(motion, tmp_path):
 def test_damaged_json_is_counted(motion, tmp_path):
     _, imus, _ = in_json(motion)
     imus[7], imus[9] = b"{broken", b'{"angular_velocity": [[[' * 500
+    imus[11] = b'{"angular_velocity": [' + b"9" * 400 + b", 1, 1]}"  # beyond what a float holds: no number
     path = written(tmp_path / "log.mcap", [("/imu", "Inertial", "jsonschema", b"{}", "json", imus)])
     assert "2 of 400 messages do not fit" in " ".join(flight.load(path).notes)
 

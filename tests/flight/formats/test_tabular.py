@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from wrenchgap import flight
+from wrenchgap.flight.budget import BudgetError
 from wrenchgap.flight.errors import LogError
 
 
@@ -165,3 +166,18 @@ def test_no_flight_in_one_line(content, words, tmp_path):
     with pytest.raises(LogError, match=words) as caught:
         flight.load(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_whole_number_that_no_float_holds_is_no_number(tmp_path):
+    big = "9" * 400
+    rows = "".join(f"{0.01 * i},{big if i == 3 else 1}\n" for i in range(50))
+    (tmp_path / "log.csv").write_text("time_s,gyro_x\n" + rows)
+    found = flight.inspect(tmp_path / "log.csv")
+    assert [topic.count for topic in found.topics] == [50]
+
+
+def test_dates_of_no_form_are_read_within_the_budget(tmp_path):
+    rows = "".join(f"2026-11-24 10:{i % 60}:{i % 60}.1 PM +00:00 (x),1\n" for i in range(40_000))
+    (tmp_path / "log.csv").write_text("time,gyro_x\n" + rows)
+    with pytest.raises(BudgetError, match="--budget"):
+        flight.inspect(tmp_path / "log.csv", budget="0.2s")
