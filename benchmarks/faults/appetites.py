@@ -1,3 +1,4 @@
+# Long because every kind of file stands here, each in one function.
 """Small files with large appetites: well-formed logs that ask for gigabytes, or for minutes.
 
 Each is a function that writes one; `size` scales it, and the usual size is what `benchmarks/attacks/appetites.py`
