@@ -153,7 +153,7 @@ def bag_record(fields, data):
     return len(head).to_bytes(4, "little") + head + len(data).to_bytes(4, "little") + data
 
 
-BAG_MESSAGE = st.permutations([(b"op", b"\x02"), (b"conn", b"\x01\0\0\0"), (b"time", bytes(range(8)))])
+BAG_MESSAGE = st.permutations([(b"op", b"\x02"), (b"conn", b"\x01\0\0\x02"), (b"time", bytes(range(8)))])
 BAG_CONNECTION = st.permutations([(b"op", b"\x07"), (b"conn", b"\x01\0\0\0"), (b"topic", b"/a")])
 BAG_ANYTHING = st.lists(
     st.tuples(st.sampled_from([b"op", b"conn", b"time", b"topic"]), st.binary(max_size=8)), max_size=4
