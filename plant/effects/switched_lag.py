@@ -24,8 +24,8 @@ def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMe
         return signal, (signal[-1], signal[-1])
     up, down = max(up, SHORTEST), max(down, SHORTEST)
     before, state = (signal[0], signal[0]) if memory is None else memory
-    start = np.array(state, float)  # a trace ends here: a step decides by the sign of its error
+    signal = np.ascontiguousarray(signal, dtype=float)  # a trace ends here: a step decides by the sign of its error
     from wrenchgap.plant.switched_kernel import steps  # numba: no help page waits for it
 
-    out = steps(np.vstack((before[None], signal[:-1])), np.ascontiguousarray(signal), start, up, down, dt)
+    out = steps(np.vstack((before[None], signal[:-1])), signal, np.array(state, float), up, down, dt)
     return out, (signal[-1], out[-1])
