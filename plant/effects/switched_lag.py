@@ -20,7 +20,7 @@ SHORTEST = 1e-9
 
 def switched_lag(signal: Array, up: float, down: float, dt: float, memory: LagMemory | None) -> tuple[Array, LagMemory]:
     """Lagged samples (N, D) of `signal` (N, D); starts in equilibrium where there is no memory (last input, output)."""
-    if max(up, down) <= 0.0:
+    if max(up, down) <= 0.0 or (memory is None and len(signal) == 1):  # no lag, or at rest
         return signal, (signal[-1], signal[-1])
     up, down = max(up, SHORTEST), max(down, SHORTEST)
     before, state = (signal[0], signal[0]) if memory is None else memory
