@@ -293,13 +293,13 @@ class Compensator:
         return result_of(row.copy(), fast.trouble, perf_counter() - started)
 
     def steps_compiled(self, with_states: bool) -> Stepper | None:
-        """What makes many steps at once; None where `plain_rows` must, one after the other. See `compensate.run`."""
+        """What makes many steps at once; None where `rows_by_step` must, one after the other. See `compensate.run`."""
         if self._fast is None or (self.needs_state and not with_states):
             return None
         self._stepped = True
         return self._fast
 
-    def plain_rows(self, wrenches: Array, states: State | None) -> tuple[Array, dict[int, str]]:
+    def rows_by_step(self, wrenches: Array, states: State | None) -> tuple[Array, dict[int, str]]:
         """Results (K, 24 + 2 L) of consecutive steps as `compensate.compiled` orders them, and trouble by step."""
         rows, trouble = [], dict[int, str]()
         for k, wrench in enumerate(wrenches):

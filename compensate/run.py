@@ -59,7 +59,7 @@ def run(compensator: Compensator, wrenches: Array, states: State | None) -> Run:
         if compiled is not None:
             said = compiled.many(wrenches[part], numbers[part], rows[part])
         else:
-            rows[part], said = compensator.plain_rows(wrenches[part], None if states is None else states.take(part))
+            rows[part], said = compensator.rows_by_step(wrenches[part], None if states is None else states.take(part))
         trouble |= {start + k: text for k, text in said.items()}
         took[part] = (perf_counter() - began) / (part.stop - start)
     return Run(

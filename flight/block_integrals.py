@@ -1,7 +1,7 @@
-"""Fourier integrals of tapered blocks of samples that lie where they are, compiled; the plain form stands beside it.
+"""Fourier integrals of tapered blocks of samples that lie where they are, compiled.
 
 Two thirds of `inspect` were spent here, in some ten numpy calls for every frequency of every block
-(docs/decisions/0030-messages-where-they-lie.md). Tests compare the two forms (tests/flight/test_timing.py).
+(docs/decisions/0030-messages-where-they-lie.md).
 """
 
 from __future__ import annotations
@@ -16,40 +16,6 @@ Complex = NDArray[np.complex128]
 
 FEWEST = 8
 """Samples of a block below which its integrals are zero."""
-
-
-def plain_integrals(time: Array, values: Array, starts: Array, length: float, lowest: int, count: int) -> Complex:
-    """Fourier integrals (B, C, F) of the blocks of `length` [s] that begin at `starts` (B,), over the samples in each.
-
-    `values` (N, C) at `time` (N,); F = `count` harmonics of the block from `lowest` on. A block is tapered by Hann's
-    window after its weighted straight line was taken out, and summed by the trapezoid rule over its own stamps.
-    """
-    out = np.zeros((len(starts), values.shape[1], count), dtype=complex)
-    first, last = np.searchsorted(time, starts), np.searchsorted(time, starts + length)
-    for b, (start, i, j) in enumerate(zip(starts, first, last, strict=True)):
-        if j - i < FEWEST:
-            continue
-        x = (time[i:j] - start) / length
-        weight = np.sin(np.pi * x) ** 2 * np.gradient(x)
-        tapered = without_trend(x, values[i:j], weight) * weight[:, None]
-        turn = np.exp(-2j * np.pi * x)
-        wave = turn**lowest
-        for k in range(count):
-            out[b, :, k] = wave @ tapered
-            wave = wave * turn
-    return out
-
-
-def without_trend(x: Array, values: Array, weight: Array) -> Array:
-    """Values (n, C) less their weighted straight line over x.
-
-    With the taper as weight: samples at the ends, of which the one topic has more than the other, then do not tilt it.
-    """
-    share = weight / weight.sum()
-    lever = x - share @ x
-    mean = share @ values
-    slope = (share * lever) @ values / float((share * lever) @ lever)
-    return np.asarray(values - mean - np.outer(lever, slope))
 
 
 _FACTORIALS = np.cumprod(np.concatenate(([1.0], np.arange(1.0, 26.0))))
@@ -169,7 +135,12 @@ def _integrals(
 
 
 def integrals(time: Array, values: Array, starts: Array, length: float, lowest: int, count: int) -> Complex:
-    """As `plain_integrals`; up to rounding, since sums are taken in another order."""
+    """Fourier integrals (B, C, F) of the blocks of `length` [s] that begin at `starts` (B,), over the samples in each.
+
+    `values` (N, C) at `time` (N,); F = `count` harmonics of the block from `lowest` on. A block is tapered by Hann's
+    window after its weighted straight line was taken out, and summed by the trapezoid rule over its own stamps. With
+    the taper as weight, samples at the ends, of which the one topic has more than the other, do not tilt the line.
+    """
     out = np.zeros((len(starts), values.shape[1], count), dtype=complex)
     first, last = np.searchsorted(time, starts), np.searchsorted(time, starts + length)
     t, v, s = (np.ascontiguousarray(a, dtype=float) for a in (time, values, starts))

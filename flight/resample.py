@@ -25,7 +25,6 @@ from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import AXES, ROLES, Array, Flight, Gap, OdometrySeries, Samples, Series
 from wrenchgap.flight.gravity import GRAVITY
 from wrenchgap.flight.memory import give_back, on_disk
-from wrenchgap.flight.row_kernels import plain_interpolated
 from wrenchgap.flight.stamps import interpolated, nominal_period
 from wrenchgap.flight.unmeasured import unmeasured_axes
 
@@ -300,20 +299,11 @@ def anti_alias(stamps: Array, rate: float) -> Array | None:
     return np.asarray(butter(4, ANTI_ALIAS_CUTOFF * rate, fs=native, output="sos"))
 
 
-def plain_held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
+def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
     """Mean over `window` [s] around each `time` (N,), increasing, of `values` (K, C) held from each stamp to the next.
 
-    The last is held for one `period`. The integral of a held signal is piecewise linear, so this is exact.
+    The last is held for one `period`.
     """
-    knots = np.append(stamps, stamps[-1] + period)
-    integral = np.zeros((len(knots), values.shape[1]))
-    integral[1:] = np.cumsum(values * np.diff(knots)[:, None], axis=0)
-    upper, lower = (plain_interpolated(time + side * window / 2, knots, integral) for side in (1.0, -1.0))
-    return (upper - lower) / window
-
-
-def held_mean(time: Array, stamps: Array, values: Array, period: float, window: float) -> Array:
-    """As `plain_held_mean`, in one pass."""
     knots = np.append(stamps, stamps[-1] + period)
     times, rows = (np.ascontiguousarray(item, dtype=float) for item in (time, values))
     return np.asarray(row_kernels.held_mean(times, knots, rows, float(window)))

@@ -1,4 +1,4 @@
-"""Passes over the rows of a series, compiled, without an array for each step; plain forms stand beside them.
+"""Passes over the rows of a series, compiled, without an array for each step.
 
 What is asked of hours of log is often one number a column: its largest size, how often it repeats itself. Numpy needs
 an array of the same size for each comparison, and goes down the columns of a matrix in strides
@@ -19,14 +19,9 @@ TILE = 1024
 """Numbers that are gone through at a time: they stay in the nearest cache."""
 
 
-def plain_largest(values: Array) -> Array:
-    """Largest size in each column (C,) of values (N, C); what is not a number counts as nothing."""
-    return np.asarray(np.max(np.nan_to_num(np.abs(values), posinf=np.inf), axis=0, initial=0.0))
-
-
 @njit(cache=True, nogil=True)
 def largest(values: Array) -> Array:
-    """As `plain_largest`."""
+    """Largest size in each column (C,) of values (N, C); what is not a number counts as nothing."""
     found = np.zeros(values.shape[1])
     for i in range(values.shape[0]):
         for k in range(values.shape[1]):
@@ -34,11 +29,6 @@ def largest(values: Array) -> Array:
             if size > found[k]:
                 found[k] = size
     return found
-
-
-def plain_lengths(values: Array) -> Array:
-    """Euclidean length (N,) of each row of values (N, C)."""
-    return np.asarray(np.linalg.norm(values, axis=1))
 
 
 @njit(cache=True, nogil=True)
@@ -53,18 +43,13 @@ def _lengths(values: Array) -> Array:
 
 
 def lengths(values: Array) -> Array:
-    """As `plain_lengths`, the same bits, in a quarter of the time for three columns."""
+    """Euclidean length (N,) of each row of values (N, C)."""
     return np.asarray(_lengths(np.ascontiguousarray(values, dtype=float)))
-
-
-def plain_beyond(values: Array, limit: float) -> bool:
-    """Whether any of the values (N, C) is larger than a limit, or no number."""
-    return not bool(np.all(np.abs(values) <= limit))
 
 
 @njit(cache=True, nogil=True)
 def beyond(values: Array, limit: float) -> bool:
-    """As `plain_beyond`."""
+    """Whether any of the values (N, C) is larger than a limit, or no number."""
     flat = values.reshape(-1)
     for start in range(0, len(flat), TILE):
         tile, wrong = flat[start : start + TILE], 0
@@ -75,19 +60,9 @@ def beyond(values: Array, limit: float) -> bool:
     return False
 
 
-def plain_repeats(values: Array) -> Counts:
-    """How often a column repeats its last value, and how often in a row at most: (2, C) of values (N, C)."""
-    out = np.zeros((2, values.shape[1]), dtype=np.int64)
-    for k, column in enumerate(values.T):
-        same = np.diff(column) == 0.0
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(int)))
-        out[:, k] = same.sum(), np.max(edges[1::2] - edges[::2], initial=0)
-    return out
-
-
 @njit(cache=True, nogil=True)
 def repeats(values: Array) -> Counts:
-    """As `plain_repeats`."""
+    """How often a column repeats its last value, and how often in a row at most: (2, C) of values (N, C)."""
     out = np.zeros((2, values.shape[1]), dtype=np.int64)
     run = np.zeros(values.shape[1], dtype=np.int64)
     for i in range(1, values.shape[0]):
@@ -102,15 +77,12 @@ def repeats(values: Array) -> Counts:
     return out
 
 
-def plain_interpolated(time: Array, knots: Array, values: Array) -> Array:
-    """Columns of values (K, C) at increasing `knots` (K,), linear in between, at `time` (N,); held beyond the ends."""
-    columns = [np.interp(time, knots, column) for column in values.T]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(time), 0))
-
-
 @njit(cache=True, nogil=True)
 def interpolated(time: Array, knots: Array, values: Array) -> Array:
-    """As `plain_interpolated`; each place is looked for from the last one on."""
+    """Columns of values (K, C) at increasing `knots` (K,), linear in between, at `time` (N,); held beyond the ends.
+
+    The same bits as numpy.interp of each column. Each place is looked for from the last one on.
+    """
     out = np.empty((len(time), values.shape[1]))
     last, j = len(knots) - 1, 0
     for i in range(len(time)):
@@ -122,8 +94,8 @@ def interpolated(time: Array, knots: Array, values: Array) -> Array:
         for k in range(values.shape[1]):
             if np.isnan(t):
                 out[i, k] = np.nan
-            elif j == last or t <= knots[0]:
-                out[i, k] = values[0 if t <= knots[0] else last, k]
+            elif j == last or t <= knots[j]:
+                out[i, k] = values[j, k]
             else:
                 slope = (values[j + 1, k] - values[j, k]) / (knots[j + 1] - knots[j])
                 out[i, k] = slope * (t - knots[j]) + values[j, k]
@@ -132,8 +104,9 @@ def interpolated(time: Array, knots: Array, values: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def held_mean(time: Array, knots: Array, values: Array, window: float) -> Array:
-    """As `flight.resample.plain_held_mean`, with the end of the last hold among the `knots` (K + 1,).
+    """Mean over `window` [s] around each `time` (N,), increasing, of values (K, C), held between `knots` (K + 1,).
 
+    Exact, as the integral of a held signal is piecewise linear: zero before the first knot, constant after the last.
     The integral up to the knot before either end of the window goes along with that end.
     """
     columns, last = values.shape[1], len(knots) - 1
@@ -158,15 +131,9 @@ def held_mean(time: Array, knots: Array, values: Array, window: float) -> Array:
     return out
 
 
-def plain_integral(time: Array, values: Array) -> Array:
-    """Integrals (N, C) of values (N, C), straight between their `time` (N,), from the first on."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
-    return np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)))
-
-
 @njit(cache=True, nogil=True)
 def integral(time: Array, values: Array) -> Array:
-    """As `plain_integral`."""
+    """Integrals (N, C) of values (N, C), straight between their `time` (N,), from the first on."""
     out = np.zeros(values.shape)
     for i in range(1, len(values)):
         step = time[i] - time[i - 1]
@@ -175,18 +142,9 @@ def integral(time: Array, values: Array) -> Array:
     return out
 
 
-def plain_clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
-    """Sums (N, C) before each of the `steps` (N, C), from `start` (C,) on, kept within +-`limit` (C,) at every step."""
-    out, held = np.empty_like(steps), start
-    for i, step in enumerate(steps):
-        out[i] = held
-        held = np.minimum(np.maximum(held + step, -limit), limit)
-    return out
-
-
 @njit(cache=True, nogil=True)
 def clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
-    """As `plain_clamped_sum`."""
+    """Sums (N, C) before each of the `steps` (N, C), from `start` (C,), kept within +-`limit` (C,) at every step."""
     out = np.empty(steps.shape)
     for k in range(steps.shape[1]):
         held, most = start[k], limit[k]
@@ -196,14 +154,9 @@ def clamped_sum(steps: Array, start: Array, limit: Array) -> Array:
     return out
 
 
-def plain_correlated(values: Array, weights: Array) -> Array:
-    """Weighted sums of the n rows of values (N, C) around each row, (N - n + 1, C); `weights` (n,)."""
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(values, len(weights), axis=0) @ weights)
-
-
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def correlated(values: Array, weights: Array) -> Array:
-    """As `plain_correlated`, but for rounding; neighbouring rows are a fixed number of places apart."""
+    """Sums (N - n + 1, C) of the n rows of values (N, C) around each row, times `weights` (n,)."""
     columns = values.shape[1]
     out = np.zeros((len(values) - len(weights) + 1, columns))
     flat, sums = values.reshape(-1), out.reshape(-1)

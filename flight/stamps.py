@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from wrenchgap.flight import row_kernels
 from wrenchgap.flight.flight import Array, Gap
-from wrenchgap.flight.row_kernels import plain_interpolated
 
 Stamps = NDArray[np.int64]
 
 MANY = 4096
-"""Places from which on a compiled pass is sooner done than numpy's."""
+"""Stamps from which on it is worth looking whether others like them were sorted before."""
 GAP_FACTOR = 2.5
 """An interval longer than this many usual periods is a gap."""
 
@@ -157,8 +156,8 @@ def nearest(wanted: Stamps, stamps: Stamps) -> NDArray[np.intp]:
 
 def interpolated(time: Array, knots: Array, values: Array) -> Array:
     """Columns (K, C) at `knots` (K,), linear in between, at `time` (N,); held beyond the ends."""
-    if len(time) < MANY or len(knots) < 2:
-        return plain_interpolated(time, knots, values)
+    if not len(knots):
+        raise ValueError("nothing to interpolate")
     whole = (np.ascontiguousarray(item, dtype=float) for item in (time, knots, values))
     return np.asarray(row_kernels.interpolated(*whole))
 

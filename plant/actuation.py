@@ -74,11 +74,6 @@ def _summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
         place = rotor_kernels.whole(arms.normal_B, arms.lateral_B, arms.position_B)
         thrust, turn = rotor_kernels.whole(thrust, turn)
         return np.asarray(rotor_kernels.rotor_wrench(arm, thrust, turn, drag, *place))
-    return plainly_summed(vehicle, thrust, turn)
-
-
-def plainly_summed(vehicle: Vehicle, thrust: Array, turn: Array) -> Array:
-    """As it is meant, in products of matrices: what `rotor_kernels.rotor_wrench` is compared with."""
     sums, wrench = _matrices(vehicle)
     per_arm = (thrust @ sums).reshape(len(turn), 2, -1)  # thrusts, drag torques
     cos, sin = np.split(turn[:, None], 2, axis=2)

@@ -1,8 +1,8 @@
 """What a search works out of tilt angles, thrusts and hubs thousands of times, in compiled passes over the samples.
 
-The plain forms are those of `plant.state.Posture.turn`, `plant.actuation`, `plant.effects.axial_inflow`
-and `plant.effects.rotor_drag`, which hand over to these from `MANY` samples on; tests/plant/
-test_rotor_kernels.py compares (docs/decisions/0026-compiled-kernels.md).
+`plant.state.Posture.turn`, `plant.actuation`, `plant.effects.axial_inflow` and `plant.effects.rotor_drag` hand over to
+these from `MANY` samples on: their own products of arrays are what a trace writes down
+(docs/decisions/0026-compiled-kernels.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`plant.effects.switched_lag.step`, one sample after the other, compiled (docs/decisions/0026-compiled-kernels.md)."""
+"""Steps of `plant.effects.switched_lag`, one after the other, compiled (docs/decisions/0026-compiled-kernels.md)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Loops over the bytes of messages, compiled; the plain form of each stands beside it and says what it does.
+"""Loops over the bytes of messages, compiled.
 
-numba compiles them once per machine and keeps them (docs/decisions/0030-messages-where-they-lie.md). Tests compare the
-two forms on whole and damaged bytes (tests/flight/formats/test_kernels.py).
+numba compiles them once per machine and keeps them (docs/decisions/0030-messages-where-they-lie.md).
 """
 
 from __future__ import annotations
@@ -27,36 +26,6 @@ ZSTD = 0xFD2FB528
 LAST_TIME = 2**63 - 1  # ns, in the year 2262
 
 
-def plainly_walked(
-    data: bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
-) -> tuple[int, int, int]:
-    """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
-
-    A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of a payload.
-    Records whose opcode is `passed` (256,) are passed over. The walk ends before a record that it does not read:
-    another opcode, a message that is too short, later than `LAST_TIME`, or compressed by itself.
-    """
-    position = start
-    while position + RECORD <= stop:
-        opcode, length = data[position], int.from_bytes(data[position + 1 : position + RECORD], "little")
-        first = position + RECORD
-        if opcode == 0 or first + length > stop:
-            return count, position, BROKEN
-        if opcode == MESSAGE_OPCODE:
-            payload, time = first + MESSAGE, int.from_bytes(data[first + 6 : first + 14], "little")
-            magic = length >= MESSAGE + 4 and int.from_bytes(data[payload : payload + 4], "little") == ZSTD
-            if length < MESSAGE or time > LAST_TIME or magic:
-                return count, position, OTHER
-            if count == places.shape[1]:
-                return count, position, FULL
-            places[:, count] = int.from_bytes(data[first : first + 2], "little"), time, payload, length - MESSAGE
-            count += 1
-        elif not passed[opcode]:
-            return count, position, OTHER
-        position = first + length
-    return count, position, END
-
-
 @njit(cache=True, nogil=True)
 def _number(data: Bytes, place: Any, size: int) -> Any:
     """An unsigned little-endian number."""
@@ -70,63 +39,39 @@ def _number(data: Bytes, place: Any, size: int) -> Any:
 def walked(
     data: Bytes, start: int, stop: int, passed: NDArray[np.bool_], places: Places, count: int
 ) -> tuple[int, int, int]:
-    """As `plainly_walked`."""
+    """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
+
+    A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of a payload.
+    Records whose opcode is `passed` (256,) are passed over. The walk ends before a record that it does not read:
+    another opcode, a message that is too short, later than `LAST_TIME`, or compressed by itself.
+    """
     position: Any = start
-    while position + 9 <= stop:
+    while position + RECORD <= stop:
         opcode = data[position]
         length = _number(data, position + 1, 8)
-        first = position + 9
+        first = position + RECORD
         if opcode == 0 or length > np.uint64(stop - first):
             return count, position, BROKEN
         size = np.int64(length)
-        if opcode == 5:
-            if size < 22:
+        if opcode == MESSAGE_OPCODE:
+            if size < MESSAGE:
                 return count, position, OTHER
             time = _number(data, first + 6, 8)
-            if time > np.uint64(LAST_TIME) or (size >= 26 and _number(data, first + 22, 4) == np.uint64(ZSTD)):
+            if time > np.uint64(LAST_TIME) or (
+                size >= MESSAGE + 4 and _number(data, first + MESSAGE, 4) == np.uint64(ZSTD)
+            ):
                 return count, position, OTHER
             if count == places.shape[1]:
                 return count, position, FULL
             places[0, count] = np.int64(data[first]) | np.int64(data[first + 1]) << 8
             places[1, count] = np.int64(time)
-            places[2, count] = first + 22
-            places[3, count] = size - 22
+            places[2, count] = first + MESSAGE
+            places[3, count] = size - MESSAGE
             count += 1
         elif not passed[opcode]:
             return count, position, OTHER
         position = first + size
     return count, position, END
-
-
-def plainly_walked_bag(data: bytes, places: Places) -> int:
-    """Go through the records of a ROS 1 chunk and note the messages; gives how many, or -1 where something is odd.
-
-    A column of `places` (6, room) becomes connection, log time [ns], first byte and length of the payload, where the
-    record begins, and where the connection records just before it begin. Source: http://wiki.ros.org/Bags/Format/2.0
-    """
-    position, before, count, size = 0, 0, 0, len(data)
-    while position < size:
-        first, fields = position + 4, dict[bytes, bytes]()
-        stop = first + int.from_bytes(data[position:first], "little")
-        while first < stop <= size:
-            length = int.from_bytes(data[first : first + 4], "little")
-            name, _, value = data[first + 4 : first + 4 + length].partition(b"=")
-            fields[name] = value
-            first += 4 + length
-        start = stop + 4
-        end = start + int.from_bytes(data[stop:start], "little")
-        if first != stop or end > size or fields.get(b"op") not in (b"\x02", b"\x07"):
-            return -1
-        if fields[b"op"] == b"\x02":
-            if len(fields.get(b"conn", b"")) != 4 or len(fields.get(b"time", b"")) != 8:
-                return -1
-            seconds, rest = (int.from_bytes(fields[b"time"][k : k + 4], "little") for k in (0, 4))
-            time, number = seconds * 10**9 + rest, int.from_bytes(fields[b"conn"], "little")
-            places[:, count] = number, time, start, end - start, position, before
-            count += 1
-            before = end
-        position = end
-    return count
 
 
 _OP, _CONN, _TIME = (np.frombuffer(name, dtype=np.uint8) for name in (b"op=", b"conn=", b"time="))
@@ -145,7 +90,11 @@ def _named(data: Bytes, place: Any, name: Bytes) -> bool:
 
 @njit(cache=True, nogil=True)
 def walked_bag(data: Bytes, places: Places) -> int:
-    """As `plainly_walked_bag`."""
+    """Go through the records of a ROS 1 chunk and note the messages; gives how many, or -1 where something is odd.
+
+    A column of `places` (6, room) becomes connection, log time [ns], first byte and length of the payload, where the
+    record begins, and where the connection records just before it begin. Source: http://wiki.ros.org/Bags/Format/2.0
+    """
     position: Any = np.int64(0)
     before: Any = np.int64(0)
     count, size = 0, len(data)
@@ -192,21 +141,12 @@ def walked_bag(data: Bytes, places: Places) -> int:
     return count
 
 
-def plainly_grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
+@njit(cache=True, nogil=True)
+def grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
     """The first `count` columns of `places` (4, room), channel by channel, as they come within a channel.
 
     Channels (C,), the first column of each and the number of all (C + 1,), and times, first bytes, lengths (3, count).
     """
-    channels, first = np.unique(places[0, :count], return_index=True)
-    channels = channels[np.argsort(first)]
-    groups = [np.flatnonzero(places[0, :count] == channel) for channel in channels]
-    order = np.concatenate([np.zeros(0, dtype=np.intp), *groups])
-    return channels, np.cumsum([0, *map(len, groups)]), places[1:, order]
-
-
-@njit(cache=True, nogil=True)
-def grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
-    """As `plainly_grouped`."""
     channels, numbers = np.empty(count, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
     group = np.empty(count, dtype=np.int64)
     known, at = 0, 0
@@ -231,36 +171,6 @@ def grouped(places: Places, count: int) -> tuple[Places, Places, Places]:
         for k in range(3):
             out[k, to] = places[k + 1, i]
     return channels[:known].copy(), numbers[: known + 1].copy(), out
-
-
-def plainly_copied(
-    data: bytes,
-    starts: Places,
-    lengths: Places,
-    fixed: Places,
-    expected: Bytes,
-    ranges: Places,
-    fits: NDArray[np.bool_],
-    rows: Bytes,
-    used: int,
-) -> int:
-    """Copy the numbers of the messages that have the `expected` bytes where a layout is `fixed`; gives how many.
-
-    Messages begin at `starts` (N,) and have `lengths` (N,), which must be len(expected). `fixed` (F, 2) are first byte
-    and number of bytes that must be the same; `ranges` (R, 3) are first byte, place in the row and number of bytes
-    that are copied, to `rows` (room, width) from `used` on. `fits` (N,) says afterwards of which messages there are
-    rows.
-    """
-    length = len(expected)
-    window: Any = np.ndarray((len(data) - length + 1,), dtype=f"V{length}", buffer=data, strides=(1,))
-    fits[:] = lengths == length
-    messages = window[np.where(fits, starts, 0)].view(np.uint8).reshape(len(starts), length)
-    for first, size in fixed:
-        fits &= (messages[:, first : first + size] == expected[first : first + size]).all(axis=1)
-    count = int(fits.sum())
-    for first, place, size in ranges:
-        rows[used : used + count, place : place + size] = messages[fits, first : first + size]
-    return count
 
 
 def _memcpy(context: Any, target: Any, place: Any, source: Any, first: Any, size: Any) -> Any:
@@ -290,7 +200,13 @@ def copied(
     rows: Bytes,
     used: int,
 ) -> int:
-    """As `plainly_copied`."""
+    """Copy the numbers of the messages that have the `expected` bytes where a layout is `fixed`; gives how many.
+
+    Messages begin at `starts` (N,) and have `lengths` (N,), which must be len(expected). `fixed` (F, 2) are first byte
+    and number of bytes that must be the same; `ranges` (R, 3) are first byte, place in the row and number of bytes
+    that are copied, to `rows` (room, width) from `used` on. `fits` (N,) says afterwards of which messages there are
+    rows.
+    """
     count, width = 0, rows.shape[1]
     for i in range(len(starts)):
         start = starts[i]

@@ -38,7 +38,7 @@ NONE: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """Where the numbers of one layout lie. `fixed`, `expected` and `ranges` are those of `kernels.plainly_copied`.
+    """Where the numbers of one layout lie. `fixed`, `expected` and `ranges` are those of `kernels.copied`.
 
     `row` is the type of a packed row, with the numbers `numbers` by name; `constant` are columns (1, ...) of what is
     the same in every message: text, and sequences without elements. `names` are all, in the order of the definition.

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
+from wrenchgap.flight.linear_filter import filtered
 from wrenchgap.learn.data.measurement import Record
 
 LAGS = (0.0, 0.03, 0.08, 0.2)
@@ -59,24 +59,8 @@ def shifted(signal: Array, samples: int) -> Array:
     return np.asarray(signal[np.clip(np.arange(len(signal)) - samples, 0, len(signal) - 1)])
 
 
-def plain_lagged(signal: Array, samples: float) -> Array:
-    """A signal (N,) behind a first-order lag of so many samples, at rest where it begins."""
-    from scipy.signal import lfilter  # here: others need not wait for it
-
-    decay = np.exp(-1.0 / samples) if samples > 0.0 else 0.0
-    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal, zi=[decay * signal[0]])[0])
-
-
 def lagged(signal: Array, samples: float) -> Array:
-    """As `plain_lagged`."""
+    """A signal (N,) behind a first-order lag of so many samples, at rest where it begins."""
     decay = float(np.exp(-1.0 / samples)) if samples > 0.0 else 0.0
-    return np.asarray(_lagged(np.ascontiguousarray(signal, dtype=float), decay))
-
-
-@njit(cache=True, nogil=True)
-def _lagged(signal: Array, decay: float) -> Array:
-    out, held = np.empty(len(signal)), decay * signal[0]
-    for i in range(len(signal)):
-        out[i] = held + (1.0 - decay) * signal[i]
-        held = decay * out[i]
-    return out
+    b, a, start = np.array([1.0 - decay]), np.array([1.0, -decay]), np.array([[decay * signal[0]]])
+    return filtered(b, a, signal[:, None], start)[:, 0]

@@ -83,17 +83,11 @@ def _looked_at(count: int, dt: float) -> Array:
     return out
 
 
-def plain_periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
-    """Frequencies (K,) [Hz] and one-sided densities (K, C) there of columns (N,): Welch's mean over Hann segments."""
-    from scipy.signal import welch  # here: others need not wait for it
-
-    length, _ = _segments(len(columns[0]), dt)
-    found = [welch(column, 1.0 / dt, nperseg=length) for column in columns]
-    return found[0][0], np.stack([power for _, power in found], axis=1)
-
-
 def periodogram(columns: Sequence[Array], dt: float) -> tuple[Array, Array]:
-    """As `plain_periodogram`, up to rounding: scipy takes one segment of one column at a time."""
+    """Frequencies (K,) [Hz] and one-sided densities (K, C) there of columns (N,): Welch's mean over Hann segments.
+
+    What scipy.signal.welch computes, which takes one segment of one column at a time.
+    """
     length, segments = _segments(len(columns[0]), dt)
     window = hann(length)
     power = np.zeros((length // 2 + 1, len(columns)))

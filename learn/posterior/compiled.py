@@ -77,7 +77,7 @@ def scaled(A: Array, scale: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def occam(A: Array, theta: Array, scale: Array) -> float:
-    """See `learn.posterior.score.occam`."""
+    """The prior at theta times the width of the posterior: log of what the integral over theta adds."""
     U = factor(scaled(A, scale))
     total = 0.0
     for i in range(len(scale)):
@@ -180,7 +180,7 @@ def score(
     sparse: Flags,
     accuracy: Array,
 ) -> tuple[float, float]:
-    """A set's fit less what its laws may be off by, and its Occam factor: `learn.posterior.hunt.Hunt.plainly`.
+    """A set's fit less what its laws may be off by, and its Occam factor.
 
     `whole` (Q, Q) are the weighed products, `unknown` (P,) and `fixed` (1 + members,) the rows of them that the set
     uses, `sizes` and `accuracy` (members,) the parameters of each and the share to which its law is known; the rest is

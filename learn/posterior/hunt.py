@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from wrenchgap.flight.flight import Array
 from wrenchgap.learn.posterior import compiled
 from wrenchgap.learn.posterior.columns import beside, compatible, confused
-from wrenchgap.learn.posterior.score import Keys, Scorer, bounded, occam, relevant
+from wrenchgap.learn.posterior.score import Keys, Scorer
 
 Rows = NDArray[np.intp]
 
@@ -81,26 +81,6 @@ class Hunt:
         sizes = np.array([len(p) for p in parameters], dtype=np.intp)
         accuracy = np.array([space.columns[k].accuracy for k in keys], dtype=float)
         return np.concatenate([np.zeros(0, np.intp), *parameters]), fixed, sizes, accuracy
-
-    def plainly(self, keys: Keys) -> float:
-        """The score as it is meant, a numpy call at a time: what `compiled.score` is compared with."""
-        space = self.space
-        unknown, fixed, sizes, accuracy = self._rows(keys)
-        y = np.array([1.0, *(-1.0 for _ in keys)])
-        A = self.whole[np.ix_(unknown, unknown)]
-        b = self.whole[np.ix_(unknown, fixed)] @ y
-        c = y @ self.whole[np.ix_(fixed, fixed)] @ y
-        low, high, typical = space.low[unknown], space.high[unknown], space.scale[unknown]
-        scale = relevant(A, b, low, high, typical, space.sparse[unknown], typical)
-        theta = bounded(A, b, low, high, scale)
-        fitted = -0.5 * (c - 2.0 * theta @ b + theta @ A @ theta - self.whole[0, 0])
-        total, at = 0.0, 0
-        for offset, size, share in zip(fixed[1:], sizes, accuracy, strict=True):
-            rows = np.append(unknown[at : at + size], offset)
-            own = np.append(theta[at : at + size], 1.0)
-            total += share * np.sqrt(max(float(own @ self.whole[np.ix_(rows, rows)] @ own), 0.0))
-            at += size
-        return float(fitted - 0.5 * total**2 + occam(A, theta, scale) + self.scorer.prior_of(keys))
 
     def run(self) -> list[Keys]:
         """All sets that were scored, best first."""

@@ -233,12 +233,6 @@ def quadratic(products: Array, weights: Array) -> Array:
     return np.asarray(weights @ once.reshape(len(weights), -1)).reshape(products.shape[:2])
 
 
-def occam(A: Array, theta: Array, scale: Array) -> float:
-    """The prior at theta times the width of the posterior: log of what the integral over theta adds."""
-    determinant = float(np.linalg.slogdet(A * np.outer(scale, scale) + np.eye(len(scale)))[1])
-    return -0.5 * float(np.sum((theta / scale) ** 2)) - 0.5 * determinant
-
-
 def relevant(
     A: Array, b: Array, low: Array, high: Array, scale: Array, sparse: Array, typical: Array, rounds: int = 8
 ) -> Array:

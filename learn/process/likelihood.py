@@ -37,58 +37,14 @@ ITERATIONS, SPARSE_ITERATIONS = 500, 120
 """Of L-BFGS; a sparse process begins with hyperparameters that an exact one on a few samples has found."""
 
 
-def log_likelihood(x: Array, z: Array, kernel: Kernel) -> tuple[float, Array]:
-    """Of samples x (N, D), z (N,), and its gradient (D + 2,) by signal variance, lengthscales and noise variance.
-
-    Raises numpy's LinAlgError where the covariance is not positive definite.
-    """
-    K = kernel(x, x)
-    logarithm, inverse = _inverted(K, kernel.noise_variance + JITTER)
-    a = inverse @ z
-    slope = 0.5 * (np.outer(a, a) - inverse)
-    W = slope * K
-    gradient = np.concatenate(([W.sum() / kernel.signal_variance], _by_lengthscale(W, x, x, kernel), [np.trace(slope)]))
-    return float(-0.5 * (z @ a + logarithm + len(z) * np.log(2.0 * np.pi))), gradient
-
-
-def bound(x: Array, z: Array, kernel: Kernel, inducing: Array) -> tuple[float, Array]:
-    """The bound of a sparse process on the likelihood of x (N, D), z (N,), and its gradient, as `log_likelihood`.
-
-    Titsias (2009) with K_zz = L L^T, A = L^-1 K_zx / s_n, B = I + A A^T, v = B^-1 A z / s_n, w = L^-T v and
-    b = (K_xz K_zz^-1 K_zx + s_n^2 I)^-1 z = s_n^-2 (z - K_xz w):
-
-        F = -1/2 [z b + log det B + N log(2 pi s_n^2) + N s_f^2 / s_n^2 - tr A A^T]
-        dF/dK_zx = w b^T + L^-T (I - B^-1) A / s_n
-        dF/dK_zz = -1/2 L^-T (v v^T + B^-1 - 2 I + B) L^-1
-    """
-    noise, count, eye = kernel.noise_variance, len(x), np.eye(len(inducing))
-    Kzz, Kzx = kernel(inducing, inducing), kernel(inducing, x)
-    L = _factor(Kzz, JITTER)
-    A = solve_triangular(L, Kzx, lower=True) / np.sqrt(noise)
-    B = eye + A @ A.T
-    logarithm, inverse = _inverted(B)
-    v = inverse @ (A @ z) / np.sqrt(noise)
-    w = solve_triangular(L, v, lower=True, trans=1)
-    b = (z - w @ Kzx) / noise
-    missing = count * kernel.signal_variance / noise - np.sum(A * A)
-    value = -0.5 * (z @ b + logarithm + count * np.log(2.0 * np.pi * noise) + missing)
-    by_noise = 0.5 * (b @ b + (missing - count + len(eye) - np.trace(inverse)) / noise)
-    W = (np.outer(w, b) + solve_triangular(L, (eye - inverse) @ A, lower=True, trans=1) / np.sqrt(noise)) * Kzx
-    inner = solve_triangular(L, np.outer(v, v) + inverse - 2.0 * eye + B, lower=True, trans=1)
-    V = -0.5 * solve_triangular(L, inner.T, lower=True, trans=1) * Kzz
-    by_signal = (W.sum() + V.sum()) / kernel.signal_variance - 0.5 * count / noise
-    lengths = _by_lengthscale(W, inducing, x, kernel) + _by_lengthscale(V, inducing, inducing, kernel)
-    return float(value), np.concatenate(([by_signal], lengths, [by_noise]))
-
-
 def _by_lengthscale(W: Array, a: Array, b: Array, kernel: Kernel) -> Array:
     """sum_ij W_ij (a_id - b_jd)^2 / l_d^3, (D,), without an array of all differences."""
     squares = W.sum(axis=1) @ a**2 + W.sum(axis=0) @ b**2 - 2.0 * np.einsum("id,id->d", a, W @ b)
     return np.asarray(squares / kernel.lengthscales**3)
 
 
-class _Exact:
-    """`log_likelihood` of the same samples at one kernel after the other, in the same memory."""
+class LogLikelihood:
+    """Of samples x (N, D), z (N,) at one kernel after the other, in the same memory."""
 
     def __init__(self, x: Array, z: Array) -> None:
         count = len(x)
@@ -96,6 +52,10 @@ class _Exact:
         self.pairs, self.C = np.empty(count * (count - 1) // 2), np.empty((count, count))
 
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
+        """Its value and its gradient (D + 2,) by signal variance, lengthscales and noise variance.
+
+        Raises numpy's LinAlgError where the covariance is not positive definite.
+        """
         q = self.columns / kernel.lengthscales[:, None]
         exponents(q, self.pairs)
         np.exp(self.pairs, out=self.pairs)
@@ -119,14 +79,23 @@ class _Exact:
         raise np.linalg.LinAlgError(NOT_DEFINITE)
 
 
-class _Sparse:
-    """`bound` of the same samples at one kernel after the other, in the same memory; rows are inducing inputs."""
+class Bound:
+    """The bound of a sparse process on the likelihood of x (N, D), z (N,); rows are inducing inputs (M, D).
+
+    Titsias (2009) with K_zz = L L^T, A = L^-1 K_zx / s_n, B = I + A A^T, v = B^-1 A z / s_n, w = L^-T v and
+    b = (K_xz K_zz^-1 K_zx + s_n^2 I)^-1 z = s_n^-2 (z - K_xz w):
+
+        F = -1/2 [z b + log det B + N log(2 pi s_n^2) + N s_f^2 / s_n^2 - tr A A^T]
+        dF/dK_zx = w b^T + L^-T (I - B^-1) A / s_n
+        dF/dK_zz = -1/2 L^-T (v v^T + B^-1 - 2 I + B) L^-1
+    """
 
     def __init__(self, x: Array, z: Array, inducing: Array) -> None:
         self.x, self.z, self.inducing = x, z, inducing
         self.K, self.A, self.W = (np.empty((len(inducing), len(x))) for _ in range(3))
 
     def __call__(self, kernel: Kernel) -> tuple[float, Array]:
+        """Its value and its gradient, as those of `LogLikelihood`."""
         noise, (size, count), eye = kernel.noise_variance, self.K.shape, np.eye(len(self.inducing))
         Kzz, Kzx, A, W = kernel(self.inducing, self.inducing), self._kernel(kernel), self.A, self.W
         L = _factor(Kzz, JITTER)
@@ -178,7 +147,7 @@ def maximise(
     names = ["signal", *["lengthscale"] * x.shape[1], "noise"]
     low, high = np.array([bounds[name] for name in names], dtype=float).T
     width = high - low
-    asked = _Exact(x, z) if inducing is None else _Sparse(x, z, inducing)
+    asked = LogLikelihood(x, z) if inducing is None else Bound(x, z, inducing)
 
     def kernel(logits: Array) -> Kernel:
         theta = low + width / (1.0 + np.exp(-np.maximum(logits, -300.0)))

@@ -2,7 +2,7 @@
 
 A search asks for a thousand likelihoods of some hundred samples. Numpy makes a dozen arrays of N x N for each, in which
 every pair of samples is twice; here each pair is once, and pairs lie row by row: (1, 0), (2, 0), (2, 1), (3, 0), ...
-The plain form is `learn.process.likelihood.log_likelihood` (docs/decisions/0026-compiled-kernels.md).
+`learn.process.likelihood.LogLikelihood` has the equations (docs/decisions/0026-compiled-kernels.md).
 """
 
 from __future__ import annotations

@@ -72,27 +72,11 @@ def standardised(points: Array) -> Array:
 
 def squared_distances(points: Array) -> NDArray[np.float32]:
     """Squared Euclidean distances (N, N) of the rows, in single precision (100 MB at N = 5,000)."""
-    products, squares = _products(points)
-    _apart(products, squares)
-    return products
-
-
-def plain_squared_distances(points: Array) -> NDArray[np.float32]:
-    """The same bits in a pass for each operation: what `squared_distances` is compared with."""
-    distance, squares = _products(points)
-    distance *= -2
-    distance += squares
-    distance += squares[:, None]
-    np.maximum(distance, 0, out=distance)
-    np.fill_diagonal(distance, 0)
-    return distance
-
-
-def _products(points: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Scalar products (N, N) of the centred rows, and of each with itself (N,)."""
     centred = (points - points.mean(axis=0)).astype(np.float32)
     other = np.ascontiguousarray(centred.T)  # numpy makes one triangle of A A^T and mirrors it, which takes longer
-    return centred @ other, np.einsum("nd,nd->n", centred, centred)
+    products = centred @ other
+    _apart(products, np.einsum("nd,nd->n", centred, centred))
+    return np.asarray(products)
 
 
 @njit(cache=True, nogil=True)

@@ -46,10 +46,6 @@ class RotorDrag(WrenchEffect):
         if rotor_kernels.many(actuation.rotor_speed, *hubs):
             moving = rotor_kernels.whole(actuation.rotor_speed, *hubs)
             return np.asarray(rotor_kernels.rotor_drag(float(theta[0]), *moving))
-        return self.plainly(actuation, theta, context)
-
-    def plainly(self, actuation: Actuation, theta: Array, context: Context) -> Array:
-        """As it is meant: what `rotor_kernels.rotor_drag` is compared with."""
         velocity = hub_velocity_B(actuation, context)
         along = np.einsum("nri,nri->nr", velocity, actuation.normal_B)
         across = velocity - along[..., None] * actuation.normal_B

@@ -9,7 +9,7 @@ import pytest
 from wrenchgap.flight import resample, uniform
 from wrenchgap.flight.errors import LogError, UsageError
 from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries, OdometrySeries, WrenchSeries
-from wrenchgap.flight.resample import held_mean, plain_held_mean
+from wrenchgap.flight.resample import held_mean
 from wrenchgap.flight.stamps import gaps_of
 from wrenchgap.plant.rigid_body import RigidBody
 from wrenchgap.plant.vehicle import GRAVITY, Body
@@ -64,14 +64,17 @@ def test_over_one_period_the_held_mean_is_the_line_half_a_period_earlier():
 
 
 @pytest.mark.parametrize("window", [0.01, 0.037])
-def test_the_compiled_held_mean_is_the_plain_one_also_beyond_the_ends(window):
+def test_a_held_mean_is_the_share_of_every_hold_in_the_window_also_beyond_the_ends(window):
+    """The last of the commands is held for one period; before the first and after the last there is nothing."""
     rng = np.random.default_rng(1)
     stamps = np.cumsum(rng.uniform(0.005, 0.015, 300))
     stamps[150:] += 0.4  # a command that is held for long
     values = rng.standard_normal((len(stamps), 3))
     time = np.arange(stamps[0] - 0.1, stamps[-1] + 0.1, 0.0041)
     found = held_mean(time, stamps, values, 0.01, window)
-    np.testing.assert_array_equal(found, plain_held_mean(time, stamps, values, 0.01, window))
+    ends = np.append(stamps[1:], stamps[-1] + 0.01)
+    shared = np.minimum(time + window / 2, ends[:, None]) - np.maximum(time - window / 2, stamps[:, None])
+    np.testing.assert_allclose(found, np.maximum(shared, 0.0).T @ values / window, atol=1e-11)
 
 
 def test_a_plant_driven_by_held_commands_sees_the_resampled_command():

@@ -1,7 +1,11 @@
-"""Compiled passes over rows against their plain forms, and local cubics against scipy's and a polynomial."""
+"""Compiled passes over rows against numpy's and scipy's own functions, and local cubics against a polynomial."""
+
+from itertools import groupby
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import correlate1d
 from scipy.signal import savgol_filter
 
 from wrenchgap.flight import row_kernels
@@ -19,18 +23,31 @@ def values():
     return found
 
 
-def test_the_compiled_passes_are_equal_to_the_plain_ones(values):
+def test_repeats_are_counted_and_the_longest_run_is_found(values):
+    runs = [[len(list(same)) - 1 for _, same in groupby(column.tolist())] for column in values.T]
+    assert row_kernels.repeats(values).T.tolist() == [[sum(lengths), max(lengths)] for lengths in runs]
+    assert row_kernels.repeats(np.full((3, 1), np.nan)).tolist() == [[0], [0]]
+    assert row_kernels.repeats(np.zeros((0, 2))).tolist() == [[0, 0], [0, 0]]
+
+
+def test_integrals_are_the_trapezoid_rules(values):
     time = np.sort(np.random.default_rng(1).uniform(0.0, 10.0, len(values)))
-    np.testing.assert_array_equal(row_kernels.repeats(values), row_kernels.plain_repeats(values))
-    np.testing.assert_allclose(
-        row_kernels.integral(time, values), row_kernels.plain_integral(time, values), rtol=1e-12, atol=1e-12
-    )
-    for columns in (1, 2, 3, 4, 6):
-        rows = np.random.default_rng(2).normal(size=(2000, 7))[:, :columns]  # not side by side in memory
-        np.testing.assert_array_equal(row_kernels.lengths(rows), row_kernels.plain_lengths(rows))
-    values[7, 0], values[9, 1] = np.nan, np.inf
-    np.testing.assert_array_equal(row_kernels.largest(values), row_kernels.plain_largest(values))
-    assert row_kernels.largest(values)[1] == np.inf
+    expected = cumulative_trapezoid(values, time, axis=0, initial=0.0)
+    np.testing.assert_allclose(row_kernels.integral(time, values), expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 4, 6])
+def test_lengths_are_numpys_norms(columns):
+    rows = np.random.default_rng(2).normal(size=(2000, 7))[:, :columns]  # not side by side in memory
+    np.testing.assert_array_equal(row_kernels.lengths(rows), np.linalg.norm(rows, axis=1))
+
+
+def test_the_largest_size_of_a_column_is_that_of_its_numbers(values):
+    np.testing.assert_array_equal(row_kernels.largest(values), np.abs(values).max(axis=0))
+    values[17, 1] = -50.0
+    values[7, 0], values[9, 2] = np.nan, -np.inf
+    assert row_kernels.largest(values).tolist() == [np.nanmax(np.abs(values[:, 0])), 50.0, np.inf]
+    assert row_kernels.largest(np.zeros((0, 2))).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(("wrong", "found"), [(1.0, False), (1e13, True), (-np.inf, True), (np.nan, True)])
@@ -38,7 +55,6 @@ def test_the_compiled_passes_are_equal_to_the_plain_ones(values):
 def test_a_value_beyond_a_limit_is_found_wherever_it_is(values, wrong, found, row):
     values[row, 1] = wrong
     assert row_kernels.beyond(values, 1e12) is found
-    assert row_kernels.plain_beyond(values, 1e12) is found
 
 
 def test_interpolation_is_numpys_also_beyond_the_ends_and_where_places_go_back(values):
@@ -46,10 +62,14 @@ def test_interpolation_is_numpys_also_beyond_the_ends_and_where_places_go_back(v
     knots = np.sort(rng.uniform(0.0, 10.0, len(values)))
     time = rng.uniform(-1.0, 11.0, 5000)
     time[:3] = knots[[0, 17, -1]]
-    for places in (time, np.sort(time)):
-        expected = row_kernels.plain_interpolated(places, knots, values)
-        np.testing.assert_array_equal(row_kernels.interpolated(places, knots, values), expected)
-        np.testing.assert_array_equal(interpolated(places, knots, values), expected)
+    values[20, 0] = np.nan  # spoils what lies on both sides of it, but not its neighbours
+    for places in (time, np.sort(time), time[:5], np.append(knots[18:23], np.nan)):
+        for count in (1, 2, len(values)):
+            expected = np.stack([np.interp(places, knots[:count], column[:count]) for column in values.T], axis=1)
+            expected[np.isnan(places)] = np.nan
+            np.testing.assert_array_equal(interpolated(places, knots[:count], values[:count]), expected)
+    with pytest.raises(ValueError, match="nothing to interpolate"):
+        interpolated(time, knots[:0], values[:0])
 
 
 def test_columns_that_change_and_columns_without_a_number_are_told_apart():
@@ -67,9 +87,8 @@ def test_local_cubics_are_savitzkys_and_golays(values, points, derivative):
     expected = savgol_filter(values, points, 3, deriv=derivative, axis=0)
     np.testing.assert_allclose(local_cubics(values, points, derivative), expected, atol=1e-12)
     weights = np.random.default_rng(3).normal(size=points)
-    np.testing.assert_allclose(
-        row_kernels.correlated(values, weights), row_kernels.plain_correlated(values, weights), atol=1e-12
-    )
+    expected = correlate1d(values, weights, axis=0)[points // 2 : -(points // 2)]
+    np.testing.assert_allclose(row_kernels.correlated(values, weights), expected, atol=1e-12)
 
 
 def test_local_cubics_leave_a_cubic_as_it_is_up_to_both_ends():
@@ -89,10 +108,14 @@ def test_rows_that_are_looked_at_are_spread_from_the_first_to_the_last():
     assert thinned(10, 1000) == slice(None)
 
 
-def test_a_clamped_sum_is_the_plain_one_and_stays_within_its_limit():
+def test_a_clamped_sum_stays_within_its_limit_and_leaves_it_at_once():
+    """What goes beyond is forgotten: each sum is the one before plus its step, or a limit that this would cross."""
     rng = np.random.default_rng(4)
     steps, limit = rng.normal(size=(300, 3)), np.array([0.5, 2.0, 1e9])
     found = row_kernels.clamped_sum(steps, np.array([0.1, 0.0, -3.0]), limit)
-    np.testing.assert_array_equal(found, row_kernels.plain_clamped_sum(steps, np.array([0.1, 0.0, -3.0]), limit))
+    np.testing.assert_array_equal(found[0], [0.1, 0.0, -3.0])
     np.testing.assert_array_equal(np.abs(found).max(axis=0)[:2], limit[:2])
+    np.testing.assert_array_equal(found[1:], np.clip(found[:-1] + steps[:-1], -limit, limit))
     np.testing.assert_allclose(found[:, 2], -3.0 + np.cumsum(steps[:, 2]) - steps[:, 2], atol=1e-12)
+    one = row_kernels.clamped_sum(np.array([[3.0], [4.0], [-1.0], [-9.0], [0.0]]), np.zeros(1), np.array([5.0]))
+    assert one[:, 0].tolist() == [0.0, 3.0, 5.0, 4.0, -5.0]

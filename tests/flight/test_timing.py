@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from wrenchgap.flight import offsets, so3, topic_offsets
-from wrenchgap.flight.block_integrals import integrals, plain_integrals
+from wrenchgap.flight.block_integrals import integrals
 from wrenchgap.flight.flight import Flight, Gap, ImuSeries, OdometrySeries, ReferenceSeries, WrenchSeries
 from wrenchgap.flight.offsets import Problem, Signal, offset
 
@@ -196,16 +197,35 @@ def test_tracking_and_controller_offsets():
     assert topic_offsets.controller_offset(made) is None
 
 
-def test_compiled_integrals_agree_with_their_plain_form():
+@pytest.mark.parametrize("columns", [2, 3, 4])
+def test_integrals_are_the_trapezoid_rule_on_what_a_weighted_line_leaves(columns):
+    """Numpy's weighted fit of a line and scipy's rule, block by block, on stamps that jitter."""
     rng = np.random.default_rng(3)
     time = np.sort(np.arange(0.0, 12.0, 0.01) + rng.normal(0.0, 1e-3, 1200))
-    values = rng.normal(size=(1200, 3)).cumsum(axis=0)
+    values = rng.normal(size=(1200, columns)).cumsum(axis=0)
     starts = np.append(np.linspace(0.0, 10.0, 7), 11.97)  # in the last lie fewer samples than `FEWEST`
-    plain = plain_integrals(time, values, starts, 2.0, 2, 30)
     found = integrals(time, values, starts, 2.0, 2, 30)
-    np.testing.assert_allclose(found, plain, atol=1e-11 * np.abs(plain).max())
     assert not found[-1].any()
-    assert np.abs(found[0]).min() > 0.0
+    for start, block in zip(starts[:-1], found, strict=False):
+        here = (time >= start) & (time < start + 2.0)
+        x, y = (time[here] - start) / 2.0, values[here]
+        hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * x)
+        line = np.polynomial.Polynomial.fit
+        weight = np.sqrt(hann * np.gradient(x, edge_order=1))
+        left = y - np.stack([line(x, column, 1, w=weight)(x) for column in y.T], axis=1)
+        wave = hann[:, None] * np.exp(-2j * np.pi * np.outer(x, np.arange(2, 32)))
+        expected = trapezoid(left.T[:, :, None] * wave, x, axis=1)
+        np.testing.assert_allclose(block, expected, atol=1e-5 * np.abs(found).max())
+
+
+def test_integrals_of_a_straight_line_are_none_and_grow_with_the_signal():
+    time = np.sort(np.random.default_rng(4).uniform(0.0, 4.0, 900))
+    lines = np.outer(time, [3.0, -2.0, 0.0]) + np.array([1.0, 50.0, -7.0])
+    noise = np.random.default_rng(5).normal(size=lines.shape)
+    starts = np.array([0.0, 1.3])
+    assert np.abs(integrals(time, lines, starts, 2.0, 1, 9)).max() < 1e-13
+    once, twice = (integrals(time, k * noise + lines, starts, 2.0, 1, 9) for k in (1.0, 2.0))
+    np.testing.assert_allclose(twice, 2.0 * once, atol=1e-13)
 
 
 def test_integrals_of_a_wave_are_half_its_amplitude_at_its_harmonic_and_half_of_that_beside_it():

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.learn.data.answering import LAGS, SHIFTS, answers, lagged, plain_lagged, shifted
+from wrenchgap.learn.data.answering import LAGS, SHIFTS, answers, lagged, shifted
 from wrenchgap.learn.identify.trim import trim_of
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.spectrum import Spectrum
@@ -93,7 +93,14 @@ def test_responses_are_seen_behind_lags_and_shifts(plain):
     np.testing.assert_array_equal(first[:step], record.commanded[-step:, moving[0]])
 
 
-@pytest.mark.parametrize("samples", [0.0, 0.4, 25.0])
-def test_the_compiled_lag_is_scipys_filter(samples):
-    signal = 3.0 + np.random.default_rng(4).standard_normal((500, 2))[:, 1]
-    np.testing.assert_array_equal(lagged(signal, samples), plain_lagged(signal, samples))
+@pytest.mark.parametrize("samples", [0.4, 25.0])
+def test_a_lag_rests_where_it_begins_and_answers_a_step_by_an_exponential(samples):
+    signal = np.append(np.full(20, 3.0), np.full(200, 5.0))
+    expected = 5.0 - 2.0 * np.exp(-np.arange(1, 201) / samples)
+    found = lagged(np.stack((signal, signal), axis=1)[:, 1], samples)  # not side by side in memory
+    np.testing.assert_allclose(found, np.append(np.full(20, 3.0), expected), rtol=1e-13)
+
+
+def test_without_a_lag_a_signal_stays_as_it_is():
+    signal = np.random.default_rng(4).standard_normal(500)
+    np.testing.assert_array_equal(lagged(signal, 0.0), signal)

@@ -20,6 +20,7 @@ from wrenchgap.learn.posterior.anew import near
 from wrenchgap.learn.posterior.classes import NamedSet, merged
 from wrenchgap.learn.posterior.columns import Column, beside, compatible, complexity, confused
 from wrenchgap.learn.posterior.columns import column as linearised_column
+from wrenchgap.learn.posterior.compiled import occam
 from wrenchgap.learn.posterior.explain import search_dataset
 from wrenchgap.learn.posterior.hunt import straight
 from wrenchgap.learn.posterior.members import Member, Rival, fitted
@@ -32,7 +33,7 @@ from wrenchgap.learn.posterior.posterior import (
     exchanged,
     stand_ins,
 )
-from wrenchgap.learn.posterior.score import Scorer, bounded, occam
+from wrenchgap.learn.posterior.score import Scorer, bounded
 from wrenchgap.learn.posterior.sets import Part, at_limit, contender, weights
 from wrenchgap.learn.posterior.spectrum import LEAK, Spectrum
 from wrenchgap.learn.posterior.table import ground

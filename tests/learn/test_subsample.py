@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
 
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.process.subsample import plain_squared_distances, squared_distances, standardised, subsample, thin
+from wrenchgap.learn.process.subsample import squared_distances, standardised, subsample, thin
 
 METHODS = ("fasterpam", "pyclustering")
 
@@ -107,9 +108,13 @@ def test_distances_are_those_of_the_definition(offset):
 
 
 @pytest.mark.parametrize("length", [2, 33, 400])
-def test_compiled_distances_are_the_plain_ones_to_the_last_bit(length):
+def test_distances_are_scipys_and_none_to_oneself(length):
     points = standardised(wandering(length))
-    np.testing.assert_array_equal(squared_distances(points), plain_squared_distances(points))
+    found = squared_distances(points)
+    np.testing.assert_allclose(found, cdist(points, points, "sqeuclidean"), atol=2e-5)
+    assert not found.diagonal().any()
+    assert found.dtype == np.float32
+    assert squared_distances(np.repeat(points, 2, axis=0)).min() == 0.0  # never below, though rounding is on both sides
 
 
 def test_short_log_is_kept_whole_and_a_constant_column_is_no_trouble():

@@ -1,11 +1,11 @@
-"""The compiled passes over tilt angles, thrusts and hubs against their plain forms and closed forms."""
+"""The compiled passes over tilt angles, thrusts and hubs against rigid-body kinematics and sums over rotors."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from wrenchgap.plant import rotor_kernels
-from wrenchgap.plant.actuation import plainly_summed, rotor_wrench
+from wrenchgap.plant.actuation import rotor_wrench
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.effects.axial_inflow import hub_velocity_B
 from wrenchgap.plant.effects.effect import Context
@@ -42,11 +42,12 @@ def test_a_turn_is_cosines_and_sines_to_the_last_digit_but_one():
     np.testing.assert_allclose(turn[:, 0] ** 2 + turn[:, 1] ** 2, 1.0, atol=5e-16)
 
 
-def test_the_wrench_of_rotors_is_the_plain_one_and_that_of_forces_at_hubs(flying):
-    act, _ = flying
+@pytest.mark.parametrize("count", [1, COUNT])
+def test_the_wrench_of_rotors_is_that_of_forces_at_hubs(flying, count):
+    whole, _ = flying
+    act = Actuation(whole.vehicle, whole.tilt[:count], whole.rotor_speed[:count], whole.thrust[:count])
     _, rotors = act.vehicle.geometry()
     found = rotor_wrench(act)
-    np.testing.assert_allclose(found, plainly_summed(act.vehicle, act.thrust, act.posture.turn), atol=1e-12)
     force = act.thrust[..., None] * act.normal_B
     torque = np.cross(act.hub_B, force) - (rotors.spin * rotors.kappa)[:, None] * force
     np.testing.assert_allclose(found, np.hstack((force.sum(axis=1), torque.sum(axis=1))), atol=1e-12)
@@ -58,11 +59,13 @@ def test_hubs_move_as_points_of_a_rigid_body(flying):
     np.testing.assert_allclose(hub_velocity_B(act, context), expected, atol=1e-14)
 
 
-def test_rotor_drag_is_the_plain_one_and_takes_power_from_the_motion(flying):
+def test_rotor_drag_pulls_at_hubs_across_rotors_and_takes_power_from_the_motion(flying):
     act, context = flying
-    drag, theta = find("rotor_drag"), np.array([2e-4])
-    found = drag.apply(act, np.zeros((COUNT, 6)), theta, context)
-    np.testing.assert_allclose(found, drag.plainly(act, theta, context), atol=1e-13)
+    found = find("rotor_drag").apply(act, np.zeros((COUNT, 6)), np.array([2e-4]), context)
+    across = np.cross(act.normal_B, np.cross(hub_velocity_B(act, context), act.normal_B))
+    force = -2e-4 * np.abs(act.rotor_speed)[..., None] * across
+    expected = np.hstack((force.sum(axis=1), np.cross(act.hub_B, force).sum(axis=1)))
+    np.testing.assert_allclose(found, expected, atol=1e-13)
     velocity, omega = context.velocity_through_air_B, context.state.omega_B
     assert np.all(np.sum(found[:, :3] * velocity + found[:, 3:] * omega, axis=1) < 0.0)
 

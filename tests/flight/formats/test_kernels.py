@@ -1,9 +1,12 @@
-"""Compiled loops against their plain forms, and messages where they lie against messages one by one."""
+"""Compiled loops over bytes whose content is known, and messages where they lie against messages one by one."""
+
+from io import BytesIO
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rosbags.rosbag1.reader import Header, ReaderError, read_bytes, read_uint32
 
 from wrenchgap.flight.formats import kernels, read_log
 from wrenchgap.flight.formats.decode import Decoder, definitions_of
@@ -23,39 +26,68 @@ def message(channel, time, payload):
     return record(5, b"".join(value.to_bytes(size, "little") for value, size in numbers) + payload)
 
 
-MESSAGES = st.builds(
-    message, st.integers(0, 5), st.integers(0, 2**64 - 1) | st.integers(0, 2**62), st.binary(max_size=40)
+SENT = st.tuples(
+    st.integers(0, 5),
+    st.integers(0, 2**64 - 1) | st.integers(0, 2**62),
+    st.binary(max_size=40) | st.just(kernels.ZSTD.to_bytes(4, "little")),
 )
-RECORDS = st.lists(MESSAGES | st.builds(record, st.integers(0, 12), st.binary(max_size=40)), max_size=12)
+"""Channel, log time and payload of a message."""
+OTHERS = st.tuples(st.integers(6, 12) | st.just(3), st.binary(max_size=40))
+"""Opcode and body of a record that is no message."""
 
 
-def both(plain, compiled, *arguments, room):
-    """Results of both forms on the same bytes, with the places that each noted."""
-    places = [np.zeros((room[0], room[1]), dtype=np.int64) for _ in range(2)]
-    found = [plain(*arguments[0], places[0], *arguments[1])]
-    data, *rest = arguments[0]
-    found.append(compiled(np.frombuffer(data, dtype=np.uint8), *rest, places[1], *arguments[1]))
-    return found, places
+def walked(data, room, start=0, count=0):
+    """What a walk from `start` notes, and how it ends; schemas and channels (3, 4) are not passed over."""
+    places, passed = np.full((4, room), -1), np.ones(256, dtype=bool)
+    passed[[3, 4]] = False
+    end = kernels.walked(np.frombuffer(data, dtype=np.uint8), start, len(data), passed, places, count)
+    return *end, places
 
 
 @MANY
-@given(
-    parts=RECORDS,
-    cut=st.integers(0, 60),
-    change=st.tuples(st.integers(0, 500), st.integers(0, 255)),
-    room=st.integers(1, 9),
-)
-def test_a_walk_and_its_plain_form_agree_on_any_bytes(parts, cut, change, room):
-    data = bytearray(b"".join(parts))
-    data = data[: max(len(data) - cut, 0)] if cut < 20 else data
-    if change[0] < len(data):
-        data[change[0]] = change[1]
-    passed = np.ones(256, dtype=bool)
-    passed[[3, 4]] = False
-    given_to = (bytes(data), 0, len(data), passed)
-    found, places = both(kernels.plainly_walked, kernels.walked, given_to, (0,), room=(4, room))
-    assert found[0] == found[1]
-    np.testing.assert_array_equal(*places)
+@given(parts=st.lists(SENT | OTHERS, max_size=12), cut=st.integers(0, 90), room=st.integers(0, 9))
+def test_a_walk_notes_the_messages_that_were_written_up_to_what_it_does_not_read(parts, cut, room):
+    whole = [message(*part) if len(part) == 3 else record(*part) for part in parts]
+    data = b"".join(whole)[: max(sum(map(len, whole)) - cut, 0)]
+    noted, position, why = [], 0, kernels.END
+    for part, written in zip(parts, whole, strict=True):
+        if position + len(written) > len(data):
+            why = kernels.BROKEN if len(data) - position >= 9 else kernels.END
+        elif len(part) == 2:
+            why = kernels.OTHER if part[0] == 3 else kernels.END
+        elif part[1] >= 2**63 or part[2].startswith(b"\x28\xb5\x2f\xfd"):
+            why = kernels.OTHER
+        elif len(noted) == room:
+            why = kernels.FULL
+        else:
+            noted.append((part[0], part[1], position + len(written) - len(part[2]), len(part[2])))
+        if why != kernels.END or position + len(written) > len(data):
+            break
+        position += len(written)
+    count, reached, reason, places = walked(data, room)
+    assert (count, reached, reason) == (len(noted), position, why)
+    assert [tuple(column) for column in places[:, :count].T.tolist()] == noted
+    assert (places[:, count:] == -1).all()
+
+
+@MANY
+@given(parts=st.lists(SENT, max_size=12), changes=st.lists(st.tuples(st.integers(0, 500), st.integers(0, 255))))
+def test_a_walk_over_damaged_bytes_stays_within_them_and_can_be_taken_up_where_it_stopped(parts, changes):
+    whole = [message(*part) for part in parts]
+    data = bytearray(b"".join(whole))
+    for place, value in changes:
+        if place < len(data):
+            data[place] = value
+    count, reached, reason, places = walked(bytes(data), 50)
+    start, payload = 0, places[:, :count]
+    assert (payload[3] >= 0).all()
+    assert (payload[2] + payload[3] <= reached).all()
+    assert (payload[2, 1:] >= payload[2, :-1] + payload[3, :-1] + 31).all()
+    for k in range(count):
+        one, start, why, found = walked(bytes(data), 1, start)
+        assert (one, why) == (1, kernels.FULL if k < count - 1 or reason == kernels.FULL else reason)
+        np.testing.assert_array_equal(found[:, 0], payload[:, k])
+    assert start == reached or count == 0
 
 
 def test_a_walk_stops_at_what_it_does_not_read_and_says_why():
@@ -65,6 +97,7 @@ def test_a_walk_stops_at_what_it_does_not_read_and_says_why():
         (b"", kernels.END),
         (record(3, b""), kernels.OTHER),
         (message(1, 2**63, b""), kernels.OTHER),
+        (record(5, bytes(21)), kernels.OTHER),
         (message(1, 2, (kernels.ZSTD).to_bytes(4, "little")), kernels.OTHER),
         (whole * 2, kernels.FULL),
         (whole[:-1], kernels.BROKEN),
@@ -79,31 +112,36 @@ def test_a_walk_stops_at_what_it_does_not_read_and_says_why():
 
 @MANY
 @given(channels=st.lists(st.integers(0, 4), max_size=30))
-def test_grouping_and_its_plain_form_agree(channels):
+def test_groups_are_channels_as_they_first_come_each_in_its_order(channels):
     places = np.arange(4 * (len(channels) + 3), dtype=np.int64).reshape(4, -1)
     places[0, : len(channels)] = channels
-    for plain, compiled in zip(
-        kernels.plainly_grouped(places, len(channels)), kernels.grouped(places, len(channels)), strict=True
-    ):
-        np.testing.assert_array_equal(plain, compiled)
+    found, ends, rest = kernels.grouped(places, len(channels))
+    used = places[:, : len(channels)]
+    assert found.tolist() == list(dict.fromkeys(channels))
+    assert (ends[0], ends[-1], rest.shape) == (0, len(channels), (3, len(channels)))
+    for channel, start, stop in zip(found, ends[:-1], ends[1:], strict=True):
+        np.testing.assert_array_equal(rest[:, start:stop], used[1:, used[0] == channel])
 
 
 @MANY
 @given(
-    data=st.binary(min_size=60, max_size=200), starts=st.lists(st.tuples(st.integers(0, 40), st.booleans()), max_size=8)
+    data=st.lists(st.integers(0, 1), min_size=60, max_size=200).map(bytes),
+    starts=st.lists(st.tuples(st.integers(0, 40), st.booleans()), max_size=8),
 )
-def test_copying_and_its_plain_form_agree(data, starts):
+def test_numbers_are_copied_of_messages_that_fit_a_layout(data, starts):
+    """Of 20 bytes, the first and the two from the fourth on as in the layout; then rows of 8 bytes and 5."""
     first = np.array([s for s, _ in starts], dtype=np.int64)
     lengths = np.array([20 if whole else 19 for _, whole in starts], dtype=np.int64)
-    expected = np.frombuffer(data[:20], dtype=np.uint8)
-    fixed, ranges = np.array([[0, 1], [3, 0]]), np.array([[4, 0, 8], [12, 8, 5]])
-    fits = [np.zeros(len(starts), dtype=bool) for _ in range(2)]
-    rows = [np.zeros((len(starts) + 2, 16), dtype=np.uint8) for _ in range(2)]
-    where = first, lengths, fixed, expected, ranges
-    plain = kernels.plainly_copied(data, *where, fits[0], rows[0], 1)
-    assert kernels.copied(np.frombuffer(data, dtype=np.uint8), *where, fits[1], rows[1], 1) == plain
-    np.testing.assert_array_equal(*fits)
-    np.testing.assert_array_equal(*rows)
+    fixed, ranges = np.array([[0, 1], [3, 2], [7, 0]]), np.array([[4, 0, 8], [12, 9, 5]])
+    fits, rows = np.zeros(len(starts), dtype=bool), np.full((len(starts) + 2, 16), 7, dtype=np.uint8)
+    whole = np.frombuffer(data, dtype=np.uint8)
+    count = kernels.copied(whole, first, lengths, fixed, whole[:20], ranges, fits, rows, 1)
+    messages = [data[s : s + n] for s, n in zip(first, lengths, strict=True)]
+    fitting = [len(m) == 20 and m[0] == data[0] and m[3:5] == data[3:5] for m in messages]
+    expected = [m[4:12] + b"\7" + m[12:17] + b"\7\7" for m, fit in zip(messages, fitting, strict=True) if fit]
+    assert fits.tolist() == fitting
+    assert count == len(expected)
+    assert [row.tobytes() for row in rows] == [b"\7" * 16, *expected, *[b"\7" * 16] * (len(rows) - 1 - count)]
 
 
 def field(name, value):
@@ -115,26 +153,58 @@ def bag_record(fields, data):
     return len(head).to_bytes(4, "little") + head + len(data).to_bytes(4, "little") + data
 
 
-BAG_FIELDS = st.permutations([(b"op", b"\x02"), (b"conn", b"\x01\0\0\0"), (b"time", bytes(range(8)))]) | st.lists(
+BAG_MESSAGE = st.permutations([(b"op", b"\x02"), (b"conn", b"\x01\0\0\x02"), (b"time", bytes(range(8)))])
+BAG_CONNECTION = st.permutations([(b"op", b"\x07"), (b"conn", b"\x01\0\0\0"), (b"topic", b"/a")])
+BAG_ANYTHING = st.lists(
     st.tuples(st.sampled_from([b"op", b"conn", b"time", b"topic"]), st.binary(max_size=8)), max_size=4
 )
 
 
+def walked_bag(data):
+    places = np.zeros((6, len(data) // 40 + 2), dtype=np.int64)
+    count = kernels.walked_bag(np.frombuffer(data, dtype=np.uint8), places)
+    return None if count < 0 else places[:, :count].T.tolist()
+
+
+def read_by_rosbags(data):
+    """The same places by rosbags' reader of records; None where it finds fault."""
+    source, found, before = BytesIO(data), [], 0
+    while (position := source.tell()) < len(data):
+        try:
+            header = Header.read(source)
+            size = read_uint32(source)
+            start = source.tell()
+            read_bytes(source, size)
+            if header.get_uint8("op") == 2:
+                found.append([header.get_uint32("conn"), header.get_time("time"), start, size, position, before])
+                before = source.tell()
+        except (ReaderError, UnicodeDecodeError):
+            return None
+    return found
+
+
+@MANY
+@given(st.lists(st.builds(bag_record, BAG_MESSAGE | BAG_CONNECTION, st.binary(max_size=20)), max_size=6))
+def test_a_walk_through_a_whole_ros1_chunk_finds_what_rosbags_does(parts):
+    data = b"".join(parts)
+    found = walked_bag(data)
+    assert found is not None
+    assert found == read_by_rosbags(data)
+
+
 @MANY
 @given(
-    parts=st.lists(st.builds(bag_record, BAG_FIELDS, st.binary(max_size=20)), max_size=6),
+    parts=st.lists(
+        st.builds(bag_record, BAG_MESSAGE | BAG_CONNECTION | BAG_ANYTHING, st.binary(max_size=20)), max_size=6
+    ),
     change=st.tuples(st.integers(0, 300), st.integers(0, 255)),
 )
-def test_a_walk_through_a_ros1_chunk_finds_what_its_plain_form_does_or_doubts(parts, change):
+def test_a_walk_through_a_damaged_ros1_chunk_finds_what_rosbags_does_or_doubts(parts, change):
     data = bytearray(b"".join(parts))
     if change[0] < len(data):
         data[change[0]] = change[1]
-    found, places = both(
-        kernels.plainly_walked_bag, kernels.walked_bag, (bytes(data),), (), room=(6, len(data) // 40 + 2)
-    )
-    assert found[1] in (found[0], -1)  # a doubt costs time, never a message
-    if found[1] >= 0:
-        np.testing.assert_array_equal(*places)
+    found, expected = walked_bag(bytes(data)), read_by_rosbags(bytes(data))
+    assert found is None or expected is None or found == expected  # a doubt costs time, never a message
 
 
 WORD = st.sampled_from(["", "a", "bb", "map"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wrenchgap.plant.effects.switched_lag import solved_at_once, step, switched_lag
+from wrenchgap.plant.effects.switched_lag import switched_lag
 from wrenchgap.plant.state import Commands
 
 UP, DOWN = 0.0125, 0.025
@@ -15,7 +15,7 @@ def lagged(bench, u, up, down):
     return model.command(u, bench.state(len(u.wrench_B)), bench.dt)[0]
 
 
-def solved(bench, signal, up, down):
+def solved(bench, signal, up, down, start=None):
     """The switched equation by a general solver, on straight lines between samples."""
     t = np.arange(len(signal)) * bench.dt
 
@@ -24,7 +24,7 @@ def solved(bench, signal, up, down):
         return error / np.where(error > 0, up, down)
 
     span = {"t_eval": t, "max_step": bench.dt / 10, "rtol": 1e-9, "atol": 1e-9}
-    return solve_ivp(rate, (0, t[-1]), signal[:1], **span).y[0]
+    return solve_ivp(rate, (0, t[-1]), [signal[0] if start is None else start], **span).y[0]
 
 
 def test_with_equal_constants_it_is_motor_lag(bench):
@@ -45,10 +45,10 @@ def test_solves_the_switched_equation(bench, up, down):
 
 def test_is_exact_whatever_the_step(bench):
     """One straight line that crosses the output: in one step what it is in a thousand."""
-    start, end, output = (np.full((1, 1), v) for v in (600.0, 780.0, 640.0))
-    once, _ = step(start, end, output, UP, DOWN, 0.04)
+    start, output = np.array([600.0]), np.array([640.0])
+    once, _ = switched_lag(np.array([[780.0]]), UP, DOWN, 0.04, (start, output))
     line = np.linspace(600.0, 780.0, 1001)[1:, None]
-    fine, _ = switched_lag(line, UP, DOWN, 0.04e-3, (start[0], output[0]))
+    fine, _ = switched_lag(line, UP, DOWN, 0.04e-3, (start, output))
     assert once[0, 0] == pytest.approx(fine[-1, 0], rel=1e-12)
 
 
@@ -85,11 +85,21 @@ def test_one_sample_at_a_time_is_all_at_once_on_wild_commands(bench, up, down):
 
 
 @pytest.mark.parametrize(("up", "down"), [(UP, DOWN), (0.06, 0.02), (0.2, 0.001)])
-def test_compiled_steps_are_the_plain_form(bench, up, down):
-    """The triangular system of all samples, solved by Newton's method, from rest and from a memory."""
+def test_wild_commands_from_a_memory_solve_the_switched_equation(bench, up, down):
+    """White noise, from outputs that are far from the last command; what is remembered is that command and output."""
+    signal = 600.0 + 300.0 * np.random.default_rng(6).normal(size=(60, 3))
+    memory = np.full(3, 500.0), np.array([450.0, 600.0, 900.0])
+    out, kept = switched_lag(signal, up, down, bench.dt, memory)
+    for d in range(3):
+        expected = solved(bench, np.append(500.0, signal[:, d]), up, down, memory[1][d])[1:]
+        np.testing.assert_allclose(out[:, d], expected, rtol=1e-5)
+    np.testing.assert_array_equal(kept, (signal[-1], out[-1]))
+
+
+@pytest.mark.parametrize(("up", "down"), [(UP, DOWN), (0.06, 0.02), (0.2, 0.001)])
+def test_commands_between_commands_change_nothing(bench, up, down):
+    """Seven steps along a straight line end where one does."""
     signal = 600.0 + 300.0 * np.random.default_rng(6).normal(size=(400, 3))
-    for memory in (None, (np.full(3, 500.0), np.array([450.0, 600.0, 900.0]))):
-        ours, kept = switched_lag(signal, up, down, bench.dt, memory)
-        plain, same = solved_at_once(signal, up, down, bench.dt, memory)
-        np.testing.assert_allclose(ours, plain, rtol=1e-11, atol=1e-10)
-        np.testing.assert_allclose(kept[1], same[1], rtol=1e-11, atol=1e-10)
+    fine = np.stack([np.interp(np.arange(7 * 399 + 1) / 7, np.arange(400), column) for column in signal.T], axis=1)
+    once, often = (switched_lag(s, up, down, dt, None)[0] for s, dt in ((signal, bench.dt), (fine, bench.dt / 7)))
+    np.testing.assert_allclose(once, often[::7], rtol=1e-11, atol=1e-9)
