@@ -58,6 +58,8 @@ def save(gp: GaussianProcess, path: Path | str, *, force: bool = False) -> None:
 def load(path: Path | str) -> GaussianProcess:
     """Read what `save` wrote. Raises FitError, in one line, on anything else."""
     path = Path(path)
+    if path.exists() and not path.is_file():
+        raise FitError(f"{path}: is no ordinary file; give a file made by `wrenchgap learn`")
     try:
         with zipfile.ZipFile(path) as archive:
             _check_sizes(archive)

@@ -26,6 +26,7 @@ __getattr__, __all__ = names_of(
     {
         "wrenchgap.flight.errors": ("FitError", "LogError", "ModelError", "UsageError", "WrenchgapError"),
         "wrenchgap.replay.api": (
+            "ReadOptions",
             "add",
             "compare",
             "compensator",
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from wrenchgap.flight.errors import ModelError as ModelError
     from wrenchgap.flight.errors import UsageError as UsageError
     from wrenchgap.flight.errors import WrenchgapError as WrenchgapError
+    from wrenchgap.replay.api import ReadOptions as ReadOptions
     from wrenchgap.replay.api import add as add
     from wrenchgap.replay.api import compare as compare
     from wrenchgap.replay.api import compensator as compensator
