@@ -21,6 +21,7 @@ from wrenchgap.plant.model import Model, make_effect
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import GRAVITY
 from wrenchgap.plant.wrench_model import about_origin
+from wrenchgap.replay.export.export import Export
 
 AREA = "The compensation, as it is flown"
 DRAWS = 1_000_000
@@ -93,12 +94,39 @@ def _saturates(reach: Reach, model: Model, commands: np.ndarray) -> int:
     return count
 
 
+def _built(made: Export, place: Path, name: str) -> Path:
+    """A program of this folder with an export, under sanitisers."""
+    compiler, vehicle = shutil.which("gcc") or shutil.which("cc"), made.model.vehicle
+    assert compiler, "no C compiler"
+    words = [f"-DAUTHORITY={{{','.join(map(repr, reach_of(vehicle).authority.tolist()))}}}"]
+    words += [f"-DCORRECTION_MAX={{{','.join(map(repr, map(float, made.correction_max)))}}}"]
+    words += [f"-DHOVER={vehicle.body.mass * GRAVITY!r}", f"-I{place}"]
+    sources = [str(Path(__file__).with_name(f"{name}.c")), str(place / "wrenchgap_compensator.c")]
+    subprocess.run([compiler, *FLAGS, *words, "-o", str(place / name), *sources, "-lm"], check=True)
+    return place / name
+
+
+def _corrupted(folder: Path) -> Outcome:
+    """An export with effects, a process and an observer, into whose memory something else writes."""
+    model = _with("tilt_hexarotor", com_offset=OFFSET)
+    about = {"observer": 2.0, "observer_max": 0.05 * float(reach_of(model.vehicle).authority[3:].min())}
+    made = wg.export_compensator(_process(model, "physics"), model, folder / "export", Settings(dt=0.005), **about)  # type: ignore[arg-type]
+    done = subprocess.run(
+        [str(_built(made, folder / "export", "corrupted")), "100000"], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        return Outcome(False, done.stderr[-300:])
+    command, correction = map(float, done.stdout.split())
+    return Outcome(
+        command <= 1 + OVERSHOOT and correction <= 1 + OVERSHOOT,
+        f"100,000 periods: command {command:.6f} and correction {correction:.6f} of their bounds at most",
+    )
+
+
 def _c(precision: str, draws: int) -> Callable[[Path], Outcome]:
     """Every case as C, `draws` in all."""
 
     def run(folder: Path) -> Outcome:
-        compiler = shutil.which("gcc") or shutil.which("cc")
-        assert compiler, "no C compiler"
         said, held = [], True
         for number, (name, (model, mean, lead, hz)) in enumerate(CASES.items()):
             reach, place = reach_of(model.vehicle), folder / f"{number}"
@@ -106,13 +134,7 @@ def _c(precision: str, draws: int) -> Callable[[Path], Outcome]:
             settings = Settings(dt=0.005, max_evaluations=12)
             about = {"observer": hz, "observer_max": None if hz is None else 0.05 * float(reach.authority[3:].min())}
             made = wg.export_compensator(gp, model, place, settings, lead=lead, precision=precision, **about)  # type: ignore[arg-type]
-            most = [float(v) for v in made.correction_max]
-            words = [f"-DAUTHORITY={{{','.join(map(repr, reach.authority.tolist()))}}}"]
-            words += [f"-DCORRECTION_MAX={{{','.join(map(repr, most))}}}"]
-            words += [f"-DHOVER={model.vehicle.body.mass * GRAVITY!r}", f"-I{place}"]
-            program = place / "hammer"
-            sources = [str(Path(__file__).with_name("hammer.c")), str(place / "wrenchgap_compensator.c")]
-            subprocess.run([compiler, *FLAGS, *words, "-o", str(program), *sources, "-lm"], check=True)
+            program = _built(made, place, "hammer")
             count = max(1, draws // len(CASES))
             done = subprocess.run([str(program), str(count), str(number)], capture_output=True, text=True, check=False)
             if done.returncode:
@@ -231,5 +253,10 @@ ATTACKS = (
         slow=True,
     ),
     Attack("the same in single precision", BOUND, _c("float", DRAWS // 2), slow=True),
+    Attack(
+        "numbers of a `wg_memory`, and all of it, overwritten at random in flight, under sanitisers",
+        "finite, inside the vehicle's reach, correction within its stated bound",
+        _corrupted,
+    ),
     Attack("the same in Python, by `step`", BOUND, _python(6_000), slow=True),
 )

@@ -23,5 +23,10 @@ def test_an_option_that_there_is_not_is_refused_with_those_that_there_are():
 def test_options_read_back_from_their_json():
     asked = ReadOptions(topics={"imu": "/imu"}, between=[[3.0, 9.0]], accept=["weight"], budget="8GB")
     again = ReadOptions(**json.loads(json.dumps(asked.to_json())))
-    assert (again.topics, again.between, again.accept, again.budget) == ({"imu": "/imu"}, [[3.0, 9.0]], ["weight"], "8GB")
+    assert (again.topics, again.between, again.accept, again.budget) == (
+        {"imu": "/imu"},
+        [[3.0, 9.0]],
+        ["weight"],
+        "8GB",
+    )
     assert "budget" not in ReadOptions().to_json()
