@@ -220,9 +220,12 @@ def test_price_of_a_step_against_the_reference(known, times):
     for solver in ("newton", "lbfgs"):
         compensator = Compensator(model, Settings(dt=DT, solver=solver), physics=named)
         steps(compensator, 3)
-        started = process_time()
-        steps(compensator, 60)
-        took.append(process_time() - started)
+        runs = []
+        for _ in range(3):  # Python collects garbage in one of them
+            started = process_time()
+            steps(compensator, 60)
+            runs.append(process_time() - started)
+        took.append(min(runs))
     assert took[1] > times * took[0]
 
 
