@@ -18,24 +18,25 @@ from wrenchgap.flight.errors import UsageError
 
 
 @contextmanager
-def atomic(path: Path) -> Iterator[Path]:
+def atomic(path: Path, mode: int = 0o666) -> Iterator[Path]:
     """A temporary name to write to, in the same folder and with the same suffix; renamed to `path` at the end.
 
     A link is followed: what it points to is replaced, not the link. A file that is replaced keeps its permissions, and
-    meanwhile nobody reads the new one whom the old one kept out. Raises UsageError where the file system does not let
-    it be written, and for what is no ordinary file: a device or a pipe would be gone.
+    meanwhile nobody reads the new one whom the old one kept out; a new one has `mode` less the umask. Raises
+    UsageError where the file system does not let it be written, and for what is no ordinary file:
+    a device or a pipe would be gone.
     """
     target = path.resolve()
     if target.exists() and not target.is_file():
         raise UsageError(f"{path}: is no ordinary file; expected the name of a file to write")
     partial = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
     try:
-        mode = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
-        _create(partial, 0o666 if mode is None else mode | 0o200)
+        kept = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
+        _create(partial, mode if kept is None else kept | 0o200)
         yield partial
         _flushed(partial)
-        if mode is not None:
-            partial.chmod(mode)
+        if kept is not None:
+            partial.chmod(kept)
         partial.replace(target)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None

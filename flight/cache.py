@@ -2,13 +2,15 @@
 
 A kept flight is found again by what it was made of: the log's content, the mapping of topics, and the source of this
 package; whoever changes any of them reads the log anew. A file is arrays and JSON in a zip; loading it runs no code.
-What cannot be written or read is not kept, and that is all that happens.
+What cannot be written or read is not kept, and that is all that happens. Nobody else reads what
+is kept: the log may be private.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from functools import lru_cache
@@ -49,6 +51,7 @@ def load(
     asked = json.dumps([digest, *said, path.name, _source()], sort_keys=True)
     file = folder() / f"{hashlib.sha256(asked.encode()).hexdigest()[:32]}.npz"
     try:
+        _make_private(file.parent)
         found = _unpacked(file, path)
         file.touch()
     except Exception:  # whatever is wrong with what was kept, the log itself is there
@@ -60,8 +63,9 @@ def load(
 def _keep(found: Flight, file: Path) -> None:
     """Write a flight, whole or not at all, and make room for it."""
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with atomic(file) as partial, partial.open("wb") as stream:
+        _make_private(file.parent)
+        file.unlink(missing_ok=True)  # also a link, or a file that others may read: `atomic` would keep both
+        with atomic(file, 0o600) as partial, partial.open("wb") as stream:
             np.savez(stream, **_packed(found))
         left = BYTES
         for old in sorted(file.parent.glob("*.npz"), key=lambda p: p.stat().st_mtime, reverse=True):
@@ -70,6 +74,19 @@ def _keep(found: Flight, file: Path) -> None:
                 old.unlink()
     except (OSError, UsageError):
         return
+
+
+def _make_private(folder: Path) -> None:
+    """A folder that is ours and that nobody else enters; raises OSError for a link and a folder of another user."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if os.name == "posix":  # elsewhere the user's folders are private already
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        try:
+            if os.fstat(descriptor).st_uid != os.geteuid():
+                raise PermissionError(f"{folder}: is of another user")
+            os.fchmod(descriptor, 0o700)
+        finally:
+            os.close(descriptor)
 
 
 def _packed(found: Flight) -> dict[str, Any]:

@@ -2,14 +2,17 @@
 
 viser's client is a program that runs at whoever has the link, so what arrives is whatever he likes: viser would set any
 attribute of a control to any value, keep uploads of any size, and open a tunnel to a public server when asked. Here a
-message has a known type with exactly its fields, a control is one that is seen and gets a value that it offers.
+message has a known type with exactly its fields, and nothing else is ever built; a control is one that is seen and gets
+a value that it offers.
 """
 
 from __future__ import annotations
 
 import math
+import operator
 import time
 from collections.abc import Callable, Mapping
+from functools import reduce
 from typing import Any
 
 import msgspec
@@ -91,6 +94,31 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
     },
 }
 """The messages that mean something to this page, and what their fields hold. viser knows a dozen more."""
+_updates = msgspec.defstruct("Updates", [("value", bool | float | str)], forbid_unknown_fields=True)
+TYPES: Mapping[str, Any] = {
+    "wxyz": tuple[float, float, float, float],
+    **dict.fromkeys(("position", "look_at", "up_direction"), tuple[float, float, float]),
+    **dict.fromkeys(("fov", "near", "far"), float),
+    **dict.fromkeys(("image_height", "image_width", "part_count", "size_bytes", "part_index"), int),
+    **dict.fromkeys(("payload", "content"), bytes),
+    "updates": _updates,
+}
+"""Of fields that are no text."""
+_shapes: Any = reduce(
+    operator.or_,
+    (
+        msgspec.defstruct(
+            kind,
+            [(name, TYPES.get(name, str)) for name in fields],
+            tag_field="type",
+            tag=kind,
+            forbid_unknown_fields=True,
+        )
+        for kind, fields in FIELDS.items()
+    ),
+)
+_shaped = msgspec.msgpack.Decoder(_shapes)
+"""Refuses at the first byte that fits no message: 16 MB of empty maps would be built as 1.2 GB of objects."""
 
 
 INPUTS = (
@@ -146,6 +174,7 @@ class Inbox:
         if isinstance(raw, str):
             return False
         try:
+            _shaped.decode(raw)
             message = msgspec.msgpack.decode(raw)
         except (msgspec.MsgspecError, RecursionError, ValueError):
             return False

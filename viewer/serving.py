@@ -29,6 +29,7 @@ import viser
 import zstandard
 from websockets.asyncio import server as websockets
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.viewer.gate import Gate, Refusal
@@ -38,6 +39,8 @@ PORTS = 20
 """Ports that are tried, one after the other."""
 CLIENTS = 32
 """Pages open at a time: each costs the server a copy of everything that is drawn."""
+HANDSHAKES = 64
+"""Connections at a time that are no page (yet); of more, those that came first are ended."""
 QUEUED = 4
 """Messages of one client that wait to be read."""
 SUPPORTED = "viser>=1.1,<1.2"
@@ -53,7 +56,8 @@ def serve(host: str, port: int) -> tuple[Any, Gate]:
     Raises UsageError where it cannot listen, and for a viser that cannot be guarded.
     """
     port = free_port(host, port)
-    logging.getLogger("websockets.server").addFilter(_no_handshakes)
+    for name in ("websockets.server", "asyncio"):
+        logging.getLogger(name).addFilter(_no_strangers)
     gate, found = Gate(host, own_scripts()), _Controls()
     with _starting, _guarded(gate, found) as guarded, redirect_stdout(io.StringIO()):  # viser announces itself
         server = viser.ViserServer(host=host, port=port, label="wrenchgap", verbose=False)
@@ -128,6 +132,12 @@ class _Connection(websockets.ServerConnection):
         super().__init__(*given, **options)
         self._inbox = inbox
 
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        strangers = [one for one in self.server.handlers if one.state is not State.OPEN]
+        for oldest in strangers[:-HANDSHAKES]:  # not the newest: who idles keeps nobody out
+            oldest.transport.abort()
+
     async def recv(self, decode: bool | None = None) -> Any:
         while True:
             raw = await super().recv(decode)
@@ -148,6 +158,7 @@ def _guarded(gate: Gate, controls: Callable[[str], Any]) -> Iterator[list[bool]]
         options |= {
             "process_request": _checked(gate, process_request),
             "create_connection": lambda *given, **more: _Connection(*given, inbox=Inbox(controls), **more),
+            "compression": None,  # bytes that were sent are those that arrive
             "max_size": LARGEST_MESSAGE,
             "max_queue": QUEUED,
             "server_header": None,
@@ -183,6 +194,9 @@ def _checked(gate: Gate, answer: Callable[..., Response | None]) -> Callable[...
     return process
 
 
-def _no_handshakes(record: logging.LogRecord) -> bool:
-    """What is no GET, e.g. `curl -I` or a port scan, is refused by websockets, which says so with two tracebacks."""
-    return record.getMessage() != "opening handshake failed"
+def _no_strangers(record: logging.LogRecord) -> bool:
+    """Whether a record is not about who has no page: each has a traceback, and whoever reaches the port makes them.
+
+    What is no GET, e.g. `curl -I` or a port scan, is refused; without a free file descriptor, accept waits a second.
+    """
+    return not record.getMessage().startswith(("opening handshake failed", "socket.accept() out of system resource"))

@@ -1,5 +1,6 @@
 """A kept flight is the flight; whatever changes makes it be read anew; a damaged file is no disaster."""
 
+import os
 from dataclasses import fields
 
 import numpy as np
@@ -93,3 +94,38 @@ def test_channels_are_everything_in_the_log_on_its_clock(log):
     assert values == pytest.approx(found.imu.omega_B[:, 0])
     assert len([name for name in every if name.startswith("/command/actuators.velocity[")]) == 12
     assert not any("header" in name for name in every)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes")
+def test_nobody_else_reads_what_is_kept(log, reads):
+    """A log of 0600 was copied to 0644 in 0755; what an earlier version left so is tightened, also when it is read."""
+    kept = cache.folder()
+    kept.mkdir(parents=True)
+    kept.chmod(0o755)
+    cache.load(log)
+    (file,) = kept.glob("*.npz")
+    assert [path.stat().st_mode & 0o777 for path in (kept, file)] == [0o700, 0o600]
+    kept.chmod(0o755)
+    cache.load(log)
+    assert kept.stat().st_mode & 0o777 == 0o700
+    assert reads == [log]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+def test_no_link_is_followed(log, reads, tmp_path):
+    elsewhere, kept = tmp_path / "elsewhere", cache.folder()
+    elsewhere.mkdir(mode=0o755)
+    kept.parent.mkdir(parents=True)
+    kept.symlink_to(elsewhere)
+    cache.load(log)
+    assert not list(elsewhere.iterdir())
+    assert elsewhere.stat().st_mode & 0o777 == 0o755
+    kept.unlink()
+    cache.load(log)
+    (file,) = kept.glob("*.npz")
+    file.rename(tmp_path / "other")
+    (tmp_path / "other").write_text("mine")
+    file.symlink_to(tmp_path / "other")
+    cache.load(log)
+    assert (tmp_path / "other").read_text() == "mine"
+    assert not file.is_symlink()

@@ -1,5 +1,6 @@
 """What a client may send: the messages of a hand at the page pass, all others do not, and raise nothing."""
 
+import tracemalloc
 from types import SimpleNamespace
 
 import msgspec
@@ -169,3 +170,17 @@ def test_a_flood_waits_and_a_hand_does_not():
     for _ in range(700):  # ten seconds of 70 messages
         now.time += 1.0 / 70.0
         assert inbox.wait() == 0.0
+
+
+@pytest.mark.parametrize("inside", [b"", b"\x81\xa4type", b"\x82\xa4type\xb0GuiUpdateMessage\xa7updates\x81\xa5value"])
+@pytest.mark.parametrize("item", [b"\x80", b"\x90", b"\xc0"])
+def test_nothing_is_built_of_a_message_that_the_page_has_not(inbox, inside, item):
+    """16 MB of empty maps became 1.2 GB of objects before the message was refused."""
+    count = 1_000_000
+    raw = inside + b"\xdd" + count.to_bytes(4, "big") + item * count
+    tracemalloc.start()
+    try:
+        assert not inbox.admits(raw)
+        assert tracemalloc.get_traced_memory()[1] < 100_000
+    finally:
+        tracemalloc.stop()

@@ -1,6 +1,8 @@
 """viser behind the gate: what is served is guarded, and a viser that is built otherwise is not served at all."""
 
+import logging
 import re
+import socket
 import urllib.error
 import urllib.request
 
@@ -63,3 +65,37 @@ def test_viser_has_what_is_taken_from_its_private_parts():
         server.stop()
     assert re.match(r"1\.1\.", viser.__version__), serving.SUPPORTED
     assert len(own_scripts()) == 2
+
+
+def test_who_idles_without_the_link_takes_no_descriptors_and_keeps_nobody_out(caplog):
+    """1,100 idle connections used up the file descriptors: accept stopped, with tracebacks on the terminal."""
+    server, gate = serve("127.0.0.1", 0)
+    idle = []
+    try:
+        for _ in range(3 * serving.HANDSHAKES):
+            idle.append(socket.create_connection(("127.0.0.1", server.get_port()), timeout=5))
+        with urllib.request.urlopen(gate.url(server.get_port()), timeout=5) as answer:
+            assert b"<html" in answer.read(2000)
+        left = 0
+        for one in idle:
+            one.settimeout(0.01)
+            try:
+                one.recv(1)
+            except TimeoutError:
+                left += 1
+            except OSError:
+                pass
+        assert left <= serving.HANDSHAKES
+        assert not caplog.records
+    finally:
+        for one in idle:
+            one.close()
+        server.stop()
+
+
+def test_a_descriptor_that_cannot_be_had_is_no_traceback(caplog):
+    server, _ = serve("127.0.0.1", 0)
+    server.stop()
+    logging.getLogger("asyncio").error("socket.accept() out of system resource\nsocket: x")
+    logging.getLogger("asyncio").error("another")
+    assert [record.message for record in caplog.records] == ["another"]
