@@ -94,7 +94,7 @@ def test_explain_is_ended_at_any_moment(tmp_path, number, group):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="ended from outside where there is a fork")
-def test_a_command_inside_one_long_call_into_c_is_ended_from_outside(tmp_path, monkeypatch):
+def test_a_command_inside_one_long_call_into_c_is_ended_from_outside(tmp_path):
     code = "from wrenchgap import _signals; _signals.OUTSIDE = 0.3; _signals.catch(); "
     code += "from itertools import chain; inside = map(lambda _: print('in C', flush=True) or 0, [0]); "
     code += "sum(chain(inside, range(10**13)))"  # hours that hold Python's lock
