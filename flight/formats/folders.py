@@ -24,6 +24,8 @@ JOINED = 5.0
 """Files whose times follow within this [s] are one recording."""
 OVERLAP = 1.0
 """By so much [s] the next file of a recording may begin before the last one ends."""
+TABLES = ("messages", "topics", "message_definitions")
+"""Of a ROS 2 bag in SQLite; older ones have no definitions."""
 STEPS = 100_000
 """Of a query, after which the time is looked at."""
 COPIES, LONGEST = 8, 10**9
@@ -112,22 +114,16 @@ def bag_database(path: Path, account: Account) -> sqlite3.Connection:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(account.memory / COPIES, LONGEST)))
         database.set_progress_handler(lambda: _over_time(account), STEPS)
         database.text_factory = lambda text: text.decode(errors="replace")
-        tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not {"messages", "topics"} <= tables:
+        kinds = dict(database.execute(f"SELECT name, type FROM sqlite_master WHERE name IN {TABLES}"))
+        if not {"messages", "topics"} <= kinds.keys() or set(kinds.values()) != {"table"}:
             raise sqlite3.DatabaseError("no tables messages and topics")
-        for name in ("messages", "topics", "message_definitions"):
+        for name in kinds:
             if any(hidden for *_, hidden in database.execute(f"PRAGMA table_xinfo({name})")):
                 raise sqlite3.DatabaseError(f"columns of {name} are computed")
-        if "message_definitions" not in tables and _is_there(database, "message_definitions"):
-            raise sqlite3.DatabaseError("message_definitions is no table")
     except BaseException:
         database.close()
         raise
     return database
-
-
-def _is_there(database: sqlite3.Connection, name: str) -> bool:
-    return database.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (name,)).fetchone() is not None
 
 
 def _over_time(account: Account) -> bool:

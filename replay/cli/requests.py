@@ -48,14 +48,11 @@ class Reading:
         )
 
 
-@dataclass(frozen=True)
 class Omit:
     """Of a group of options, those that a command has not: `Annotated[Reading, Omit("cutoff")]`."""
 
-    names: tuple[str, ...]
-
     def __init__(self, *names: str) -> None:
-        object.__setattr__(self, "names", names)
+        self.names = names
 
 
 @dataclass

@@ -18,7 +18,7 @@ from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.c_lines import Code, Own, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
 from wrenchgap.replay.export.observer import observer_context
-from wrenchgap.replay.export.records import LONGEST
+from wrenchgap.replay.export.records import LONGEST, record_type
 
 _FIELDS = (("position_E", 0, 3), ("quat_EB", 3, 4), ("velocity_E", 7, 3), ("omega_B", 10, 3), ("time", 13, 1))
 STATE_FIELDS = (*_FIELDS, ("voltage", 14, 1))
@@ -102,7 +102,7 @@ def _state_size(plan: Plan, observed: dict[str, Any] | None) -> dict[str, int]:
         follows = bool(observed["follow"])
         numbers += 3 * (2 + int(observed["asked"]) + 2 * follows)
         counts += 2 + follows
-    if (size := 28 + 8 * (57 + numbers) + 4 * (3 + counts)) > LONGEST:
+    if (size := record_type(8, numbers, counts).itemsize) > LONGEST:
         raise UsageError(
             f"export: a delay of commands is remembered period by period, and a state of {numbers} numbers makes "
             f"records of {size:,} bytes, more than {LONGEST:,}; use a longer --dt, or --without command_delay"

@@ -34,6 +34,7 @@ from wrenchgap.replay.export.records import (
     export_id,
     read_records,
     record_type,
+    sizes_of,
 )
 
 WRENCHES = ("wrench_cmd", "correction", "optimum", "expected", "estimate")
@@ -172,7 +173,7 @@ def prove_flown(log: str | Path, folder: str | Path, *, budget: Budget | str | N
     kinds = {r[: HEAD.itemsize - 4] for r in own}
     if len(kinds) > 1:
         raise LogError(f"{path}: its records are of {len(kinds)} builds of one export; expected one; cut the log apart")
-    kind = record_type(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0])
+    kind = record_type(*sizes_of(np.frombuffer(own[0][: HEAD.itemsize], HEAD)[0]))
     flown = np.frombuffer(b"".join(own), kind)
     tolerances, made = _stepped(place, contents, own, PRECISION[int(flown["real"][0])], kind)
     return FlownExport(

@@ -61,13 +61,18 @@ def export_id(contents: Mapping[str, bytes]) -> str:
     return hashlib.sha256(b"".join(len(part).to_bytes(8) + part for part in parts)).hexdigest()[:16]
 
 
-def record_type(head: np.void) -> np.dtype[Any]:
-    """The type of a record with this head."""
-    real = f"<f{int(head['real'])}"
+def record_type(real_bytes: int, numbers: int, counts: int) -> np.dtype[Any]:
+    """The type of a record: bytes of a `wg_real`, and how many numbers and counts the state has."""
+    real = f"<f{real_bytes}"
     fields = [(name, real, (size,) if size > 1 else ()) for name, size in (INPUT | OUTPUT).items()]
-    fields += [("evaluations", "<i4", ()), ("status", "<i4", ()), ("state", real, (int(head["numbers"]),))]
-    fields += [("counts", "<i4", (int(head["wholes"]),)), ("sum", "<u4", ())]
+    fields += [("evaluations", "<i4", ()), ("status", "<i4", ()), ("state", real, (numbers,))]
+    fields += [("counts", "<i4", (counts,)), ("sum", "<u4", ())]
     return np.dtype([*HEAD.descr, *fields])
+
+
+def sizes_of(head: np.void) -> tuple[int, int, int]:
+    """What `record_type` asks, of the head of a record."""
+    return int(head["real"]), int(head["numbers"]), int(head["wholes"])
 
 
 def read_records(path: Path, budget: Budget | str | None = None) -> tuple[list[bytes], int]:
@@ -130,6 +135,6 @@ def _is_record(record: bytes, length: int) -> bool:
     if len(record) != length or length < HEAD.itemsize:
         return False
     head = np.frombuffer(record[: HEAD.itemsize], HEAD)[0]
-    if int(head["real"]) not in PRECISION or record_type(head).itemsize != length:
+    if int(head["real"]) not in PRECISION or record_type(*sizes_of(head)).itemsize != length:
         return False
     return zlib.adler32(record[:-4]) == int.from_bytes(record[-4:], "little")

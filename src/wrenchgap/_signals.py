@@ -91,14 +91,14 @@ def _watch(read: int, write: int, watched: int) -> None:
     os.close(write)
     for standard in (0, 1, 2):  # whoever reads the command's output must not wait for this process
         os.close(standard)
-    while told := os.read(read, 1):
-        if told[0] in SIGNALS:
+    while byte := os.read(read, 1):
+        if byte[0] in SIGNALS:
             break
     else:
         return
     end = time.monotonic() + OUTSIDE
-    while (left := end - time.monotonic()) > 0:
-        if select.select([read], [], [], left)[0] and not os.read(read, 64):
+    while (remaining := end - time.monotonic()) > 0:
+        if select.select([read], [], [], remaining)[0] and not os.read(read, 64):
             return
     os.kill(watched, signal.SIGKILL)
 

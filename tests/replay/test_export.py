@@ -224,9 +224,9 @@ def test_what_a_user_has_in_the_folder_stays(tmp_path):
     with pytest.raises(UsageError, match="holds selftest, which `export` did not write"):
         wg.export_compensator(None, model, folder, force=True)
     (folder / "selftest").rmdir()
-    saved = wg.save_model(model, folder / "own.toml")
-    with pytest.raises(UsageError, match="did not write"):
-        wg.export_compensator(None, saved, folder, force=True)
+    wg.save_model(model, tmp_path / "own.toml").path.rename(folder / "README.md")
+    with pytest.raises(UsageError, match=r"the model .*README\.md is in it"):
+        wg.export_compensator(None, wg.load_model(folder / "README.md"), folder, force=True)
 
 
 def test_a_build_that_notices_no_number_is_refused(tmp_path):
