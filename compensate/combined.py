@@ -27,7 +27,7 @@ from wrenchgap.compensate.compensator import REACH, Compensator, Result, wrench_
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.physics import HORIZON_MAX
 from wrenchgap.compensate.reach import reach_of
-from wrenchgap.compensate.step_row import IMPLAUSIBLE, plausible
+from wrenchgap.compensate.state_row import IMPLAUSIBLE, plausible
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.effects.lag import LagMemory, first_order

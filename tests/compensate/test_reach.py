@@ -8,7 +8,8 @@ from scipy.optimize import minimize
 
 import wrenchgap as wg
 from wrenchgap.compensate import Combined, Compensator, DisturbanceObserver, PhysicsMismatch, Settings
-from wrenchgap.compensate.reach import FAR, NEAR, SHARE, THRUST_TO_WEIGHT, reach_of
+from wrenchgap.compensate.kernels import FAR
+from wrenchgap.compensate.reach import NEAR, SHARE, THRUST_TO_WEIGHT, reach_of
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.plant.actuation import nominal_wrench
 from wrenchgap.plant.allocation import Allocation
