@@ -21,8 +21,6 @@ def _compiled(**options: Any) -> Callable[[F], F]:
 
 kernel = _compiled()
 """For Python alone."""
-external = _compiled()
-"""For functions that the exported code has in another form: the physics, as statements."""
 printed = _compiled()
 """Here and in the exported code."""
 sums = _compiled(fastmath={"reassoc", "contract", "nsz"})
@@ -57,6 +55,11 @@ def cube(numbers: Any, at: int, layers: int, rows: int, columns: int) -> tuple[A
     """As `vector`, (layers, rows, columns)."""
     size = layers * rows * columns
     return numbers[at : at + size].reshape((layers, rows, columns)), _end(at, size)
+
+
+def external(*writes: str) -> Callable[[F], F]:
+    """For functions that the exported code has in another form, which `writes` to these arguments: the physics."""
+    return kernel
 
 
 def replaced(by: F) -> Callable[[F], F]:

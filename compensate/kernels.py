@@ -10,6 +10,7 @@ change of `plant.tape_kernels` asks for one here.
 """
 
 # mypy: disable-error-code="no-any-return"
+# ruff: noqa: SIM110, no generators here
 # Long because it is the whole step: a file for each part would be compiled stale when another changes.
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from wrenchgap.compensate.tables import (
     Looked,
     Memory,
     Motion,
+    Observed,
+    Observer,
     Outputs,
     Points,
     Process,
@@ -39,6 +42,7 @@ from wrenchgap.compensate.tables import (
     Six,
     Square,
     Tape,
+    Three,
     Told,
 )
 from wrenchgap.flight.flight import Array
@@ -81,6 +85,19 @@ COMMAND, CORRECTED, FOUND, SIGMA, BETA, COST, EVALUATIONS, ACCEPTED, LIMITED, EX
 )
 """Places in a row of results; the mismatch expected before (L,) and after (L,) comes last. LIMITED: the vehicle
 cannot make what was asked for, or what was found."""
+
+
+@printed
+def clipped(value: float, low: float, high: float) -> float:
+    """The value within its limits; the lower one for what is no number."""
+    above = value if value >= low else low
+    return above if above <= high else high
+
+
+@printed
+def larger(a: float, b: float) -> float:
+    """The larger of two numbers."""
+    return a if a > b else b
 
 
 # -- what the vehicle can do (`compensate.reach`) --
@@ -137,13 +154,6 @@ def put_within(r: ReachTable, x: Limits) -> None:
     for k in range(len(r.low)):
         place = 2 * len(r.middle) + k
         x[place] = clipped(x[place], r.low[k], r.high[k])
-
-
-@printed
-def clipped(value: float, low: float, high: float) -> float:
-    """The value within its limits; the lower one for what is no number."""
-    above = value if value >= low else low
-    return above if above <= high else high
 
 
 @printed
@@ -230,7 +240,7 @@ def scaled(p: Process, xi: float, k: int, d: int) -> float:
 
 @printed
 def evaluate_kernel(p: Process, w: Room) -> None:
-    """exp(-1/2 |q - p_n|^2) at the inputs w.xi, in w.values (L, N), with their weighted sums; kept while they stay."""
+    """exp(-1/2 |q - p_n|^2) at the inputs w.xi, in w.values (L, N), with their weighted sums; not anew where they stay."""
     same = True
     for d in range(len(w.xi)):
         same = same and w.at[d] == w.xi[d]
@@ -272,7 +282,9 @@ def process_slope(p: Process, g: Gate, w: Room, slope: Square) -> None:
             w.white[n] = row[n] * p.alpha[k, n]
         for i in range(len(w.sums)):
             d = g.rows[i]
-            part = (dot(w.white, p.points[k, d], len(row)) - scaled(p, w.xi[d], k, d) * w.sums[k]) / p.lengthscales[k, d]
+            part = (dot(w.white, p.points[k, d], len(row)) - scaled(p, w.xi[d], k, d) * w.sums[k]) / p.lengthscales[
+                k, d
+            ]
             slope[k, i] = p.output_scale[k] / p.input_scale[d] * (p.coefficients[k, d + 1] + p.signal[k] * part)
 
 
@@ -297,7 +309,7 @@ def process_std(p: Process, g: Gate, w: Room) -> None:
 # -- the physics, a tape --
 
 
-@external
+@external("fixed")
 def physics_fixed(tape: Tape, told: Told, fixed: Array) -> None:
     """Work out what no correction changes."""
     for i in range(len(tape.inputs)):
@@ -305,7 +317,7 @@ def physics_fixed(tape: Tape, told: Told, fixed: Array) -> None:
     evaluate(tape, 0, tape.split)
 
 
-@external
+@external("mean", "slope")
 def physics_moving(tape: Tape, fixed: Array, command: Outputs, mean: Outputs, slope: Square) -> None:
     """Mismatch (L,) of the corrected components (L,) of a command, and its derivatives (L, L)."""
     for i in range(len(tape.free)):
@@ -317,7 +329,7 @@ def physics_moving(tape: Tape, fixed: Array, command: Outputs, mean: Outputs, sl
             slope[i, j] = tape.tangent[tape.results[i], j]
 
 
-@external
+@external("actuators")
 def physics_sent(tape: Tape, told: Told, actuators: Actuators) -> None:
     """Where a command brings the actuators."""
     for i in range(len(tape.inputs)):
@@ -454,12 +466,6 @@ def standing_still(g: Gate, w: Room) -> bool:
 
 
 @printed
-def larger(a: float, b: float) -> float:
-    """The larger of two numbers."""
-    return a if a > b else b
-
-
-@printed
 def newton(c: Compensation, w: Room, process: bool) -> float:
     """Search from w.start within the box of w.low and w.high; the best point in w.x, its cost is returned.
 
@@ -499,11 +505,11 @@ def newton(c: Compensation, w: Room, process: bool) -> float:
             w.hard[0] = 1
         if standing_still(g, w):
             break
-        new = residual(c, w, w.trial, process)
+        after = residual(c, w, w.trial, process)
         used += 1
-        if new < cost:
-            stalled = cost - new <= g.stalled * cost
-            cost = new
+        if after < cost:
+            stalled = cost - after <= g.stalled * cost
+            cost = after
             damping = 0.1 * damping if damping > 1e-9 * trace else 0.0
             for i in range(count):
                 w.x[i] = w.trial[i]
@@ -657,11 +663,14 @@ def mismatch(c: Compensation, w: Room, wrench: Six, found: Outputs) -> None:
     for i in range(len(found)):
         found[i] = 0.0
         w.command[i] = wrench[c.gate.rows[i]]
+    for i in range(6):
+        w.told[i] = wrench[i]
     if c.gate.has_process != 0:
         for i in range(6):
             w.xi[i] = wrench[i]
         process_mean(c.process, w, found)
     if c.gate.has_physics != 0:
+        physics_fixed(c.physics, w.told, w.fixed)
         physics_moving(c.physics, w.fixed, w.command, w.mean, w.slope)
         for i in range(len(found)):
             found[i] += w.mean[i]
@@ -745,7 +754,7 @@ def refuse(m: Memory, w: Room, out: Row) -> None:
 
 
 @printed
-def step(c: Compensation, m: Memory, w: Room, wrench: Six, state: Motion, out: Row) -> int:
+def period(c: Compensation, m: Memory, w: Room, wrench: Six, state: Motion, out: Row) -> int:
     """One period, from the desired wrench to a row of results."""
     for i in range(6):
         w.wrench[i] = wrench[i]
@@ -760,6 +769,79 @@ def step(c: Compensation, m: Memory, w: Room, wrench: Six, state: Motion, out: R
     return DONE
 
 
+# -- the momentum observer (`compensate.observer` has the equations) --
+
+
+@printed
+def torque_made(o: Observer, s: Observed, axis: int) -> float:
+    """The torque about an axis that the vehicle is taken to make now, late and with a lag, of those asked for [Nm]."""
+    sent = (1.0 - o.late_part) * s.asked[o.late, axis] + o.late_part * s.asked[o.late + 1, axis]
+    made = sent
+    if s.following[0] != 0:
+        made = o.follow_a[axis] * s.made[axis] + o.follow_b0[axis] * s.sent_before[axis] + o.follow_b1[axis] * sent
+    s.sent_before[axis] = sent
+    s.made[axis] = made
+    return made
+
+
+@printed
+def observe(o: Observer, s: Observed, omega: Three) -> None:
+    """The estimate from the body rates [rad/s]: d_hat = k [L - integral (H(M_asked) - omega x L + d_hat) dt], bounded.
+
+    Where the change of the rates asks for a torque beyond `jump`, no vehicle turns like that: the estimate is held.
+    """
+    for i in range(3):
+        s.momentum[i] = 0.0
+        for j in range(3):
+            s.momentum[i] += o.inertia[i, j] * omega[j]
+    if s.watching[0] != 0:
+        motion = True
+        for i in range(3):
+            j = (i + 1) % 3
+            k = (i + 2) % 3
+            turning = omega[j] * s.momentum[k] - omega[k] * s.momentum[j]
+            change = o.dt * (torque_made(o, s, i) - turning + s.estimate[i])
+            s.found[i] = o.gain * (s.momentum[i] - s.integral[i] - change)
+            torque = s.estimate[i] + (s.found[i] - s.estimate[i]) / (o.gain * o.dt)
+            motion = motion and abs(torque) <= o.jump[i]
+        s.following[0] = 1
+        if not motion:
+            s.watching[0] = 0
+            s.following[0] = 0
+            return
+        for i in range(3):
+            s.estimate[i] = clipped(s.found[i], -o.torque_max[i], o.torque_max[i])
+    for i in range(3):
+        s.integral[i] = s.momentum[i] - s.estimate[i] / o.gain  # beyond the bounds it would wind up
+    s.watching[0] = 1
+
+
+@printed
+def remember_asked(s: Observed, torque: Three) -> None:
+    """Remember the torque that the vehicle is to make; the first counts for all before it."""
+    for k in range(len(s.asked) - 1, -1, -1):
+        for i in range(3):
+            s.asked[k, i] = s.asked[k - 1, i] if k > 0 and s.asking[0] != 0 else torque[i]
+    s.asking[0] = 1
+
+
+@printed
+def stop_watching(s: Observed) -> None:
+    """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
+    s.watching[0] = 0
+    s.asking[0] = 0
+    s.following[0] = 0
+
+
+@printed
+def estimate_kept(o: Observer, s: Observed) -> bool:
+    """Whether the estimate is within its bounds, as `observe` leaves it."""
+    for i in range(3):
+        if not abs(s.estimate[i]) <= o.torque_max[i]:
+            return False
+    return True
+
+
 # -- for Python alone --
 
 
@@ -772,7 +854,7 @@ def _advance(
     for k in range(len(wrenches)):
         for i in range(len(flat)):
             before[i] = flat[i]
-        said = step(c, m, w, wrenches[k], states[k], out[k])
+        said = period(c, m, w, wrenches[k], states[k], out[k])
         if said == HANDED_BACK:
             for i in range(len(flat)):
                 flat[i] = before[i]
@@ -848,3 +930,15 @@ def is_inside(r: ReachTable, w: ReachRoom, wrench: Array) -> bool:
 def is_plausible(looked: Looked, state: Array) -> bool:
     """`plausible`, for Python."""
     return plausible(looked, state)
+
+
+@kernel
+def watch(o: Observer, s: Observed, omega: Array) -> None:
+    """`observe`, for Python."""
+    observe(o, s, omega)
+
+
+@kernel
+def ask(s: Observed, torque: Array) -> None:
+    """`remember_asked`, for Python."""
+    remember_asked(s, torque)

@@ -51,7 +51,7 @@ def views_module() -> str:
     """The text of `compensate.generated.views`."""
     head = (
         '"""Printed by `make generated` from `compensate.tables`; not to be edited."""\n\n'
-        '# mypy: ignore-errors\n# ruff: noqa\n# fmt: off\n\n'
+        "# mypy: ignore-errors\n# ruff: noqa\n# fmt: off\n\n"
         "from wrenchgap.compensate import tables as t\n"
         "from wrenchgap.compensate.compiling import cube, matrix, opening, vector\n\n\n"
         "@opening\ndef opened(numbers, counts):\n"

@@ -205,6 +205,43 @@ class Room(NamedTuple):
     hard: Count
 
 
+class Observer(NamedTuple):
+    """Constants of a momentum observer (`compensate.combined`).
+
+    gain k [rad/s], dt [s]; inertia (3, 3) [kg m^2]; torque_max (3,) largest estimate, jump (3,) torque beyond which a
+    change of the rates is no motion [Nm]; late, late_part the delay, in periods; follow_a, b0, b1 (3,) the lag
+    """
+
+    inertia: Annotated[Array, 3, 3]
+    torque_max: Three
+    jump: Three
+    follow_a: Three
+    follow_b0: Three
+    follow_b1: Three
+    gain: float
+    dt: float
+    late_part: float
+    late: int
+
+
+class Observed(NamedTuple):
+    """What an observer remembers: its estimate and integral, torques asked for, what the lag has made of them.
+
+    momentum and found are room to work in.
+    """
+
+    estimate: Three
+    integral: Three
+    asked: Annotated[Array, "WG_ASKED", 3]
+    made: Three
+    sent_before: Three
+    momentum: Three
+    found: Three
+    watching: Flag
+    asking: Flag
+    following: Flag
+
+
 class Everything(NamedTuple):
     """All that a step is handed."""
 

@@ -1,16 +1,22 @@
 """Print what is generated from other source, and write it where it belongs: `make generated`.
 
-    python scripts/generate.py            # writes
-    python scripts/generate.py --check    # fails where a file is not what would be written
+python scripts/generate.py            # writes
+python scripts/generate.py --check    # fails where a file is not what would be written
 """
 
 import sys
 from pathlib import Path
 
+from wrenchgap.compensate import kernels
+from wrenchgap.compensate.c_printer import memory_text, period_text
 from wrenchgap.compensate.packing import views_module
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = {"compensate/generated/views.py": views_module}
+FILES = {
+    "compensate/generated/views.py": views_module,
+    "compensate/generated/period.c": lambda: period_text(kernels),
+    "compensate/generated/memory.h": memory_text,
+}
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ import pytest
 
 from wrenchgap.compensate import PhysicsMismatch
 from wrenchgap.compensate.compiled import as_lines, differentiate, evaluate
-from wrenchgap.compensate.physics_program import rows_of, trace, untraceable
+from wrenchgap.compensate.state_row import rows_of, trace, untraceable
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import model_file
