@@ -32,8 +32,9 @@ CALLS = {
     "abs": "wg_fabs",
     "math.isfinite": "isfinite",
     "math.isinf": "isinf",
+    "math.isnan": "isnan",
 }
-TRUTHS = ("isfinite", "isinf")
+TRUTHS = ("isfinite", "isinf", "isnan")
 OPERATORS: dict[type, tuple[str, int]] = {
     ast.Mult: ("*", 5), ast.Div: ("/", 5), ast.Mod: ("%", 5), ast.Add: ("+", 4), ast.Sub: ("-", 4),
     ast.Lt: ("<", 3), ast.LtE: ("<=", 3), ast.Gt: (">", 3), ast.GtE: (">=", 3), ast.Eq: ("==", 3), ast.NotEq: ("!=", 3),
@@ -407,7 +408,7 @@ class _Body:
         return f"wg_{name}({', '.join(given)})", kind, ATOM
 
 
-OBSERVING = ("torque_made", "observe", "remember_asked", "stop_watching", "estimate_kept")
+OBSERVING = ("torque_made", "observe", "remember_asked", "stop_watching", "take_back", "estimate_kept")
 """Functions that only an observer needs."""
 
 

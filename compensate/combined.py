@@ -49,10 +49,10 @@ class Combined:
     torque_max    (3,) largest estimate [Nm]; by default three times the largest mismatch that the process has seen, and
                   half of the vehicle's authority, which is never exceeded, on axes where there is none
 
-    Asked for and commanded is what the vehicle can make (`compensate.reach`). In a period in which that is not what was
-    wanted, the observer goes on with what is made instead: an estimate that was held would never leave again where it
-    makes every demand unreachable. Over a period without numbers, and over one whose change of rate would take `JUMP`
-    authorities (no vehicle turns like that, but a sensor that fails reads so), the estimate is held.
+    Asked for and commanded is what the vehicle can make (`compensate.reach`). The estimate is held, and nothing else is
+    remembered, over a period in which it cannot, over one without numbers, and over one whose change of rate would take
+    `JUMP` authorities: no vehicle turns like that, but a sensor that fails reads so. Where the vehicle could make the
+    demand alone, the estimate gives up what stood in the way: else it would make every demand unreachable for ever.
     """
 
     def __init__(
@@ -165,29 +165,25 @@ class Combined:
         if not known:
             self._hold()
             return Result(asked, -observed, -observed, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
-        made, torque = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True), asked[3:]
+        made = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
         if self.feedforward is not None:
             made = self.feedforward.step(asked, state)
-            torque = self._expected_torque(asked, made)
-            made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
-        kernels.ask(self._observed, np.array(torque))
-        if self.feedforward is not None and limited:
+        if limited or made.limited:
+            correction = np.zeros(len(AXES)) if self.feedforward is None else made.correction
+            self.reach.take_back(self._observed, wrench, made.wrench_cmd, correction)
+        elif math.isfinite(made.cost):
+            kernels.remember(self._observed, np.array(asked[3:]))
+        else:
+            self._hold()
+        if limited and self.feedforward is not None:
             self.feedforward.forget()
+        if self.feedforward is not None:
+            made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
         return replace(made, limited=limited or made.limited)
-
-    def _expected_torque(self, asked: Array, made: Result) -> Array:
-        """What the vehicle is to make (3,): what was asked for, or where it cannot, what the nearest command brings."""
-        assert self.feedforward is not None
-        if not made.limited:
-            return asked[3:]
-        wrench = made.wrench_cmd.copy()
-        wrench[output_indices(self.feedforward.model.outputs)] += self.feedforward.expected(made.wrench_cmd)
-        return wrench[3:]
 
     def _hold(self) -> None:
         """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
-        for flag in (self._observed.watching, self._observed.asking, self._observed.following):
-            flag[0] = 0.0
+        kernels.stop(self._observed)
         if self.feedforward is not None:
             self.feedforward.forget()
 

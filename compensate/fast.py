@@ -172,7 +172,7 @@ def process_of(expansion: Expansion) -> Process:
     return Process(**arrays, triangular=int(e.triangular))
 
 
-def _tape(program: Program | None, outputs: int) -> Tape:
+def tape_of(program: Program | None, outputs: int) -> Tape:
     """Arrays of a program; empty ones where there is none."""
     none = np.zeros(0, dtype=np.int64)
     if program is None:
@@ -190,7 +190,7 @@ def compensation_of(made: Plan) -> Compensation:
     nothing = straight_line((), np.zeros(outputs), np.zeros((outputs, len(AXES))), np.zeros(outputs))
     process = process_of(nothing if made.expansion is None else made.expansion)
     mismatch, sent = (None, None) if made.physics is None else (made.physics.mismatch, made.physics.sent)
-    return Compensation(made.reach.table, process, made.gate, _tape(mismatch, outputs), _tape(sent, outputs))
+    return Compensation(made.reach.table, process, made.gate, tape_of(mismatch, outputs), tape_of(sent, outputs))
 
 
 class Stepper:

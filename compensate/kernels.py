@@ -240,7 +240,7 @@ def scaled(p: Process, xi: float, k: int, d: int) -> float:
 
 @printed
 def evaluate_kernel(p: Process, w: Room) -> None:
-    """exp(-1/2 |q - p_n|^2) at the inputs w.xi, in w.values (L, N), with their weighted sums; not anew where they stay."""
+    """exp(-1/2 |q - p_n|^2) at the inputs w.xi, in w.values (L, N), with their weighted sums."""
     same = True
     for d in range(len(w.xi)):
         same = same and w.at[d] == w.xi[d]
@@ -643,7 +643,7 @@ def pass_gate(g: Gate, std: Outputs, m: Memory, wrench: Six, out: Row) -> None:
     for i in range(len(std)):
         if g.watched[i] != 0:
             normal = (std[i] - g.offset[i]) / g.scale[i]
-            if not normal <= sigma:
+            if not (normal <= sigma or math.isnan(sigma)):
                 sigma = normal
     beta = 0.0 if math.isinf(g.threshold) else 1.0 / (1.0 + math.exp(-g.kappa * (sigma - g.threshold)))
     if not math.isfinite(sigma):
@@ -834,6 +834,24 @@ def stop_watching(s: Observed) -> None:
 
 
 @printed
+def take_back(r: ReachTable, w: ReachRoom, s: Observed, wanted: Six, command: Six, correction: Six) -> None:
+    """Take from the estimate what the vehicle could not make of it, for a demand that it can make; at most all of it.
+
+    An estimate that was held as it is would make every demand unreachable for ever.
+    """
+    for i in range(6):
+        w.shares[i] = wanted[i] / r.authority[i]
+    if not inside(r, w.shares, w.x):
+        return
+    for i in range(3):
+        left = wanted[3 + i] + correction[3 + i] - command[3 + i]
+        if s.estimate[i] >= 0.0:
+            s.estimate[i] = clipped(left, 0.0, s.estimate[i])
+        else:
+            s.estimate[i] = clipped(left, s.estimate[i], 0.0)
+
+
+@printed
 def estimate_kept(o: Observer, s: Observed) -> bool:
     """Whether the estimate is within its bounds, as `observe` leaves it."""
     for i in range(3):
@@ -939,6 +957,19 @@ def watch(o: Observer, s: Observed, omega: Array) -> None:
 
 
 @kernel
-def ask(s: Observed, torque: Array) -> None:
+def remember(s: Observed, torque: Array) -> None:
     """`remember_asked`, for Python."""
     remember_asked(s, torque)
+
+
+@kernel
+def stop(s: Observed) -> None:
+    """`stop_watching`, for Python."""
+    stop_watching(s)
+
+
+@kernel
+def limit(r: ReachTable, w: ReachRoom, s: Observed, wanted: Array, command: Array, correction: Array) -> None:
+    """`take_back` and `stop_watching`, for Python."""
+    take_back(r, w, s, wanted, command, correction)
+    stop_watching(s)

@@ -30,7 +30,7 @@ from functools import lru_cache
 import numpy as np
 
 from wrenchgap.compensate import kernels
-from wrenchgap.compensate.tables import ReachRoom, ReachTable
+from wrenchgap.compensate.tables import Observed, ReachRoom, ReachTable
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
@@ -74,6 +74,11 @@ class Reach:
     def inside(self, wrench: Array) -> bool:
         """Whether the vehicle makes this wrench (6,) with no limit met; False for what is not finite."""
         return bool(kernels.is_inside(self.table, self._room, np.array(wrench, dtype=float)))
+
+    def take_back(self, observed: Observed, wanted: Array, command: Array, correction: Array) -> None:
+        """What an observer does behind a period in which its vehicle could not make what it was to (`kernels`)."""
+        given = (np.array(values, dtype=float) for values in (wanted, command, correction))
+        kernels.limit(self.table, self._room, observed, *given)
 
     def nearest(self, wrench: Array) -> tuple[Array, bool]:
         """The reachable wrench (6,) nearest to one of numbers that are no nan, and whether it is another."""

@@ -265,7 +265,7 @@ static wg_real wg_scaled(wg_real xi, int k, int d)
     return (xi - wg_process_input_mean[d]) / wg_process_input_scale[d] / wg_process_lengthscales[k][d];
 }
 
-/* exp(-1/2 |q - p_n|^2) at the inputs w.xi, in w.values (L, N), with their weighted sums; not anew where they stay. */
+/* exp(-1/2 |q - p_n|^2) at the inputs w.xi, in w.values (L, N), with their weighted sums. */
 static void wg_evaluate_kernel(wg_room *w)
 {
     int same;
@@ -765,7 +765,7 @@ static void wg_pass_gate(const wg_real *std, wg_memory *m, const wg_real *wrench
     for (int i = 0; i < WG_OUTPUTS; i++) {
         if (wg_watched[i] != 0) {
             normal = (std[i] - wg_offset[i]) / wg_scale[i];
-            if (!(normal <= sigma)) {
+            if (!(normal <= sigma || isnan(sigma))) {
                 sigma = normal;
             }
         }
@@ -993,6 +993,27 @@ static void wg_stop_watching(wg_memory *s)
     s->watching = 0;
     s->asking = 0;
     s->following = 0;
+}
+
+/* Take from the estimate what the vehicle could not make of it, for a demand that it can make; at most all of it. An
+ * estimate that was held as it is would make every demand unreachable for ever. */
+static void wg_take_back(wg_reach_room *w, wg_memory *s, const wg_real *wanted, const wg_real *command, const wg_real *correction)
+{
+    wg_real left;
+    for (int i = 0; i < 6; i++) {
+        w->shares[i] = wanted[i] / wg_reach_authority[i];
+    }
+    if (!wg_inside(w->shares, w->x)) {
+        return;
+    }
+    for (int i = 0; i < 3; i++) {
+        left = wanted[3 + i] + correction[3 + i] - command[3 + i];
+        if (s->estimate[i] >= WG(0.0)) {
+            s->estimate[i] = wg_clipped(left, WG(0.0), s->estimate[i]);
+        } else {
+            s->estimate[i] = wg_clipped(left, s->estimate[i], WG(0.0));
+        }
+    }
 }
 
 /* Whether the estimate is within its bounds, as observe leaves it. */
