@@ -261,7 +261,12 @@ class _Body:
         if isinstance(node, ast.Break | ast.Continue):
             return [f"{pad}{'break' if isinstance(node, ast.Break) else 'continue'};"]
         if isinstance(node, ast.For):
-            return [f"{pad}{self._head(node)} {{", *self.block(node.body, depth + 1), f"{pad}}}"]
+            name = ast.unparse(node.target)
+            if name in self.declared:
+                raise Unprintable(node, f"{name} counts a loop, and is a number outside of it")
+            lines = [f"{pad}{self._head(node)} {{", *self.block(node.body, depth + 1), f"{pad}}}"]
+            del self.known[name]  # in C it is known in the loop alone
+            return lines
         if isinstance(node, ast.If):
             lines = [f"{pad}if ({self.plain(node.test)}) {{", *self.block(node.body, depth + 1)]
             if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):

@@ -939,6 +939,7 @@ static wg_real wg_torque_made(wg_memory *s, int axis)
 static void wg_observe(wg_memory *s, const wg_real *omega)
 {
     int motion;
+    int j;
     int k;
     wg_real turning;
     wg_real change;
