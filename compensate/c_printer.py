@@ -159,7 +159,8 @@ class Printer:
                 changed = changed or len(one.written) > before
 
     def _written_in(self, one: Function) -> set[str]:
-        found = {argument.value for d in one.node.decorator_list if _called(d) == "external" for argument in d.args}
+        calls = [d for d in one.node.decorator_list if isinstance(d, ast.Call) and _called(d) == "external"]
+        found = {str(ast.literal_eval(argument)) for call in calls for argument in call.args}
         for node in ast.walk(one.node):
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             for target in targets:

@@ -16,14 +16,15 @@ PRINTED = ("printed", "sums", "replaced")
 def _compiled(**options: Any) -> Callable[[F], F]:
     """Without numba's reference counts: no array is made, and every call would pay for all that it is handed."""
     numba: Any = njit  # whose annotations leave _nrt out
-    return numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
+    made: Callable[[F], F] = numba(cache=True, error_model="numpy", nogil=True, _nrt=False, **options)
+    return made
 
 
 kernel = _compiled()
 """For Python alone."""
 printed = _compiled()
 """Here and in the exported code."""
-sums = _compiled(fastmath={"reassoc", "contract", "nsz"})
+sums = _compiled(forceinline=True, fastmath={"reassoc", "contract", "nsz"})
 """As `printed`, for sums whose order does not matter beyond rounding: they then take four or eight numbers at once.
 What is not finite stays so."""
 
@@ -62,6 +63,6 @@ def external(*writes: str) -> Callable[[F], F]:
     return kernel
 
 
-def replaced(by: F) -> Callable[[F], F]:
+def replaced(by: Any) -> Callable[[F], F]:
     """As `printed`, but that Python runs `by`, which gives the same to the last bit but one, faster."""
     return lambda _: by
