@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 # One worker of pytest more than there are cores, four at most: tests of the page wait for the browser most of the time.
 WORKERS := $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2); echo $$((n < 4 ? n + 1 : 4)))
 
-.PHONY: help setup demo test readme slow check format bench golden fuzz faults paper docs lock wheel screenshots clean
+.PHONY: help setup demo test readme slow check format bench generated golden fuzz faults paper docs lock wheel screenshots clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -46,6 +46,7 @@ check: setup ## format, lint, types, layers, licences
 	$(VENV) -m mypy
 	$(VENV) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
 	$(VENV) scripts/licences.py
+	$(VENV) scripts/generate.py --check
 
 format: setup ## rewrite the sources in the house format
 	$(VENV) -m ruff format .
@@ -57,6 +58,9 @@ bench: setup ## the tables of docs/performance.md, their rows as JSON in build/b
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name --page --json build/bench/$$name.json; done
 	@set -e; for name in $(filter-out __init__ pages $(SPEED),$(basename $(notdir $(wildcard benchmarks/*.py)))); do \
 	  echo "== $$name"; $(VENV) -m benchmarks.$$name; done
+
+generated: setup ## print compensate/generated anew, after a change of compensate/kernels.py or tables.py
+	$(VENV) scripts/generate.py
 
 golden: setup ## keep the golden results of tests/golden anew, after a change that was meant
 	$(VENV) -m scripts.golden_replays --refresh

@@ -17,20 +17,20 @@ faster, and bounds k, which comes from the log (`learn.identify.observing`). A d
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wrenchgap.compensate import kernels
 from wrenchgap.compensate.compensator import REACH, Compensator, Result, wrench_of
 from wrenchgap.compensate.not_compiled import NotCompiled
 from wrenchgap.compensate.physics import HORIZON_MAX
 from wrenchgap.compensate.reach import reach_of
-from wrenchgap.compensate.step_row import IMPLAUSIBLE, plausible
+from wrenchgap.compensate.state_row import IMPLAUSIBLE, plausible
+from wrenchgap.compensate.tables import Observed, Observer
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.effects.lag import LagMemory, first_order
 from wrenchgap.plant.mismatch import KnowsItsData, output_indices
 from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
@@ -51,7 +51,8 @@ class Combined:
 
     Asked for and commanded is what the vehicle can make (`compensate.reach`). The estimate is held, and nothing else is
     remembered, over a period in which it cannot, over one without numbers, and over one whose change of rate would take
-    `JUMP` authorities: no vehicle turns like that, but a sensor that fails reads so.
+    `JUMP` authorities: no vehicle turns like that, but a sensor that fails reads so. Where the vehicle could make the
+    demand alone, the estimate gives up what stood in the way: else it would make every demand unreachable for ever.
     """
 
     def __init__(
@@ -83,7 +84,27 @@ class Combined:
         self.gain, self.feedforward = 2.0 * math.pi * bandwidth_hz, feedforward
         self.reach = reach_of(vehicle)
         self.torque_max = np.minimum(bound, self.reach.correction_max[3:])
+        self.table = self._table()
         self.reset()
+
+    def _table(self) -> Observer:
+        """Constants as the compiled observer takes them."""
+        back = self.delay / self.dt
+        lags = np.where(self.lag > 0.0, self.lag, 1.0)
+        a = np.where(self.lag > 0.0, np.exp(-self.dt / lags), 0.0)
+        q = np.where(self.lag > 0.0, (1.0 - a) * lags / self.dt, 0.0)
+        return Observer(
+            inertia=np.array(self.inertia, dtype=float),
+            torque_max=self.torque_max,
+            jump=JUMP * self.reach.authority[3:],
+            follow_a=a,
+            follow_b0=q - a,
+            follow_b1=1.0 - q,
+            gain=self.gain,
+            dt=self.dt,
+            late_part=back - int(back),
+            late=int(back),
+        )
 
     @property
     def bandwidth_hz(self) -> float:
@@ -107,14 +128,13 @@ class Combined:
     @property
     def estimate(self) -> Array:
         """Torque (3,) [Nm] by which the vehicle does not make what was asked for, at the last step."""
-        return self._estimate.copy()
+        return self._observed.estimate.copy()
 
     def reset(self) -> None:
         """Forget the past."""
-        self._integral: Array | None = None
-        self._estimate = np.zeros(3)
-        self._asked: deque[Array] = deque(maxlen=math.ceil(self.delay / self.dt) + 2)
-        self._memory: list[LagMemory | None] = [None] * 3
+        vectors = {name: np.zeros(3) for name in Observed._fields}
+        flags = {name: np.zeros(1) for name in ("watching", "asking", "following")}
+        self._observed = Observed(**vectors | flags | {"asked": np.zeros((math.ceil(self.delay / self.dt) + 2, 3))})
         if self.feedforward is not None:
             self.feedforward.reset()
 
@@ -139,54 +159,33 @@ class Combined:
             self.feedforward.check_voltage(state)
         known = plausible(state)
         if known:
-            self._observe(omega)
-        observed = np.concatenate((np.zeros(3), self._estimate))
+            kernels.watch(self.table, self._observed, np.array(omega))
+        observed = np.concatenate((np.zeros(3), self._observed.estimate))
         asked, limited = self.reach.nearest(wrench - observed)
         if not known:
             self._hold()
             return Result(asked, -observed, -observed, 0.0, 1.0, math.nan, 0, False, limited, IMPLAUSIBLE)
-        self._asked.append(asked[3:].copy())
-        if self.feedforward is None:
-            made = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
-        else:
+        made = Result(asked, -observed, -observed, 0.0, 0.0, 0.0, 0, True)
+        if self.feedforward is not None:
             made = self.feedforward.step(asked, state)
-            made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
-        if limited or made.limited or not math.isfinite(made.cost):
+        if limited or made.limited:
+            correction = np.zeros(len(AXES)) if self.feedforward is None else made.correction
+            self.reach.take_back(self._observed, wrench, made.wrench_cmd, correction)
+        elif math.isfinite(made.cost):
+            kernels.remember(self._observed, np.array(asked[3:]))
+        else:
             self._hold()
+        if limited and self.feedforward is not None:
+            self.feedforward.forget()
+        if self.feedforward is not None:
+            made = replace(made, correction=made.correction - observed, optimum=made.optimum - observed)
         return replace(made, limited=limited or made.limited)
 
     def _hold(self) -> None:
         """What the vehicle does in this period is not known: the estimate stays, and nothing else is remembered."""
-        self._integral, self._memory = None, [None] * 3
-        self._asked.clear()
+        kernels.stop(self._observed)
         if self.feedforward is not None:
             self.feedforward.forget()
-
-    def _observe(self, omega: Array) -> None:
-        """The estimate from the rate (3,), within its bounds."""
-        momentum = self.inertia @ omega
-        if self._integral is not None:
-            turning = np.cross(omega, momentum)
-            estimate = self.gain * (momentum - self._integral - self.dt * (self._followed() - turning + self._estimate))
-            torque = self._estimate + (estimate - self._estimate) / (self.gain * self.dt)
-            if not np.all(np.abs(torque) <= JUMP * self.reach.authority[3:]):
-                self._integral, self._memory = None, [None] * 3
-                return
-            self._estimate = np.clip(estimate, -self.torque_max, self.torque_max)
-        # An integral beyond the bounds would wind up.
-        self._integral = momentum - self._estimate / self.gain
-
-    def _followed(self) -> Array:
-        """H(M_asked): the torque (3,) that the vehicle is believed to have made over the last period."""
-        back = self.delay / self.dt
-        whole, part = int(back), back - int(back)
-        past = [self._asked[max(len(self._asked) - 1 - whole - more, 0)] for more in (0, 1)]
-        late = (1.0 - part) * past[0] + part * past[1]
-        found = np.empty(3)
-        for k in range(3):
-            value, self._memory[k] = first_order(late[None, [k]], float(self.lag[k]), self.dt, self._memory[k])
-            found[k] = value[0, 0]
-        return found
 
 
 def _bounds(feedforward: Compensator | None) -> Array:

@@ -27,7 +27,7 @@ from wrenchgap.compensate.optimiser import GOOD_ENOUGH, Optimiser
 from wrenchgap.compensate.parts import Fixed, Sum
 from wrenchgap.compensate.physics import PhysicsMismatch
 from wrenchgap.compensate.reach import Reach, reach_of
-from wrenchgap.compensate.step_row import EXPECTED, IMPLAUSIBLE, plausible
+from wrenchgap.compensate.state_row import IMPLAUSIBLE, plausible
 from wrenchgap.compensate.uncertainty import default_filter
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
@@ -207,7 +207,7 @@ class Compensator:
                 raise UsageError(f"compensate: solver onboard: {error}") from None
             self.not_compiled = NotCompiled(str(error))
             return None
-        return Stepper(made, self._optimiser, self._of_physics, self.reach)
+        return Stepper(made, self._optimiser, self._of_physics)
 
     def reset(self) -> None:
         """Forget the past: the next search starts from zero, with no correction to decay."""
@@ -338,7 +338,7 @@ class Compensator:
 
 def result_of(row: Array, trouble: str, took: float) -> Result:
     """A row of `compensate.compiled` as a result."""
-    sigma, beta, cost, evaluations, accepted, limited = row[18:EXPECTED].tolist()
+    sigma, beta, cost, evaluations, accepted, limited = row[18:24].tolist()
     if not math.isfinite(sigma):
         trouble = trouble or "the model's standard deviation is not finite: correction withheld"
     if not math.isfinite(cost):

@@ -1,46 +1,35 @@
 """The compensation in compiled code: the same steps as with plain models, some twenty times as fast.
 
 Newton on r(dW) = mu(W_des + dW) + dW, with derivatives in closed form for the process and by tangent propagation for
-the physics. Where Newton does not settle a step, nlopt's L-BFGS decides it, on the same compiled functions.
+the physics (`compensate.kernels`). Where Newton does not settle a step, nlopt's L-BFGS decides it, on the same compiled
+functions.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wrenchgap.compensate import compiled as step
-from wrenchgap.compensate.compiled import (
-    TILT,
-    Gate,
-    Kernel,
-    Lines,
-    Room,
-    advance,
-    as_kernel,
-    as_lines,
-    expected,
-    finish,
-    packed,
-    prepare,
-    residual,
-    search,
-    steepen,
-)
+from wrenchgap.compensate import kernels
+from wrenchgap.compensate.generated.views import opened
+from wrenchgap.compensate.kernels import BETA, COST, EVALUATIONS, EXPECTED, LIMITED, SIGMA
 from wrenchgap.compensate.optimiser import Optimiser, Optimum
+from wrenchgap.compensate.packing import packed
 from wrenchgap.compensate.physics import PhysicsMismatch
-from wrenchgap.compensate.physics_program import STATE, PhysicsPrograms, trace
-from wrenchgap.compensate.reach import Reach
-from wrenchgap.compensate.step_row import BETA, COST, EXPECTED, IMPLAUSIBLE, LIMITED, SIGMA, VOLTAGE_MAX, state_row
+from wrenchgap.compensate.physics_program import PhysicsPrograms, trace
+from wrenchgap.compensate.reach import Reach, no_reach
+from wrenchgap.compensate.state_row import IMPLAUSIBLE, STATE, looked_at, state_row
+from wrenchgap.compensate.tables import Compensation, Gate, Process, Tape
 from wrenchgap.compensate.uncertainty import UncertaintyFilter
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.expansion import Expands, Expansion, straight_line
 from wrenchgap.plant.mismatch import Follows, LinearMismatch, MismatchModel, output_indices
 from wrenchgap.plant.mismatch_inputs import COLUMNS, PAST_SECONDS
 from wrenchgap.plant.state import State
+from wrenchgap.plant.tape import Program
 from wrenchgap.plant.tracing import Untraceable
 
 ENOUGH = 1e-14
@@ -48,16 +37,19 @@ ENOUGH = 1e-14
 WITHHELD = "the model's standard deviation is not finite: correction withheld"
 MOST = 30
 """Evaluations of one Newton search. Four are usual."""
+PIVOT, STILL, STALLED = 1e-14, 1e-13, 1e-12
+"""Shares at which a pivot is none, a proposal the point that it starts from, and a fall of J none: rounding."""
 
 
 class Plan(NamedTuple):
-    """What is compiled: the arrays of the process and the programs of the physics, of either of which there may be
-    none, and the constants.
+    """What is compiled: the process and the programs of the physics, of either of which there may be none, and the
+    constants.
     """  # noqa: D205
 
     expansion: Expansion | None
     physics: PhysicsPrograms | None
     gate: Gate
+    reach: Reach
 
 
 @dataclass(frozen=True)
@@ -88,89 +80,151 @@ def plan(
     else:
         raise Untraceable(f"a {type(model).__name__} is neither a process nor physics")
     programs = None if physics is None else trace(physics, limits.dt)
-    return Plan(expansion, programs, _gate(model, expansion, physics is not None, gate, limits))
+    constants = _gate(output_indices(model.outputs), expansion, programs, gate, limits)
+    return Plan(expansion, programs, constants, no_reach() if limits.reach is None else limits.reach)
 
 
 def _gate(
-    model: MismatchModel | Follows, expansion: Expansion | None, physics: bool, gate: UncertaintyFilter, limits: Limits
+    rows: Any, expansion: Expansion | None, physics: PhysicsPrograms | None, gate: UncertaintyFilter, limits: Limits
 ) -> Gate:
-    rows = output_indices(model.outputs)
     groups = () if expansion is None else expansion.input_groups
-    none, reach = np.zeros(0), limits.reach
+    ends = np.cumsum([len(AXES), *(len(COLUMNS[name]) for name in groups)]).tolist()
+    at = {f"{name}_at": -1 for name in COLUMNS} | {f"{name}_at": end for name, end in zip(groups, ends, strict=False)}
     a = math.exp(-limits.dt / PAST_SECONDS)
     q = (1.0 - a) * PAST_SECONDS / limits.dt
+    moves = physics is not None or any(name != "past" for name in groups)
     return Gate(
         rows=np.array(rows, dtype=np.int64),
         bound=np.array(limits.bound[rows]),
-        accept=float(limits.accept),
-        enough=ENOUGH * float(limits.accept),
-        most=min(MOST, limits.most),
-        lenient=limits.lenient,
+        known=np.array(limits.known[rows]),
         watched=np.array(gate.watched, dtype=np.int64),
         offset=np.array(gate.offset, dtype=float),
         scale=np.array(gate.scale, dtype=float),
+        looked=looked_at(moves, powered=physics is not None and physics.needs_voltage),
+        accept=float(limits.accept),
+        enough=ENOUGH * float(limits.accept),
+        pivot=PIVOT,
+        still=STILL,
+        stalled=STALLED,
         threshold=float(gate.threshold),
         kappa=float(gate.kappa),
         decay=float(gate.decay),
-        groups=np.array([name in groups for name in COLUMNS], dtype=np.int64),
-        a=a,
-        b0=q - a,
-        b1=1.0 - q,
-        has_process=expansion is not None,
-        has_physics=physics,
-        known=np.array(limits.known[rows]),
-        reach=np.zeros((0, len(AXES))) if reach is None else reach.rows / reach.authority,
-        low=none if reach is None else reach.low.copy(),
-        high=none if reach is None else reach.high.copy(),
-        middle=none if reach is None else reach.middle.copy(),
-        half=none if reach is None else reach.half.copy(),
-        weak=none if reach is None else reach.weak.copy(),
+        lag_a=a,
+        lag_b0=q - a,
+        lag_b1=1.0 - q,
+        most=min(MOST, limits.most),
+        lenient=int(limits.lenient),
+        has_process=int(expansion is not None),
+        has_physics=int(physics is not None),
+        **at,
     )
 
 
-class Stepper:
-    """Steps a `Plan`, one period or many at once; `memory` is all that it keeps between steps."""
+def sizes_of(made: Plan, given: Compensation) -> dict[str, int]:
+    """The sizes that `compensate.tables` names."""
+    physics, reach = made.physics, made.reach.table
+    outputs, inputs, points = len(made.gate.rows), len(AXES), 0
+    whitener = 0
+    if made.expansion is not None:
+        inputs, points = len(made.expansion.input_mean), made.expansion.points.shape[1]
+        whitener = points * (points + 1) // 2 if made.expansion.triangular else points * points
+    actuators = 0 if physics is None else physics.arms + physics.memory
+    return {
+        "WG_OUTPUTS": outputs,
+        "WG_INPUTS": inputs,
+        "WG_POINTS": points,
+        "WG_WHITENER": whitener,
+        "WG_LIMITS": len(reach.rows),
+        "WG_TILTING": len(reach.middle),
+        "WG_SINGLES": len(reach.low),
+        "WG_ACTUATORS": actuators,
+        "WG_STATE": len(AXES) + len(STATE) + 1 + actuators,
+        "WG_FIXED": 0,
+        "WG_ROW": EXPECTED + 2 * outputs,
+        **_tape_sizes("PHYSICS", given.physics),
+        **_tape_sizes("SENT", given.sent),
+    }
 
-    def __init__(self, made: Plan, optimiser: Optimiser, known: Optimiser, reach: Reach | None) -> None:
-        self.plan, self._reach = made, reach
+
+def _tape_sizes(name: str, tape: Tape) -> dict[str, int]:
+    sizes = {"LINES": tape.code, "ASKED": tape.inputs, "FREE": tape.free, "RESULTS": tape.results}
+    return {f"{name}_{size}": len(array) for size, array in (sizes | {"SLOPED": tape.tangent}).items()}
+
+
+def process_of(expansion: Expansion) -> Process:
+    """Arrays of a process as the step takes them."""
+    e = expansion
+    size = e.whitener.shape[1]
+    kept = np.tril(np.ones((size, size), dtype=bool)) | (not e.triangular)
+    arrays = {
+        "input_mean": e.input_mean,
+        "input_scale": e.input_scale,
+        "output_scale": e.output_scale,
+        "coefficients": e.mean_coefficients,
+        "lengthscales": e.lengthscales,
+        "points": e.points.transpose(0, 2, 1),
+        "alpha": e.alpha,
+        "whitener": e.whitener[:, kept],
+        "signal": e.signal_variance,
+        "noise": e.noise_variance,
+        "sigma_scale": e.sigma_scale,
+    }
+    return Process(**arrays, triangular=int(e.triangular))
+
+
+def tape_of(program: Program | None, outputs: int) -> Tape:
+    """Arrays of a program; empty ones where there is none."""
+    none = np.zeros(0, dtype=np.int64)
+    if program is None:
+        return Tape(np.zeros((0, 4), dtype=np.int64), none, none, none, np.zeros(0), np.zeros((0, outputs)), 0)
+    tangent = np.zeros((len(program.code) if len(program.free) else 0, outputs))
+    for k, place in enumerate(program.free):
+        tangent[program.inputs[place], k] = 1.0
+    code = program.code.astype(np.int64)
+    return Tape(code, program.inputs, program.free, program.results, program.start, tangent, program.split)
+
+
+def compensation_of(made: Plan) -> Compensation:
+    """What a step takes of a plan."""
+    outputs = len(made.gate.rows)
+    nothing = straight_line((), np.zeros(outputs), np.zeros((outputs, len(AXES))), np.zeros(outputs))
+    process = process_of(nothing if made.expansion is None else made.expansion)
+    mismatch, sent = (None, None) if made.physics is None else (made.physics.mismatch, made.physics.sent)
+    return Compensation(made.reach.table, process, made.gate, tape_of(mismatch, outputs), tape_of(sent, outputs))
+
+
+class Stepper:
+    """Steps a `Plan`, one period or many at once; what it remembers lies in `flat`."""
+
+    def __init__(self, made: Plan, optimiser: Optimiser, known: Optimiser) -> None:
+        self.plan = made
         self._optimisers = (replace(known), replace(optimiser))
-        gate, expansion, physics = made.gate, made.expansion, made.physics
-        count = len(gate.rows)
-        nothing = straight_line((), np.zeros(count), np.zeros((count, len(AXES))), np.zeros(count))
-        kernel = as_kernel(nothing if expansion is None else expansion)
-        lines, sent = (as_lines(None if physics is None else getattr(physics, n), count) for n in ("mismatch", "sent"))
-        room = _room(count, len(kernel.input_mean), len(lines.inputs))
-        self._packed, self._given = packed((gate, kernel, lines, sent, room))
-        self.memory = np.zeros(TILT + (0 if physics is None else physics.arms + physics.memory))
-        self._row = np.zeros((1, EXPECTED + 2 * count))
+        given, outputs = compensation_of(made), len(made.gate.rows)
+        self._packed = packed(given, sizes_of(made, given))
+        (self._compensation, self._memory, self._room), self.flat, _ = opened(*self._packed)
+        self._row = np.zeros((1, EXPECTED + 2 * outputs))
         self._wrench, self._state = np.zeros((1, len(AXES))), np.zeros((1, len(STATE)))
-        self._looks = self.needs_state
         self.trouble = ""
         self.reset()
 
     @property
     def needs_state(self) -> bool:
         """Whether a state must be given."""
-        gate = self.plan.gate
-        return gate.has_physics or bool(gate.groups[:3].any())
+        return bool(self.plan.gate.looked.any())
 
     def reset(self) -> None:
         """Forget the past."""
-        self.memory[:] = 0.0
-        self.memory[step.FRESH] = 1.0
+        self.flat[:] = 0.0
+        self._memory.fresh[0] = 1.0
 
     def one(self, wrench: Array, state: State | None) -> Array:
-        """Results of one step (see `compiled`), from the desired wrench (6,); `trouble` says what went wrong."""
+        """Results of one step (see `kernels`), from the desired wrench (6,); `trouble` says what went wrong."""
         self._wrench[0] = wrench
-        if state is not None and self._looks:
+        if state is not None and self.needs_state:
             self._state[0] = state_row(state)
-            self._judge_voltage(self._state)
         self.trouble = ""
+        self._step(self._wrench, self._state, self._row, False)
         row: Array = self._row[0]
-        if advance(*self._packed, self.memory, self._wrench, self._state, self._row, False) == 0:
-            self._hand_over(self._wrench[0], self._state[0], row, False)
-        if row[LIMITED] > 0.0 or not math.isfinite(row[COST]):
-            self._limit(row, False)
         return row
 
     def many(self, wrenches: Array, states: Array, out: Array) -> dict[int, str]:
@@ -180,89 +234,67 @@ class Stepper:
         """
         trouble, done = dict[int, str](), 0
         wrenches, states = np.array(wrenches, order="C"), np.array(states, order="C")
-        self._judge_voltage(states)
         while done < len(wrenches):
-            made = advance(*self._packed, self.memory, wrenches[done:], states[done:], out[done:], True)
-            done += made
             self.trouble = ""
-            if not made or (done < len(wrenches) and not out[done - 1, LIMITED] > 0.0):
-                self._hand_over(wrenches[done], states[done], out[done], True)
-                done += 1
-            if out[done - 1, LIMITED] > 0.0 or not math.isfinite(out[done - 1, COST]):
-                self._limit(out[done - 1], True)
+            done += self._step(wrenches[done:], states[done:], out[done:], True)
             if self.trouble:
                 trouble[done - 1] = self.trouble
-        sigma = out[:, SIGMA]
-        if not math.isfinite(sigma.sum()):
-            for k in np.flatnonzero(~np.isfinite(sigma)).tolist():
-                trouble.setdefault(k, WITHHELD)
+        refused = (out[:, BETA] == 1.0) & np.isnan(out[:, COST]) & (out[:, EVALUATIONS] == 0.0)
+        for k in np.flatnonzero(refused).tolist():
+            trouble.setdefault(k, IMPLAUSIBLE)
+        for k in np.flatnonzero(~np.isfinite(out[:, SIGMA])).tolist():
+            trouble.setdefault(k, WITHHELD)
         return trouble
+
+    def _step(self, wrenches: Array, states: Array, out: Array, expects: bool) -> int:
+        """Steps until the end, or through the first that L-BFGS has to decide; how many."""
+        made = kernels.advance(*self._packed, wrenches, states, out, expects)
+        if made < len(wrenches):
+            self._hand_over(wrenches[made], states[made], out[made], expects)
+            made += 1
+        last = out[made - 1]
+        if made == 1 and last[BETA] == 1.0 and math.isnan(last[COST]) and last[EVALUATIONS] == 0.0:
+            self.trouble = self.trouble or IMPLAUSIBLE
+        return made
 
     def expected(self, wrench: Array) -> Array:
         """Mismatch (L,) of a command (6,) as the models have it in the last step."""
-        gate, kernel, lines, _, room = self._given
-        found = np.zeros(len(gate.rows))
-        expected(gate, kernel, lines, room, np.array(wrench, dtype=float), found, False)
+        found = np.zeros(len(self.plan.gate.rows))
+        kernels.expected(self._compensation, self._room, np.array(wrench, dtype=float), found)
         return found
 
-    def _judge_voltage(self, states: Array) -> None:
-        """Make a state (K, 15) none, in place, whose voltage is none and is needed; the kernels look at the rest."""
-        physics = self.plan.physics
-        if physics is not None and physics.needs_voltage:
-            states[~(np.abs(states[:, -1]) <= VOLTAGE_MAX), 0] = np.nan
-
     def _hand_over(self, wanted: Array, state: Array, out: Array, expects: bool) -> None:
-        """One step whose optima L-BFGS finds, or whose demand or state is none that a vehicle can have."""
-        gate, kernel, lines, sent, room = self._given
-        memory, evaluations, known = self.memory, 0, None
-        wrench, limited = (wanted, False) if self._reach is None else self._reach.nearest(wanted)
-        if not step.plausible(gate, state):
-            self.trouble = IMPLAUSIBLE
-            out[:] = 0.0
-            out[: len(AXES)], out[BETA], out[COST], out[LIMITED] = wrench, 1.0, np.nan, limited
-            return
-        prepare(gate, lines, room, memory, wrench, state)
-        if gate.lenient:
-            search(gate, kernel, lines, room, memory, wrench, out)
-            finish(gate, kernel, lines, sent, room, memory, wrench, out, expects)
-            out[LIMITED] = max(out[LIMITED], limited)
-            return
+        """One step whose optima L-BFGS finds."""
+        gate, memory, evaluations, known = self.plan.gate, self._memory, 0, None
+        limited = kernels.begin(self._compensation, memory, self._room, wanted, state)
+        wrench = self._room.wrench.copy()
         if gate.has_process and gate.has_physics:
-            physics = self._optimisers[0].solve(_Linear(self._given, False), wrench, memory[step.KNOWN : step.STAGE])
+            physics = self._optimisers[0].solve(_Linear(self, False), wrench, memory.known)
             known, evaluations = physics.correction, physics.iterations
-            memory[step.KNOWN : step.STAGE] = known
-        start = memory[step.OPTIMUM : step.CORRECTION]
-        found: Optimum = self._optimisers[1].solve(_Linear(self._given, gate.has_process), wrench, start, known)
+            memory.known[:] = known
+        model = _Linear(self, bool(gate.has_process))
+        found: Optimum = self._optimisers[1].solve(model, wrench, memory.optimum, known)
         self.trouble = found.trouble
-        memory[step.OPTIMUM : step.CORRECTION] = found.correction
-        out[COST:LIMITED] = found.cost, evaluations + found.iterations, found.accepted
-        finish(gate, kernel, lines, sent, room, memory, wrench, out, expects)
-        out[LIMITED] = max(out[LIMITED], limited)
-
-    def _limit(self, out: Array, expects: bool) -> None:
-        """The nearest command that the vehicle can make, behind which nothing is remembered."""
-        if self._reach is not None:
-            out[: len(AXES)], _ = self._reach.nearest(out[: len(AXES)])
-        if expects:
-            out[EXPECTED + len(self.plan.gate.rows) :] = self.expected(out[: len(AXES)])
-        self.reset()
+        memory.optimum[:] = found.correction
+        self._room.wrench[:] = wrench
+        out[COST : LIMITED + 1] = found.cost, evaluations + found.iterations, found.accepted, limited
+        kernels.end(self._compensation, memory, self._room, wanted, out, expects)
 
 
 class _Linear:
     """The compiled models of this period, as L-BFGS asks for them."""
 
-    def __init__(self, given: tuple[Gate, Kernel, Lines, Lines, Room], process: bool) -> None:
-        self._gate, self._kernel, self._lines, _, self._room = given
-        self._process = process
-        self.outputs = tuple(AXES[k] for k in self._gate.rows)
+    def __init__(self, stepper: Stepper, process: bool) -> None:
+        self._compensation, self._room, self._process = stepper._compensation, stepper._room, process
+        self.outputs = tuple(AXES[k] for k in stepper.plan.gate.rows)
         self._zero = np.zeros(len(self.outputs))
 
     def mean_and_jacobian(self, wrench_cmd: Array, /) -> tuple[Array, Array]:
         room, count = self._room, len(self.outputs)
-        residual(self._gate, self._kernel, self._lines, room, wrench_cmd[0], self._zero, self._process, False)
-        steepen(self._gate, self._kernel, room, self._process)
+        room.wrench[:] = wrench_cmd[0]
+        kernels.linearise(self._compensation, room, self._zero, self._process)
         jacobian = np.zeros((1, count, len(AXES)))
-        jacobian[0][:, self._gate.rows] = room.A - np.eye(count)
+        jacobian[0][:, self._compensation.gate.rows] = room.A - np.eye(count)
         return room.r[None].copy(), jacobian
 
     def mean(self, wrench_cmd: Array, /) -> Array:
@@ -275,21 +307,13 @@ class _Linear:
         return self.mean_and_jacobian(wrench_cmd)[1]
 
 
-def _room(count: int, dims: int, inputs: int) -> Room:
-    sizes: dict[str, int | tuple[int, int]] = dict.fromkeys(Room._fields, count)
-    sizes |= {"xi": dims, "inputs": max(inputs, 22), "A": (count, count), "square": (count + 1, count)}
-    sizes |= {"A_at": (count, count), "saved": TILT + max(inputs - 22, 0)}
-    return Room(**{name: np.zeros(size) for name, size in sizes.items()})
-
-
 def warm() -> None:
-    """Compile what is not in numba's cache yet: some twenty seconds of processor time, once per machine and version."""
-    count = 1
+    """Compile what is not in numba's cache yet, once per machine and version."""
     gate = UncertaintyFilter(np.ones(1, dtype=bool), np.zeros(1), np.ones(1), math.inf, 1.0, 0.9)
-    line = LinearMismatch((AXES[-1],), np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
+    line = LinearMismatch((AXES[-1],), np.zeros(1), np.zeros((1, len(AXES))), np.ones(1))
     bound = np.ones(len(AXES))
     made = plan(line, None, gate, Limits(bound, bound, None, 1e-4, MOST, 0.01, True))
-    stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound), None)
+    stepper = Stepper(made, Optimiser(-bound, bound), Optimiser(-bound, bound))
     stepper.one(np.zeros(len(AXES)), None)
     stepper.expected(np.zeros(len(AXES)))
     stepper._hand_over(np.zeros(len(AXES)), np.zeros(len(STATE)), stepper._row[0], False)

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.compensate.physics import PhysicsMismatch
-from wrenchgap.flight.flight import AXES, Array
+from wrenchgap.compensate.state_row import STATE
+from wrenchgap.flight.flight import AXES
 from wrenchgap.plant.allocation import ROUNDING, TURN, Allocation
 from wrenchgap.plant.effects.effect import CommandEffect
 from wrenchgap.plant.mismatch import output_indices
@@ -29,24 +30,8 @@ from wrenchgap.plant.tracing import Node, Traced, Untraceable
 from wrenchgap.plant.vehicle import Arms
 from wrenchgap.plant.wrench_model import WrenchModel, about_origin, measured_wrench
 
-STATE = (
-    *(f"position_{k}" for k in "xyz"),
-    *(f"quat_{k}" for k in "wxyz"),
-    *(f"velocity_{k}" for k in "xyz"),
-    *(f"omega_{k}" for k in "xyz"),
-    "time",
-    "voltage",
-)
-"""Names of the state's numbers, in their order."""
 NO_STOP = 1e4
 """Angle [rad] of a stop that no arm reaches: 1,600 turns; a model without stops has 1e9 degrees."""
-
-
-def rows_of(states: State) -> Array:
-    """States (K, 15) as `STATE`."""
-    voltage = np.full(len(states.time), np.nan) if states.voltage is None else states.voltage
-    parts = (states.position_E, states.quat_EB, states.velocity_E, states.omega_B)
-    return np.hstack([*parts, states.time[:, None], voltage[:, None]])
 
 
 @dataclass(frozen=True, eq=False)

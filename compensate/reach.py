@@ -15,18 +15,22 @@ A vehicle whose rotors are not known is taken to make at most `THRUST_TO_WEIGHT`
 radius of gyration.
 
 The nearest wrench minimises sum_i ((W_i - W_wanted_i) / authority_i)^2 over that set, by the alternating direction
-method of multipliers (Boyd et al., Foundations and Trends in Machine Learning 3, 2011, section 5). It is found to
-`NEAR` of the authority, and then pulled towards hover until it lies inside.
+method of multipliers (Boyd et al., Foundations and Trends in Machine Learning 3, 2011, section 5;
+`compensate.kernels.nearest`). It is found to `NEAR` of the authority, and then pulled towards hover until it lies
+inside. The penalty of the search is 1, in limits: on 180 random demands on three of the shipped vehicles its rounds
+came to 1e-3 of the authority of the best, with 3 to 6e-4, with 0.3 to 4e-2 and with 10 to 6e-3.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from wrenchgap.compensate import kernels
+from wrenchgap.compensate.tables import Observed, ReachRoom, ReachTable
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.plant.allocation import Allocation
@@ -38,45 +42,29 @@ THRUST_TO_WEIGHT = 20.0
 SHARE = 0.5
 """Of the authority that a correction by named effects, or by an observer, may take: the other half is the
 controller's."""
-SLACK = 1e-6
-"""Share of a limit by which a wrench may be outside and still counts as reached: rounding, also of single precision."""
-FAR = 10.0
-"""Authorities to which a wanted wrench is cut on every axis before the nearest is looked for: beyond, it is no
-demand."""
-ROUNDS, PULLS = 100, 30
-"""Rounds of the search for the nearest wrench, and halvings when it is pulled inside. Both are fixed, so that a period
-takes a bounded time; `NEAR` is what they reach."""
 NEAR = 1e-2
 """Share of the authority to which the nearest wrench is found."""
 LIMITS = "c_f times the square of speed_max"
 CHECK = "check mass [kg], c_f [N s^2], speed_max [rad/s], tilt_min_deg and tilt_max_deg in the model"
-WEIGHT = 1.0
-"""Penalty of the search, in limits. On 180 random demands on three of the shipped vehicles `ROUNDS` rounds came to
-1e-3 of the authority of the best with 1, to 6e-4 with 3, 4e-2 with 0.3 and 6e-3 with 10."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
     """The set {W : rows @ (W / authority) within limits}; all limits are in shares of themselves.
 
-    rows       (G, 6): first pairs (lateral, vertical) of the D arms that tilt, then one row for each other limit
-    low, high  (G - 2 D,) limits of those
-    middle, half  (D,) range of tilt [rad]; half >= pi: none
-    weak       (D,) share of its limit below which an arm's direction does not count
-    authority  (6,) [N, Nm]
-    hover      (6,) a wrench well inside, towards which others are pulled
-    solve      (6, 6) (I + rows^T rows)^-1 of the search
+    Of the table: rows (G, 6), first pairs (lateral, vertical) of the D arms that tilt, then one row for each other
+    limit; low, high (G - 2 D,) limits of those; middle, half (D,) range of tilt [rad], half >= pi: none; weak (D,)
+    share of its limit below which an arm's direction does not count; authority (6,) [N, Nm]; hover (6,) a wrench well
+    inside, in authorities, towards which others are pulled; solve (6, 6) (I + rows^T rows)^-1 of the search.
     """
 
-    rows: Array
-    low: Array
-    high: Array
-    middle: Array
-    half: Array
-    weak: Array
-    authority: Array
-    hover: Array
-    solve: Array
+    table: ReachTable
+    _room: ReachRoom
+
+    @property
+    def authority(self) -> Array:
+        """Largest wrench (6,) on each axis [N, Nm]."""
+        return self.table.authority
 
     @property
     def correction_max(self) -> Array:
@@ -85,59 +73,17 @@ class Reach:
 
     def inside(self, wrench: Array) -> bool:
         """Whether the vehicle makes this wrench (6,) with no limit met; False for what is not finite."""
-        return self._within(self.rows @ (wrench / self.authority))
+        return bool(kernels.is_inside(self.table, self._room, np.array(wrench, dtype=float)))
 
-    def _within(self, x: Array) -> bool:
-        d = len(self.middle)
-        pair, single = x[: 2 * d].reshape(d, 2), x[2 * d :]
-        thrust = np.hypot(pair[:, 0], pair[:, 1])
-        off = self._off(pair)
-        return bool(
-            np.all(thrust <= 1.0 + SLACK)
-            and np.all((thrust <= self.weak) | (np.abs(off) <= self.half + SLACK))
-            and np.all((single >= self.low - SLACK) & (single <= self.high + SLACK))
-        )
-
-    def _off(self, pair: Array) -> Array:
-        """Angle (D,) by which the thrust of arms is off the middle of their range [rad]."""
-        turned = np.arctan2(pair[:, 0], pair[:, 1]) - self.middle
-        return np.asarray(turned - 2.0 * np.pi * np.floor(turned / (2.0 * np.pi) + 0.5))
-
-    def _limited(self, x: Array) -> Array:
-        """The nearest unknowns (G,) within the limits, each arm and rotor by itself."""
-        d = len(self.middle)
-        pair = x[: 2 * d].reshape(d, 2)
-        off = self._off(pair)
-        beyond = np.abs(off) > self.half
-        edge = self.middle + np.sign(off) * self.half
-        ray = np.stack((np.sin(edge), np.cos(edge)), axis=1)
-        pair = np.where(beyond[:, None], np.maximum(np.sum(pair * ray, axis=1), 0.0)[:, None] * ray, pair)
-        pair = pair / np.maximum(np.hypot(pair[:, 0], pair[:, 1]), 1.0)[:, None]
-        return np.concatenate((pair.ravel(), np.clip(x[2 * d :], self.low, self.high)))
+    def take_back(self, observed: Observed, wanted: Array, command: Array, correction: Array) -> None:
+        """What an observer does behind a period in which its vehicle could not make what it was to (`kernels`)."""
+        given = (np.array(values, dtype=float) for values in (wanted, command, correction))
+        kernels.limit(self.table, self._room, observed, *given)
 
     def nearest(self, wrench: Array) -> tuple[Array, bool]:
         """The reachable wrench (6,) nearest to one of numbers that are no nan, and whether it is another."""
-        if self.inside(wrench):
-            return wrench, False
-        wanted = np.clip(wrench / self.authority, -FAR, FAR)
-        w, u = wanted, np.zeros(len(self.rows))
-        for _ in range(ROUNDS):
-            x = self.rows @ w
-            z = self._limited(x + u)
-            u = u + x - z
-            w = self.solve @ (wanted + WEIGHT * (self.rows.T @ (z - u)))
-        centre = self.hover / self.authority
-        least, most = 0.0, 1.0
-        if self._within(self.rows @ w):
-            least = 1.0
-        else:
-            for _ in range(PULLS):
-                middle = 0.5 * (least + most)
-                if self._within(self.rows @ (centre + middle * (w - centre))):
-                    least = middle
-                else:
-                    most = middle
-        return np.asarray(self.authority * (centre + least * (w - centre))), True
+        found = np.array(wrench, dtype=float)
+        return found, bool(kernels.nearest_wrench(self.table, self._room, found))
 
 
 @lru_cache(maxsize=8)
@@ -189,22 +135,24 @@ def _reach(rows: Array, tilting: list[int], weak: Array, authority: Array, vehic
         all_round = most - least >= 2.0 * np.pi
         middle = np.where(all_round, 0.0, 0.5 * (least + most))
         half = np.where(all_round, np.pi, 0.5 * (most - least))
-    made = Reach(
-        rows=scaled,
-        low=low,
-        high=high,
-        middle=middle,
-        half=half,
-        weak=weak,
-        authority=authority,
-        hover=np.zeros(len(AXES)),
-        solve=np.asarray(np.linalg.inv(np.eye(6) + WEIGHT * scaled.T @ scaled), dtype=float),
-    )
     hover = np.zeros(len(AXES))
     hover[2] = vehicle.body.mass * GRAVITY
+    solve = np.asarray(np.linalg.inv(np.eye(6) + scaled.T @ scaled), dtype=float)
+    made = _of_table(ReachTable(scaled, low, high, middle, half, weak, authority, hover / authority, solve))
     if not made.inside(hover):
         raise ModelError(
             f"{vehicle.name}: cannot hover within its own limits: it weighs {hover[2]:.3g} N, and {LIMITS} give "
             f"at most {authority[2]:.3g} N along z; {CHECK}"
         )
-    return replace(made, hover=hover)
+    return made
+
+
+def no_reach() -> Reach:
+    """Of a vehicle that is not known: every wrench is inside."""
+    none, ones = np.zeros(0), np.ones(len(AXES))
+    return _of_table(ReachTable(np.zeros((0, 6)), none, none, none, none, none, ones, 0.0 * ones, np.eye(6)))
+
+
+def _of_table(table: ReachTable) -> Reach:
+    limits = (np.zeros(len(table.rows)) for _ in range(3))
+    return Reach(table, ReachRoom(*limits, *(np.zeros(len(AXES)) for _ in range(4))))

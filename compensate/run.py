@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate.compensator import Compensator
-from wrenchgap.compensate.physics_program import STATE, rows_of
-from wrenchgap.compensate.step_row import EXPECTED, LIMITED
+from wrenchgap.compensate.kernels import EXPECTED, LIMITED
+from wrenchgap.compensate.state_row import STATE, rows_of
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.state import State
 

@@ -11,28 +11,14 @@ Each piece has its specification in plain numpy: `plant.sensors.read_pose`, `pla
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import Array
 from wrenchgap.plant.allocation import ROUNDING
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def compiled(function: F) -> F:
-    """Without numba's reference counts: no array is made here, and every call would pay for all that it is handed."""
-    numba: Any = njit  # whose annotations leave _nrt out
-    return numba(cache=True, error_model="numpy", nogil=True, _nrt=False)(function)
-
-
-ADD, SUB, MUL, DIV, NEG, SQRT, EXP, SIN, COS, ATAN2, ABS, SIGN, MAX, MIN, LESS, LESS_EQUAL = range(2, 18)
-SELECT, FLOOR, LOG = range(18, 21)
-"""Operations of a tape (`plant.tape.Op`)."""
+from wrenchgap.plant.tape_kernels import compiled, evaluate
 
 GOING, LOST_STATE, LOST_PLACE, LOST_TURN, WAITING = range(5)
 """How a stretch of steps ended: at its end, with control lost (state, position, attitude), before a compensator."""
@@ -164,58 +150,6 @@ class Flight(NamedTuple):
 
 
 @compiled
-def value_of(op: int, a: float, b: float, c: float) -> float:
-    """One operation of a tape."""
-    if op == MUL:
-        return a * b
-    if op == ADD:
-        return a + b
-    if op == SUB:
-        return a - b
-    if op == DIV:
-        return a / b
-    if op == NEG:
-        return -a
-    if op == SQRT:
-        return math.sqrt(a)
-    if op == EXP:
-        return math.exp(a)
-    if op == SIN:
-        return math.sin(a)
-    if op == COS:
-        return math.cos(a)
-    if op == ATAN2:
-        return math.atan2(a, b)
-    if op == ABS:
-        return abs(a)
-    if op == SIGN:
-        return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
-    if op == MAX:
-        return a if a >= b else b
-    if op == MIN:
-        return a if a <= b else b
-    if op == LESS:
-        return 1.0 if a < b else 0.0
-    if op == LESS_EQUAL:
-        return 1.0 if a <= b else 0.0
-    if op == SELECT:
-        return b if a != 0.0 else c
-    if op == FLOOR:
-        return np.floor(a)
-    return math.log(a)
-
-
-@compiled
-def evaluate(lines: Lines) -> None:
-    """All lines of a tape, whose inputs are set."""
-    code, v = lines.code, lines.value
-    for k in range(len(code)):
-        op = code[k, 0]
-        if op >= ADD:
-            v[k] = value_of(op, v[code[k, 1]], v[code[k, 2]], v[code[k, 3]])
-
-
-@compiled
 def set_state(lines: Lines, first: int, y: Array, time: float, voltage: float) -> None:
     """The state's numbers as inputs of a tape, from the place `first`."""
     for i in range(13):
@@ -251,7 +185,7 @@ def observe(timing: Timing, gyro: Lines, given: Given, memory: Memory, flight: F
             flight.poses[n // timing.per_pose, i] = memory.pose[i]
     if n % timing.per_imu == 0:
         set_state(gyro, 0, memory.y, given.time[n], given.voltage[n])
-        evaluate(gyro)
+        evaluate(gyro, 0, len(gyro.code))
         for i in range(3):
             memory.gyro[i] = gyro.value[gyro.results[i]] + given.imu[n // timing.per_imu, i]
 
@@ -501,7 +435,7 @@ def push(step: Lines, given: Given, memory: Memory, flight: Flight, n: int, k: i
     place += 15
     for i in range(len(memory.effects)):
         v[step.inputs[place + i]] = memory.effects[i]
-    evaluate(step)
+    evaluate(step, 0, len(step.code))
     for i in range(6):
         flight.wrench[n, i] = v[step.results[i]] + given.disturbance[n, i]
     for i in range(len(memory.effects)):

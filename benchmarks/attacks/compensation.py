@@ -194,7 +194,7 @@ def _python(draws: int) -> Callable[[Path], Outcome]:
                     calm = _state(rng, False)
                     fresh = made()
                     if hz is not None:
-                        fresh._estimate = one._estimate.copy()
+                        fresh._observed.estimate[:] = one.estimate
                     off = np.abs(one.step(hover, calm).wrench_cmd - fresh.step(hover, calm).wrench_cmd)
                     worst[2] = max(worst[2], off.max())
         held = worst[0] <= 1 + OVERSHOOT and worst[1] <= 1 + OVERSHOOT and worst[2] <= 1e-6 and cut == 0

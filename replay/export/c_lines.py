@@ -154,7 +154,7 @@ class Printer:
             text.append(f"    mean[{k}] = {self.value(line, False)};")
             for i in range(count):
                 has = i in self.slopes.get(line, frozenset())
-                text.append(f"    slope[{k * count + i}] = {self._tangent(line, i) if has else 'WG(0.0)'};")
+                text.append(f"    slope[{k}][{i}] = {self._tangent(line, i) if has else 'WG(0.0)'};")
         return Code(Own("\n".join(text)), counts, len(text))
 
     def _tangent(self, line: int, i: int) -> str:

@@ -2,47 +2,91 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wrenchgap.compensate import Combined
-from wrenchgap.compensate.fast import ENOUGH, Plan
-from wrenchgap.compensate.physics_program import STATE
-from wrenchgap.compensate.reach import FAR, PULLS, ROUNDS, SLACK, Reach
-from wrenchgap.compensate.step_row import STATE_MAX, TURN_MAX, TURN_MIN, VOLTAGE_MAX
+from wrenchgap.compensate import Combined, generated
+from wrenchgap.compensate.c_printer import INT, bounds, fields_of, name_of_constant
+from wrenchgap.compensate.fast import Plan, compensation_of, sizes_of
+from wrenchgap.compensate.state_row import STATE
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES, Array
-from wrenchgap.plant.mismatch_inputs import COLUMNS
 from wrenchgap.replay.compensation.compensators import Judged
 from wrenchgap.replay.export.c_lines import Code, Own, Printer, literal
 from wrenchgap.replay.export.counting import KINDS, Cost, Pieces, evaluations
 from wrenchgap.replay.export.observer import observer_context
 from wrenchgap.replay.export.records import LONGEST, record_type
 
-_FIELDS = (("position_E", 0, 3), ("quat_EB", 3, 4), ("velocity_E", 7, 3), ("omega_B", 10, 3), ("time", 13, 1))
-STATE_FIELDS = (*_FIELDS, ("voltage", 14, 1))
+GENERATED = Path(generated.__file__).parent
+
+STATE_FIELDS = (
+    ("position_E", 0, 3),
+    ("quat_EB", 3, 4),
+    ("velocity_E", 7, 3),
+    ("omega_B", 10, 3),
+    ("time", 13, 1),
+    ("voltage", 14, 1),
+)
 """Fields of a `wg_input` that hold the state, with their places in `STATE`."""
+BY_PRECISION = ("enough", "pivot", "still", "stalled")
+"""Numbers of a gate that are rounding: the code has them for both precisions."""
+NOTES = {
+    "wg_reach_rows": "limits on W / authority, in shares of themselves; pairs of arms that tilt first",
+    "wg_reach_solve": "of the search for the nearest wrench",
+    "wg_reach_authority": "largest wrench [N, Nm]",
+    "wg_reach_hover": "a wrench well within reach, in authorities",
+    "wg_reach_middle": "middle of the range of tilt [rad]",
+    "wg_reach_half": "half of that range [rad]; pi or more: none",
+    "wg_reach_weak": "share of its thrust below which the direction of an arm is none",
+    "wg_process_input_mean": "x = (xi - mean) / scale",
+    "wg_process_output_scale": "[N] or [Nm]",
+    "wg_process_coefficients": "b_0, then b of the mean function b_0 + b . x",
+    "wg_process_lengthscales": "of x",
+    "wg_process_points": "training or inducing points, by output and input, in lengthscales",
+    "wg_process_alpha": "weights of the points",
+    "wg_process_whitener": "C^-1 row by row",
+    "wg_process_signal": "variance of the signal, standardised",
+    "wg_process_noise": "and of the noise",
+    "wg_process_sigma_scale": "calibration of sigma",
+    "wg_rows": "components that are corrected",
+    "wg_bound": "by how much at most [N, Nm]",
+    "wg_known": "by the effects alone",
+    "wg_watched": "outputs that have a vote in the gate",
+    "wg_offset": "sigma of an output: (std - offset) / scale",
+    "wg_looked": "which of position_E, quat_EB, velocity_E, omega_B, time, voltage must be such as a flight can have",
+    "wg_observer_inertia": "in B [kg m^2]",
+    "wg_observer_torque_max": "largest estimate [Nm]",
+    "wg_observer_jump": "torque beyond which a change of rate is no motion [Nm]",
+    "wg_observer_follow_a": "first-order hold of the lag with which the vehicle follows",
+}
+"""What the tables hold, where their names do not say it."""
+
+
+class Table(NamedTuple):
+    """A table of the exported code: its name, type and shape in C, and its numbers."""
+
+    name: str
+    kind: str
+    shape: str
+    numbers: Array
 
 
 def context(
     plan: Plan,
     pieces: Pieces,
     effects: tuple[str, ...],
-    tables: list[tuple[str, Array, str]],
+    tables: list[Table],
+    macros: list[tuple[str, str]],
     observer: Combined | None,
     judged: Judged | None,
-    reach: Reach,
 ) -> dict[str, Any]:
     """What the templates ask for, of a plan with `effects`."""
     # Long because it names every number of the templates, one a line.
     gate, expansion, physics = plan.gate, plan.expansion, plan.physics
-    groups = () if expansion is None else expansion.input_groups
-    places = np.cumsum([len(AXES), *(len(COLUMNS[g]) for g in groups)]).tolist()
     seen = _seen(plan) | ({"omega_B"} if observer is not None else set())
-    never = not np.isfinite(gate.threshold)
     alone, whole = evaluations(plan)
-    printer = None if physics is None else Printer(physics.mismatch)
     points = 0 if expansion is None else expansion.points.shape[1]
     contents = [f"A Gaussian process of {points} points."] if expansion is not None else []
     contents += [f"Effects: {', '.join(effects)}."] if physics is not None else []
@@ -56,76 +100,43 @@ def context(
         **_state_size(plan, observed),
         "process": expansion is not None,
         "physics": physics is not None,
-        "both": expansion is not None and physics is not None,
-        "groups": list(zip(groups, places, strict=False)),
-        "lag": {name: repr(getattr(gate, name)) for name in ("a", "b0", "b1")},
         "unused": lambda field: "" if field in seen else "; not looked at",
-        "looked_at": [
-            (field, count, repr(max((*STATE_MAX, VOLTAGE_MAX)[first : first + count])))
-            for field, first, count in STATE_FIELDS
-            if field in seen
-        ],
-        "turn_min": repr(TURN_MIN),
-        "turn_max": repr(TURN_MAX),
-        "reach": _reach(reach),
         "correction_max": [f"{v:.4g}" for v in correction_max(plan, observer)],
         "evaluations_max": alone + whole + 1,
         "fixed": _said(pieces.fixed),
         "moving": _said(pieces.moving),
         "sent": _said(pieces.sent),
-        "fixed_count": 0 if printer is None else len(printer.kept),
-        "inputs": len(AXES) if expansion is None else len(expansion.input_mean),
-        "points": points,
-        "triangular": expansion is not None and expansion.triangular,
-        "most": gate.most,
-        "accept": repr(gate.accept),
         "enough": repr(gate.enough),
-        "enough_float": repr(max(gate.accept * 1e-7, gate.accept * ENOUGH)),
-        "never": never,
-        "threshold": repr(gate.threshold),
-        "kappa": repr(gate.kappa),
-        "decay": repr(gate.decay),
-        "rows": ", ".join(str(int(k)) for k in gate.rows),
-        "bound": ", ".join(literal(float(b)) for b in gate.bound),
-        "known_bound": ", ".join(literal(float(b)) for b in gate.known),
-        "tables": [(name, _shape(name, values), note, Own(_values(name, values))) for name, values, note in tables],
+        "enough_float": repr(max(gate.accept * 1e-7, gate.enough)),
+        "sizes": [(n, v) for n, v in sizes(plan).items() if n not in ("WG_OUTPUTS", "WG_ACTUATORS")],
+        "macros": macros,
+        "tables": [(t.name, t.kind, t.shape, NOTES.get(t.name, ""), Own(_values(t))) for t in tables],
+        "period": Own((GENERATED / "period.c").read_text()),
+        "memory_struct": Own((GENERATED / "memory.h").read_text()),
         "contents": " ".join(contents),
     }
+
+
+def sizes(plan: Plan) -> dict[str, int]:
+    """Sizes of `compensate.tables` as the exported code needs them."""
+    found = {n: v for n, v in sizes_of(plan, compensation_of(plan)).items() if n.startswith("WG_")}
+    return found | {"WG_FIXED": 0 if plan.physics is None else len(Printer(plan.physics.mismatch).kept)}
 
 
 def _state_size(plan: Plan, observed: dict[str, Any] | None) -> dict[str, int]:
     """How many numbers and counts a `wg_memory` holds: six wrenches, `fresh`, actuators; what an observer keeps."""
     physics = plan.physics
-    numbers = 6 * len(AXES) + 1 + (0 if physics is None else physics.arms + physics.memory) + 1
+    numbers = 6 * len(AXES) + 1 + max(1, 0 if physics is None else physics.arms + physics.memory)
     counts = 1
     if observed is not None:
-        follows = bool(observed["follow"])
-        numbers += 3 * (2 + int(observed["asked"]) + 2 * follows)
-        counts += 2 + follows
+        numbers += 3 * (4 + int(observed["asked"]))
+        counts += 3
     if (size := record_type(8, numbers, counts).itemsize) > LONGEST:
         raise UsageError(
             f"export: a delay of commands is remembered period by period, and a state of {numbers} numbers makes "
             f"records of {size:,} bytes, more than {LONGEST:,}; use a longer --dt, or --without command_delay"
         )
     return {"state_numbers": numbers, "state_counts": counts}
-
-
-def _reach(reach: Reach) -> dict[str, Any]:
-    """Numbers of a reach as C."""
-
-    def row(values: Array) -> list[str]:
-        return [literal(float(v)) for v in values]
-
-    return {
-        "rows": [row(r) for r in reach.rows],
-        "solve": [row(r) for r in reach.solve],
-        "hover": row(reach.hover / reach.authority),
-        **{name: row(getattr(reach, name)) for name in ("authority", "low", "high", "middle", "half", "weak")},
-        "slack": repr(SLACK),
-        "far": repr(FAR),
-        "rounds": ROUNDS,
-        "pulls": PULLS,
-    }
 
 
 def correction_max(plan: Plan, observer: Combined | None) -> Array:
@@ -156,46 +167,36 @@ def _said(code: Code | None) -> dict[str, str] | None:
     return {"text": code.text, "counts_text": counts or "nothing"}
 
 
-def tables_of(plan: Plan) -> list[tuple[str, Array, str]]:
-    """Name, numbers and note of every table."""
-    e, gate = plan.expansion, plan.gate
-    if e is None:
-        return []
-    whitener = e.whitener.transpose(0, 2, 1)
-    if e.triangular:
-        upper = np.triu_indices(whitener.shape[1])
-        whitener = np.stack([w[upper] for w in whitener])
-    else:
-        whitener = whitener.reshape(len(whitener), -1)
-    return [
-        ("wg_input_mean", e.input_mean, "x = (xi - mean) / scale"),
-        ("wg_input_scale", e.input_scale, "in the units of the inputs"),
-        ("wg_output_scale", e.output_scale, "[N] or [Nm]"),
-        ("wg_mean", e.mean_coefficients, "b_0, then b of the mean function b_0 + b . x"),
-        ("wg_lengthscales", e.lengthscales, "of x"),
-        ("wg_points", e.points.transpose(0, 2, 1), "training or inducing points, by output and input, in lengthscales"),
-        ("wg_alpha", e.alpha, "weights of the points"),
-        ("wg_whitener", whitener, "C^-1 column by column" + (", the lower triangle" if e.triangular else "")),
-        ("wg_signal", e.signal_variance, "variances of signal and noise, standardised"),
-        ("wg_noise", e.noise_variance, "and of the noise"),
-        ("wg_sigma_scale", e.sigma_scale, "calibration of sigma"),
-        ("wg_watched", np.asarray(gate.watched, dtype=float), "outputs that have a vote in the gate"),
-        ("wg_offset", gate.offset, "sigma of an output: (std - offset) / scale"),
-        ("wg_scale", gate.scale, "the scale"),
-    ]
+def numbers_of(plan: Plan, observer: Combined | None) -> tuple[list[Table], list[tuple[str, str]]]:
+    """Tables of a plan and an observer, and their single numbers as macros."""
+    given = compensation_of(plan)
+    seen = _seen(plan) | ({"omega_B"} if observer is not None else set())
+    looked = [int(any(f in seen and a <= k < a + n for f, a, n in STATE_FIELDS)) for k in range(len(STATE))]
+    gate = given.gate._replace(looked=np.array(looked, dtype=np.int64), lenient=1)
+    tables: list[Table] = []
+    macros: list[tuple[str, str]] = []
+    for part in (given.reach, given.process, gate, *([] if observer is None else [observer.table])):
+        for field, kind in fields_of(type(part).__name__).items():
+            name, value = name_of_constant(type(part).__name__, field, kind), getattr(part, field)
+            if kind.sizes:
+                tables.append(Table(name, kind.name, bounds(kind.sizes), value))
+            elif field not in BY_PRECISION:
+                macros.append((name, str(int(value)) if kind == INT else literal(float(value))))
+    return tables, macros
 
 
-def _shape(name: str, values: Array) -> str:
-    first = "[L]" if name not in ("wg_input_mean", "wg_input_scale") else f"[{len(values)}]"
-    return first + "".join(f"[{size}]" for size in np.shape(values)[1:])
-
-
-def _values(name: str, values: Array) -> str:
+def _values(table: Table) -> str:
     """Numbers of a table, a few in a row."""
-    if np.ndim(values) > 1:
-        return ",\n".join("{\n" + _values(name, part) + "\n}" for part in values)
-    texts = [str(int(v)) if name == "wg_watched" else literal(float(v)) for v in values]
-    return ",\n".join("    " + ", ".join(texts[k : k + 5]) for k in range(0, len(texts), 5))
+
+    def rows(values: Array) -> str:
+        if not np.size(values):
+            return "0"
+        if np.ndim(values) > 1:
+            return ",\n".join("{\n" + rows(part) + "\n}" for part in values)
+        texts = [str(int(v)) if table.kind == "int" else literal(float(v)) for v in values]
+        return ",\n".join("    " + ", ".join(texts[k : k + 5]) for k in range(0, len(texts), 5))
+
+    return rows(table.numbers)
 
 
 def words_of(price: Cost) -> str:
@@ -209,6 +210,3 @@ def words_of(price: Cost) -> str:
         f"\n\nMemory: {price.tables} bytes of constants, {price.memory} of state, at most {price.stack} of stack (all "
         "numbers of a function at once; a compiler reuses most of it)."
     )
-
-
-assert len(STATE) == 15

@@ -34,7 +34,7 @@ from wrenchgap.replay.compensation.compensators import (
     judged,
 )
 from wrenchgap.replay.export.c_lines import Own, Printer
-from wrenchgap.replay.export.context import context, correction_max, tables_of, words_of
+from wrenchgap.replay.export.context import Table, context, correction_max, numbers_of, words_of
 from wrenchgap.replay.export.counting import Cost, Pieces, cost
 from wrenchgap.replay.export.observer import NO_OBSERVER, ObserverSettings, observed, with_observer
 from wrenchgap.replay.export.records import HASHED, export_id
@@ -132,15 +132,16 @@ def export(
     in_loop = None if watched is None else judged(process, kept, watched.bandwidth_hz)
     commands = None if process is None else (process.input_mean + process.input_scale * process.inputs)[:, : len(AXES)]
     vectors = recorded(watched or cast(Compensator, loop), commands, kept.vehicle)
-    pieces, tables, reach = _pieces(plan), tables_of(plan), reach_of(kept.vehicle)
+    plan = plan._replace(reach=reach_of(kept.vehicle))
+    pieces, (tables, macros) = _pieces(plan), numbers_of(plan, watched)
     _check_range(tables, precision)
-    price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(v)) for _, v, _ in tables))
+    price = cost(plan, pieces, vectors.evaluations, BYTES[precision], sum(int(np.size(t.numbers)) for t in tables))
     price = price if watched is None else with_observer(price, watched, BYTES[precision])
     effects = () if loop is None or plan.physics is None else tuple(e.name for e in loop_effects(loop))
     said = {"precision": precision, "dt": asked.dt, "date": date, "command": Own(printable(command))}
     said |= (
         _names(process, kept, names)
-        | context(plan, pieces, effects, tables, watched, in_loop, reach)
+        | context(plan, pieces, effects, tables, macros, watched, in_loop)
         | _recorded(vectors)
     )
     outputs = tuple(AXES[k] for k in plan.gate.rows)
@@ -167,14 +168,13 @@ def export(
     )
 
 
-def _check_range(tables: Sequence[tuple[str, Array, str]], precision: str) -> None:
+def _check_range(tables: Sequence[Table], precision: str) -> None:
     """Raise UsageError for a number of the tables that single precision cannot hold."""
     most = float(np.finfo(np.float32).max)
-    for name, values, _ in tables:
-        if precision == "float" and np.abs(values).max(initial=0.0) > most:
-            raise UsageError(
-                f"export: {name} of the GP holds {np.abs(values).max():.3g}, too large for --precision float"
-            )
+    for name, _, _, values in tables:
+        largest = np.abs(values).max(initial=0.0, where=np.isfinite(values))
+        if precision == "float" and largest > most:
+            raise UsageError(f"export: {name} of the GP holds {largest:.3g}, too large for --precision float")
 
 
 def _files(said: dict[str, Any]) -> dict[str, str]:
@@ -235,7 +235,7 @@ def _parts(
         idle = LinearMismatch(process.outputs, np.zeros(count), np.zeros((count, len(AXES))), np.ones(count))
         made = Compensator(idle, settings, vehicle=model.vehicle).plan
         assert made is not None
-        return None, Plan(None, None, made.gate._replace(has_process=False))
+        return None, made._replace(expansion=None, gate=made.gate._replace(has_process=0))
     loop = _loop(process, model, settings, lead, without)
     assert loop.plan is not None
     return loop, loop.plan

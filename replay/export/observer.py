@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchgap.compensate import Combined, Compensator
-from wrenchgap.compensate.combined import JUMP
 from wrenchgap.compensate.compensator import REACH
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import AXES
@@ -18,7 +17,6 @@ from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.compensation.compensators import TORQUE, Judged, no_bandwidth, told_observer
-from wrenchgap.replay.export.c_lines import literal
 from wrenchgap.replay.export.counting import Cost
 
 Asked = float | Literal["log"] | None
@@ -81,32 +79,16 @@ def _bandwidth(asked: float | str, process: GaussianProcess | None, dt: float) -
 
 
 def observer_context(made: Combined, judged: Judged) -> dict[str, Any]:
-    """What the templates ask for: constants as C, and how far back the torque is that the vehicle makes now."""
-    back = made.delay / made.dt
+    """What the templates ask for: in words, and how many torques are remembered."""
     return {
         "hz": f"{made.bandwidth_hz:.4g}",
         "delay": f"{made.delay:g}",
         "lag": f"{made.lag[0]:g}",
-        "follow": _hold(float(made.lag[0]), made.dt),
         "loop_lag": f"{judged.loop.lag:g}",
         "peak": f"{judged.peak:.2f}",
-        "gain": repr(made.gain),
-        "inertia": [[literal(float(v)) for v in row] for row in made.inertia],
-        "most": ", ".join(literal(float(v)) for v in made.torque_max),
-        "jump": ", ".join(literal(float(JUMP * v)) for v in made.reach.authority[3:]),
+        "most": ", ".join(f"{v:g}" for v in made.torque_max),
         "asked": remembered(made),
-        "whole": int(back),
-        "part": repr(back - int(back)),
     }
-
-
-def _hold(lag: float, dt: float) -> dict[str, str]:
-    """First-order hold of a lag (`plant.effects.lag`) as C; empty without one."""
-    if lag <= 0.0:
-        return {}
-    a = math.exp(-dt / lag)
-    q = (1.0 - a) * lag / dt
-    return {"a": repr(a), "b0": repr(q - a), "b1": repr(1.0 - q)}
 
 
 def remembered(made: Combined) -> int:
@@ -117,12 +99,11 @@ def remembered(made: Combined) -> int:
 def with_observer(price: Cost, made: Combined, number: int) -> Cost:
     """The cost of a step with the observer: operations, its constants and its memory; `number` are a number's bytes."""
     more = Counter(multiply=9 + 6 + 12, add=6 + 3 + 21 + 9, divide=3, other=9 + 3 * remembered(made))
-    lagging = bool(made.lag.any())
-    more += Counter(multiply=9, add=6, other=3) if lagging else Counter()
+    more += Counter(multiply=9, add=6, other=3)
     return replace(
         price,
         usual={kind: count + more[kind] for kind, count in price.usual.items()},
         at_worst={kind: count + more[kind] for kind, count in price.at_worst.items()},
-        tables=price.tables + number * (9 + 3),
-        memory=price.memory + number * (7 + (7 if lagging else 0) + 3 * remembered(made)),
+        tables=price.tables + number * (9 + 5 * 3),
+        memory=price.memory + number * (21 + 3 * remembered(made)),
     )

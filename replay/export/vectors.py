@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.compensate import Combined, Compensator
-from wrenchgap.compensate.physics_program import rows_of
+from wrenchgap.compensate.state_row import rows_of
 from wrenchgap.compensate.run import run
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES, Array

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from wrenchgap.compensate import PhysicsMismatch
-from wrenchgap.compensate.compiled import as_lines, differentiate, evaluate
-from wrenchgap.compensate.physics_program import rows_of, trace, untraceable
+from wrenchgap.compensate.fast import tape_of
+from wrenchgap.compensate.physics_program import trace, untraceable
+from wrenchgap.compensate.state_row import rows_of
 from wrenchgap.flight import so3
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import model_file
@@ -16,6 +17,7 @@ from wrenchgap.plant.effects.effect import SensorEffect
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.state import State
 from wrenchgap.plant.tape import Op, Tape, program
+from wrenchgap.plant.tape_kernels import differentiate, evaluate
 from wrenchgap.plant.tracing import Node, Traced, Untraceable
 
 MODEL = model_file.load("voliro_x")
@@ -29,7 +31,7 @@ def at(x, function):
     tape = Tape()
     line = tape.input("x")
     found = function(Traced.of([Node(tape, line)]))
-    lines = as_lines(program(tape, [line], [line], [found[0].line]), 1)
+    lines = tape_of(program(tape, [line], [line], [found[0].line]), 1)
     lines.value[lines.inputs[0]] = x
     evaluate(lines, 0, lines.split)
     differentiate(lines)
@@ -106,7 +108,7 @@ def physics(name, lead):
 def stepped(mismatch, count=12):
     """The mismatch (K, 6) and its slope step by step: of plain arrays, and of the program with its tangents."""
     programs, follower = trace(mismatch, DT), mismatch.follow(DT)
-    mean, sent = as_lines(programs.mismatch, 6), as_lines(programs.sent, 6)
+    mean, sent = tape_of(programs.mismatch, 6), tape_of(programs.sent, 6)
     memory, fresh = np.zeros(programs.arms + programs.memory), 1.0
     every = states(count)
     rows, wrenches = rows_of(every), commands(count)
@@ -145,7 +147,7 @@ def test_lever_arm_has_the_slope_of_a_cross_product():
     offset = np.array([0.004, -0.007, 0.005])
     made = make_effect(MODEL.vehicle, "com_offset", offset)
     programs = trace(PhysicsMismatch(MODEL.with_effects([made]).wrench_model, AXES), DT)
-    lines = as_lines(programs.mismatch, 6)
+    lines = tape_of(programs.mismatch, 6)
     lines.value[lines.inputs] = np.concatenate((commands(1)[0], rows_of(states(1))[0], np.zeros(7)))
     evaluate(lines, 0, lines.split)
     differentiate(lines)

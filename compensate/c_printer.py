@@ -1,0 +1,440 @@
+"""Prints `compensate.kernels` as C99: the functions that are `printed`, and the structs of `compensate.tables`.
+
+The functions say little that C does not say in the same words: assignments, `for` over `range`, `if`, arithmetic,
+`math`, calls of each other, arrays whose shapes the annotations give. Tuples of constants become static tables
+(`wg_...`) and macros (`WG_...`), and vanish from the arguments; tuples that change become structs, handed over by
+pointer. Anything else raises `Unprintable`, with the line.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, get_args, get_type_hints
+
+from wrenchgap.compensate import tables
+from wrenchgap.compensate.compiling import PRINTED
+
+CONSTANT = {"Compensation": "", "Gate": "", "ReachTable": "reach_", "Process": "process_", "Observer": "observer_"}
+"""Tuples whose parts are tables and macros, with what stands before their names; a `Tape` has none."""
+STRUCTS = {"Memory": "wg_memory", "Observed": "wg_memory", "ReachRoom": "wg_reach_room", "Room": "wg_room"}
+MAYBE_NONE = ("WG_POINTS", "WG_WHITENER", "WG_TILTING", "WG_ACTUATORS", "WG_FIXED")
+"""Sizes that may be zero, where C has no array."""
+CALLS = {
+    "math.sqrt": "wg_sqrt",
+    "math.exp": "wg_exp",
+    "math.sin": "wg_sin",
+    "math.cos": "wg_cos",
+    "math.atan2": "wg_atan2",
+    "math.floor": "wg_floor",
+    "abs": "wg_fabs",
+    "math.isfinite": "isfinite",
+    "math.isinf": "isinf",
+    "math.isnan": "isnan",
+}
+TRUTHS = ("isfinite", "isinf", "isnan")
+OPERATORS: dict[type, tuple[str, int]] = {
+    ast.Mult: ("*", 5), ast.Div: ("/", 5), ast.Mod: ("%", 5), ast.Add: ("+", 4), ast.Sub: ("-", 4),
+    ast.Lt: ("<", 3), ast.LtE: ("<=", 3), ast.Gt: (">", 3), ast.GtE: (">=", 3), ast.Eq: ("==", 3), ast.NotEq: ("!=", 3),
+    ast.And: ("&&", 2), ast.Or: ("||", 1),
+}  # fmt: skip
+"""How each is written, and how tightly it binds."""
+ATOM, UNARY, CHOICE = 9, 6, 0
+
+
+class Unprintable(Exception):
+    """Something that the printer does not know, and where."""
+
+    def __init__(self, node: ast.AST, what: str) -> None:
+        super().__init__(f"line {getattr(node, 'lineno', '?')}: {what}")
+
+
+@dataclass(frozen=True)
+class Type:
+    """Of an expression: `wg_real`, `int`, or the name of a tuple; with the sizes of an array."""
+
+    name: str
+    sizes: tuple[str, ...] = ()
+
+    @property
+    def is_tuple(self) -> bool:
+        """Whether it is one of `tables`."""
+        return self.name in CONSTANT or self.name in STRUCTS or self.name == "Tape"
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it vanishes from the arguments."""
+        return self.name in CONSTANT or self.name == "Tape"
+
+
+REAL, INT = Type("wg_real"), Type("int")
+
+
+def type_of(hint: Any) -> Type:
+    """The type of an annotation of `tables`, or of an argument."""
+    if hint in (int, bool):
+        return INT
+    if hint is float:
+        return REAL
+    if hasattr(hint, "_fields"):
+        return Type(hint.__name__)
+    sizes = [str(size) for size in getattr(hint, "__metadata__", ("?",)) if size != "int"]
+    whole = get_args(hint)[:1] == (tables.Ints,) or "int" in getattr(hint, "__metadata__", ())
+    return Type("int" if whole else "wg_real", tuple(sizes))
+
+
+def fields_of(name: str) -> dict[str, Type]:
+    """Fields of a tuple with their types."""
+    hints = get_type_hints(getattr(tables, name), include_extras=True)
+    return {field: type_of(hint) for field, hint in hints.items()}
+
+
+def bounds(sizes: tuple[str, ...]) -> str:
+    """The brackets of a declaration."""
+    return "".join(f"[WG_SIZE({size})]" if size in MAYBE_NONE else f"[{size}]" for size in sizes)
+
+
+def members(name: str) -> str:
+    """The members of a struct, one a line, for a tuple that changes."""
+    lines = []
+    for part, kind in fields_of(name).items():
+        sizes = () if kind.sizes == ("1",) else kind.sizes
+        lines.append(f"    {STRUCTS.get(kind.name, kind.name)} {part}{bounds(sizes)};")
+    return "\n".join(lines)
+
+
+def name_of_constant(owner: str, part: str, kind: Type) -> str:
+    """What a part of a tuple of constants is called in C."""
+    name = CONSTANT[owner] + part
+    return f"wg_{name}" if kind.sizes else f"WG_{name.upper()}"
+
+
+@dataclass
+class Function:
+    """A function of the module: its arguments, and which of them it writes to."""
+
+    node: ast.FunctionDef
+    arguments: dict[str, Type]
+    result: str
+    written: set[str] = field(default_factory=set)
+
+
+class Printer:
+    """Prints the functions of a module in its order; those decorated with `external` are only declared elsewhere."""
+
+    def __init__(self, module: ModuleType) -> None:
+        self.module = module
+        tree = ast.parse(inspect.getsource(module))
+        self.functions: dict[str, Function] = {}
+        self.printed: list[str] = []
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef):
+                decorators = {_called(d) for d in node.decorator_list}
+                if decorators & {*PRINTED, "external"}:
+                    self.functions[node.name] = self._function(node)
+                    if not decorators & {"external"}:
+                        self.printed.append(node.name)
+        self._find_written()
+
+    def _function(self, node: ast.FunctionDef) -> Function:
+        def hint(text: ast.expr | None) -> Any:
+            name = ast.unparse(text) if text else "None"
+            known = {"int": int, "float": float, "bool": bool, "None": None}
+            return known[name] if name in known else getattr(self.module, name, None) or getattr(tables, name)
+
+        arguments = {a.arg: type_of(hint(a.annotation)) for a in node.args.args}
+        result = {"None": "void", "float": "wg_real"}.get(ast.unparse(node.returns) if node.returns else "None", "int")
+        return Function(node, arguments, result)
+
+    def _find_written(self) -> None:
+        """Arguments through which something is written, by a function or by one that it calls."""
+        changed = True
+        while changed:
+            changed = False
+            for one in self.functions.values():
+                before = len(one.written)
+                one.written |= self._written_in(one)
+                changed = changed or len(one.written) > before
+
+    def _written_in(self, one: Function) -> set[str]:
+        calls = [d for d in one.node.decorator_list if isinstance(d, ast.Call) and _called(d) == "external"]
+        found = {str(ast.literal_eval(argument)) for call in calls for argument in call.args}
+        for node in ast.walk(one.node):
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            for target in targets:
+                if isinstance(target, ast.Subscript):
+                    found.add(_root(target))
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in self.functions:
+                called = self.functions[ast.unparse(node.func)]
+                for argument, name in zip(node.args, called.arguments, strict=True):
+                    if name in called.written:
+                        found.add(_root(argument))
+        return found & set(one.arguments)
+
+    def signature(self, name: str) -> str:
+        """The head of a function."""
+        one, parts = self.functions[name], []
+        for argument, kind in one.arguments.items():
+            if kind.is_constant:
+                continue
+            if kind.name in STRUCTS:
+                parts.append(f"{STRUCTS[kind.name]} *{argument}")
+            elif len(kind.sizes) > 1:
+                parts.append(f"{kind.name} {argument}{bounds(kind.sizes)}")
+            elif kind.sizes:
+                parts.append(f"{'' if argument in one.written else 'const '}{kind.name} *{argument}")
+            else:
+                parts.append(f"{kind.name} {argument}")
+        return f"static {one.result} wg_{name}({', '.join(parts) or 'void'})"
+
+    def text(self, names: list[str] | None = None) -> str:
+        """The functions, each with its docstring as a comment."""
+        return "\n\n".join(self._text(name) for name in self.printed if names is None or name in names)
+
+    def _text(self, name: str) -> str:
+        one = self.functions[name]
+        note = " ".join((ast.get_docstring(one.node) or "").split()).replace("`", "")
+        body = _Body(self, one)
+        statements = body.block(one.node.body[1:], 1)
+        declared = [f"    {kind}{name};" for name, kind in body.declared.items()]
+        return "\n".join([*_comment(note), self.signature(name), "{", *declared, *statements, "}"])
+
+    def constants(self) -> str:
+        """Constants of the module that the functions name: whole numbers as an enum, the others as macros."""
+        used = {n.id for f in self.printed for n in ast.walk(self.functions[f].node) if isinstance(n, ast.Name)}
+        named = {n: v for n, v in vars(self.module).items() if n in used and isinstance(v, int | float | tuple)}
+        whole = [f"    WG_{n} = {v}" for n, v in named.items() if isinstance(v, int)]
+        lines = ["enum {", ",\n".join(whole), "};"]
+        lines += [f"#define WG_{n} WG({v!r})" for n, v in named.items() if isinstance(v, float)]
+        for n, v in named.items():
+            if isinstance(v, tuple):
+                values = ", ".join(f"WG({x!r})" for x in v)
+                lines.append(f"static const wg_real wg_{n.lower()}[{len(v)}] = {{{values}}};")
+        return "\n".join(lines)
+
+
+def _called(node: ast.expr) -> str:
+    return ast.unparse(node.func if isinstance(node, ast.Call) else node)
+
+
+def _root(node: ast.expr) -> str:
+    while isinstance(node, ast.Subscript | ast.Attribute):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _comment(text: str) -> list[str]:
+    """A comment in lines of 120 characters."""
+    lines, line = [], "/*"
+    for word in [*text.split(), "*/"]:
+        if len(line) + len(word) + 1 > 120:
+            lines.append(line)
+            line = " *"
+        line += f" {word}"
+    return [*lines, line]
+
+
+class _Body:
+    """Prints the statements of one function."""
+
+    def __init__(self, printer: Printer, one: Function) -> None:
+        self.printer, self.one = printer, one
+        self.known: dict[str, Type] = dict(one.arguments)
+        self.constants: set[str] = set()
+        self.declared: dict[str, str] = {}
+
+    def block(self, nodes: list[ast.stmt], depth: int) -> list[str]:
+        """Statements, indented."""
+        return [line for node in nodes for line in self._statement(node, "    " * depth, depth)]
+
+    def _statement(self, node: ast.stmt, pad: str, depth: int) -> list[str]:
+        if isinstance(node, ast.Assign):
+            return self._assign(node, pad)
+        if isinstance(node, ast.AugAssign):
+            sign, _ = OPERATORS[type(node.op)]
+            return [f"{pad}{self.plain(node.target)} {sign}= {self.plain(node.value)};"]
+        if isinstance(node, ast.Expr):
+            return [f"{pad}{self.plain(node.value)};"]
+        if isinstance(node, ast.Return):
+            return [f"{pad}return{'' if node.value is None else ' ' + self.plain(node.value)};"]
+        if isinstance(node, ast.Break | ast.Continue):
+            return [f"{pad}{'break' if isinstance(node, ast.Break) else 'continue'};"]
+        if isinstance(node, ast.For):
+            name = ast.unparse(node.target)
+            if name in self.declared:
+                raise Unprintable(node, f"{name} counts a loop, and is a number outside of it")
+            lines = [f"{pad}{self._head(node)} {{", *self.block(node.body, depth + 1), f"{pad}}}"]
+            del self.known[name]  # in C it is known in the loop alone
+            return lines
+        if isinstance(node, ast.If):
+            lines = [f"{pad}if ({self.plain(node.test)}) {{", *self.block(node.body, depth + 1)]
+            if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
+                first, *rest = self._statement(node.orelse[0], pad, depth)
+                return [*lines, f"{pad}}} else {first.strip()}", *rest]
+            if node.orelse:
+                lines += [f"{pad}}} else {{", *self.block(node.orelse, depth + 1)]
+            return [*lines, f"{pad}}}"]
+        raise Unprintable(node, type(node).__name__)
+
+    def _assign(self, node: ast.Assign, pad: str) -> list[str]:
+        (target,) = node.targets
+        if not isinstance(target, ast.Name):
+            return [f"{pad}{self.plain(target)} = {self.plain(node.value)};"]
+        text, kind, _ = self.expression(node.value)
+        if kind.is_tuple:  # another name of a tuple of constants
+            self.known[target.id] = kind
+            return []
+        if target.id not in self.known:
+            self.known[target.id] = kind
+            constant = "const " if kind.sizes and text.startswith("wg_") else ""
+            self.declared[target.id] = f"{constant}{kind.name} {'*' if kind.sizes else ''}"
+        elif self.known[target.id] != kind:
+            raise Unprintable(node, f"{target.id} changes its type")
+        return [f"{pad}{target.id} = {text};"]
+
+    def _head(self, node: ast.For) -> str:
+        if not (
+            isinstance(node.target, ast.Name) and isinstance(node.iter, ast.Call) and _called(node.iter) == "range"
+        ):
+            raise Unprintable(node, "a loop that is not over range")
+        name = node.target.id if node.target.id != "_" else "turn"
+        self.known[node.target.id] = INT
+        given = [self.plain(a) for a in node.iter.args]
+        first, last, by = (["0", *given, "1"] if len(given) == 1 else [*given, "1"])[:3]
+        down = by == "-1"
+        advance = f"{name}--" if down else f"{name}++"
+        return f"for (int {name} = {first}; {name} {'>' if down else '<'} {last}; {advance})"
+
+    def plain(self, node: ast.expr) -> str:
+        """The text of an expression."""
+        return self.expression(node)[0]
+
+    def _within(self, node: ast.expr, binding: int) -> str:
+        """The text of a part, in brackets where it binds less tightly."""
+        text, _, own = self.expression(node)
+        return f"({text})" if own < binding else text
+
+    def expression(self, node: ast.expr) -> tuple[str, Type, int]:
+        """Text, type, and how tightly it binds."""
+        kind = type(node).__name__
+        known = getattr(self, f"_{kind.lower()}", None)
+        if known is None:
+            raise Unprintable(node, kind)
+        found: tuple[str, Type, int] = known(node)
+        return found
+
+    def _constant(self, node: ast.Constant) -> tuple[str, Type, int]:
+        if isinstance(node.value, bool):
+            return str(int(node.value)), INT, ATOM
+        if isinstance(node.value, int):
+            return str(node.value), INT, ATOM
+        return f"WG({node.value!r})", REAL, ATOM
+
+    def _name(self, node: ast.Name) -> tuple[str, Type, int]:
+        if node.id in self.known:
+            return ("turn" if node.id == "_" else node.id), self.known[node.id], ATOM
+        value = getattr(self.printer.module, node.id, None)
+        if isinstance(value, tuple):
+            return f"wg_{node.id.lower()}", Type("wg_real", (str(len(value)),)), ATOM
+        if isinstance(value, int | float):
+            return f"WG_{node.id}", INT if isinstance(value, int) else REAL, ATOM
+        raise Unprintable(node, node.id)
+
+    def _attribute(self, node: ast.Attribute) -> tuple[str, Type, int]:
+        if ast.unparse(node) in ("math.nan", "math.inf"):
+            return {"math.nan": "WG_NAN", "math.inf": "WG_INFINITY"}[ast.unparse(node)], REAL, ATOM
+        base, owner, _ = self.expression(node.value)
+        if not owner.is_tuple:
+            raise Unprintable(node, ast.unparse(node))
+        kind = fields_of(owner.name)[node.attr]
+        if owner.is_constant:
+            return ("" if kind.is_tuple else name_of_constant(owner.name, node.attr, kind)), kind, ATOM
+        return f"{base}{'->' if isinstance(node.value, ast.Name) else '.'}{node.attr}", kind, ATOM
+
+    def _subscript(self, node: ast.Subscript) -> tuple[str, Type, int]:
+        base, kind, _ = self.expression(node.value)
+        if isinstance(node.value, ast.Attribute) and kind.sizes == ("1",):
+            return base, Type(kind.name), ATOM
+        places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        start = ""
+        if isinstance(places[-1], ast.Slice):
+            start = "" if places[-1].lower is None else self.plain(places[-1].lower)
+            places = places[:-1]
+        text = base + "".join(f"[{self.plain(place)}]" for place in places)
+        left = Type(kind.name, kind.sizes[len(places) :])
+        return (f"{text} + {start}", left, 4) if start else (text, left, ATOM)
+
+    def _binop(self, node: ast.BinOp) -> tuple[str, Type, int]:
+        sign, binding = OPERATORS[type(node.op)]
+        types = {self.expression(part)[1] for part in (node.left, node.right)}
+        text = f"{self._within(node.left, binding)} {sign} {self._within(node.right, binding + 1)}"
+        return text, INT if types == {INT} else REAL, binding
+
+    def _unaryop(self, node: ast.UnaryOp) -> tuple[str, Type, int]:
+        _, kind, _ = self.expression(node.operand)
+        sign = {ast.Not: "!", ast.USub: "-"}[type(node.op)]
+        return f"{sign}{self._within(node.operand, UNARY)}", INT if sign == "!" else kind, UNARY
+
+    def _compare(self, node: ast.Compare) -> tuple[str, Type, int]:
+        if len(node.ops) > 1:
+            raise Unprintable(node, "a chain of comparisons")
+        sign, binding = OPERATORS[type(node.ops[0])]
+        parts = (self._within(node.left, binding + 1), self._within(node.comparators[0], binding + 1))
+        return f"{parts[0]} {sign} {parts[1]}", INT, binding
+
+    def _boolop(self, node: ast.BoolOp) -> tuple[str, Type, int]:
+        sign, binding = OPERATORS[type(node.op)]
+        inner = binding if isinstance(node.op, ast.And) else 3  # what && binds is put in brackets behind ||
+        return f" {sign} ".join(self._within(value, inner) for value in node.values), INT, binding
+
+    def _ifexp(self, node: ast.IfExp) -> tuple[str, Type, int]:
+        yes, kind, _ = self.expression(node.body)
+        no, other, _ = self.expression(node.orelse)
+        if kind != other:
+            raise Unprintable(node, "a choice between two types")
+        return f"{self._within(node.test, 1)} ? {yes} : {no}", kind, CHOICE
+
+    def _call(self, node: ast.Call) -> tuple[str, Type, int]:
+        name = ast.unparse(node.func)
+        if name == "len":
+            return self.expression(node.args[0])[1].sizes[0], INT, ATOM
+        if name in CALLS:
+            kind = INT if CALLS[name] in TRUTHS else REAL
+            return f"{CALLS[name]}({', '.join(map(self.plain, node.args))})", kind, ATOM
+        if name not in self.printer.functions:
+            raise Unprintable(node, f"a call of {name}")
+        called, given = self.printer.functions[name], []
+        for argument, kind in zip(node.args, called.arguments.values(), strict=True):
+            if not kind.is_constant:
+                inner = kind.name in STRUCTS and not isinstance(argument, ast.Name)
+                given.append(f"{'&' if inner else ''}{self.plain(argument)}")
+        kind = REAL if called.result == "wg_real" else INT
+        return f"wg_{name}({', '.join(given)})", kind, ATOM
+
+
+OBSERVING = ("torque_made", "observe", "remember_asked", "stop_watching", "take_back", "estimate_kept")
+"""Functions that only an observer needs."""
+
+
+def period_text(module: ModuleType) -> str:
+    """The generated part of an exported compensation: constants, room to work in, and the functions of a period."""
+    printer = Printer(module)
+    parts = [
+        "/* Printed from compensate/kernels.py of wrenchgap (`make generated`); not to be edited. */",
+        printer.constants(),
+        *(f"typedef struct {{\n{members(name)}\n}} {STRUCTS[name]};" for name in ("ReachRoom", "Room")),
+        *(f"{printer.signature(name)};" for name in ("physics_fixed", "physics_moving", "physics_sent")),
+        printer.text([name for name in printer.printed if name not in OBSERVING]),
+        "#if WG_OBSERVER",
+        printer.text(list(OBSERVING)),
+        "#endif",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def memory_text() -> str:
+    """The struct of what is remembered, for the header of an exported compensation."""
+    observed = f"#if WG_OBSERVER\n{members('Observed')}\n#endif"
+    return f"typedef struct {{\n{members('Memory')}\n{observed}\n}} wg_memory;\n"

@@ -1,0 +1,1 @@
+"""Printed by `make generated`; not to be edited."""
