@@ -14,7 +14,10 @@ and one module for each kind of result, with `parts` (what is printed), `to_json
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 MODULES = {
     "Addition": "addition",
@@ -80,6 +83,11 @@ def to_frame(result: Any) -> Any:
 def plot(result: Any, axes: Any = None) -> Any:
     """A result drawn into axes (new ones where none are given), which are returned."""
     return import_module(f"{__name__}.figures").plot(result, axes)
+
+
+def save_page(result: Any, path: Path, *, force: bool) -> None:
+    """Write the HTML page of a report; raises UsageError where the file exists and `force` is not given."""
+    _module(result).save(result, path, force=force)
 
 
 def _module(result: Any) -> Any:

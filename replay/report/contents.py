@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
 from wrenchgap.flight import AXES, WrenchgapError
 from wrenchgap.flight.repeats import refuse_seen
-from wrenchgap.flight.result import PRESENTATION, Result
+from wrenchgap.flight.result import Result
 from wrenchgap.learn import Comparison, Design, FitSettings, GaussianProcess, OpenFlight
 from wrenchgap.learn.data.applicable import Lack, inapplicable
 from wrenchgap.learn.data.dataset import Dataset
@@ -100,7 +99,7 @@ class Report(Result):
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write it as one HTML page. Raises UsageError where the file exists and `force` is not given."""
-        import_module(f"{PRESENTATION}.report").save(self, Path(path), force=force)
+        self.presentation.save_page(self, Path(path), force=force)
 
     @property
     def flights(self) -> tuple[OpenFlight, ...]:
