@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
@@ -10,7 +11,10 @@ from functools import cached_property, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
+import typer
+
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli import values
 from wrenchgap.replay.cli.console import Report, console, progress
 
 if TYPE_CHECKING:
@@ -37,15 +41,19 @@ class Reading:
         from wrenchgap.learn.data.read_options import ReadOptions
 
         self.options = ReadOptions(
-            topics=o.parse_topics(self.topic),
-            shifts=o.parse_shifts(self.shift),
-            cutoff_hz=o.parse_cutoff(self.cutoff),
-            between=o.parse_between(self.between),
-            unmeasured=o.parse_unmeasured(self.unmeasured),
-            accept=o.parse_accept(self.accept),
-            keep=o.parse_keep(self.keep),
-            budget=o.parse_budget(self.budget),
+            topics=values.parse_topics(self.topic),
+            shifts=values.parse_shifts(self.shift),
+            cutoff_hz=values.parse_cutoff(self.cutoff),
+            between=values.parse_between(self.between),
+            unmeasured=values.parse_unmeasured(self.unmeasured),
+            accept=values.parse_accept(self.accept),
+            keep=values.parse_keep(self.keep),
+            budget=values.parse_budget(self.budget),
         )
+
+
+COMMON = (*(one.name for one in fields(Reading)), "own")
+"""Options that say how flights are read, by the names of their parameters."""
 
 
 class Omit:
@@ -59,6 +67,7 @@ class Omit:
 class Run:
     """One run of a command: notes what is read, for the JSON result; prints, unless `quiet`; writes."""
 
+    ctx: typer.Context = None  # type: ignore[assignment]
     own: o.OwnEffects = None
     json: o.JsonFile = None
     force: o.Force = False
@@ -178,18 +187,41 @@ class Run:
 
         return [*(log_input(one.flight, role) for one, role in self._logs), *self.inputs]
 
-    def write(self, command: str, body: Mapping[str, Any]) -> None:
-        """Write the JSON of a command with what went in, where it is asked for."""
+    def write(self, command: str, body: Mapping[str, Any], **files: Any) -> None:
+        """Write the JSON of a command with what went in, where it is asked for; say which files were written."""
         if self.json is not None:
             from wrenchgap.replay.present.documents import document, write_json
 
             write_json(self.json, document(command, body, self.read), force=self.force)
-
-    def wrote(self, **files: Any) -> None:
-        """Say which files were written."""
         for what, path in {**files, "result": self.json}.items():
             if path is not None:
                 self.line(f"wrote {what.replace('_', ' ')} {path}")
+
+    def command_line(self) -> str:
+        """The command that is running, as a user would type it; without options that do not change its result."""
+        words = self._typed(lambda name: name not in ("json", "force", "quiet"))
+        return shlex.join(["wrenchgap", *self.ctx.command_path.split()[1:], *words])
+
+    def common_options(self, *without: str) -> str:
+        """Options of the running command that others need to read the same flights, with a space before them."""
+        words = shlex.join(self._typed(lambda name: name in COMMON and name not in without))
+        return f" {words}" if words else ""
+
+    def _typed(self, wanted: Callable[[str], bool]) -> list[str]:
+        words: list[str] = []
+        for parameter in sorted(self.ctx.command.params, key=lambda p: p.param_type_name != "argument"):
+            value = self.ctx.params.get(parameter.name or "")
+            if not wanted(parameter.name or "") or value is None or value == parameter.default:
+                continue
+            listed = value if isinstance(value, list | tuple) else [value]
+            name = max(parameter.opts, key=len)
+            if parameter.param_type_name == "argument":
+                words += [str(v) for v in listed]
+            elif isinstance(value, bool):
+                words.append(name if value else max(parameter.secondary_opts or [name], key=len))
+            else:
+                words += [word for v in listed for word in (name, str(v))]
+        return words
 
 
 def grouped(function: Callable[..., None]) -> Callable[..., None]:

@@ -6,7 +6,7 @@ import pytest
 from wrenchgap import flight
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats.folders import flights_in
-from wrenchgap.replay.cli.logs import flights
+from wrenchgap.replay.cli.options import flights
 
 
 def parts(logs, folder, starts, names, form="mcap-zstd"):

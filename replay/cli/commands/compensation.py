@@ -1,4 +1,4 @@
-"""`wrenchgap replay`: the compensation, re-run on a recorded flight."""
+"""`wrenchgap replay` and `counterfactual`: the compensation on a recorded flight."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wrenchgap.replay.cli import options as o
+from wrenchgap.replay.cli.completion import complete_effects, complete_models
 from wrenchgap.replay.cli.requests import Omit, Reading, Run
+from wrenchgap.replay.cli.values import parse_cutoff, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.flight.budget import Budget
@@ -25,7 +27,7 @@ Model = Annotated[
         "-m",
         metavar="MODEL",
         help="Model file (.toml), or the name of a shipped model.",
-        autocompletion=o.complete_models,
+        autocompletion=complete_models,
         show_default=False,
     ),
 ]
@@ -51,13 +53,6 @@ Source = Annotated[
         autocompletion=lambda incomplete: [n for n in ("desired", "commanded") if n.startswith(incomplete)],
     ),
 ]
-NoFilter = Annotated[bool, typer.Option("--no-filter", help="Apply the optimum in full, whatever its uncertainty.")]
-Threshold = Annotated[float | None, typer.Option(help="Standard deviation at which half of the optimum is withheld.")]
-Slope = Annotated[float | None, typer.Option(help="Gate slope: how sharply the correction fades around the threshold.")]
-DecayTime = Annotated[float, typer.Option(help="Time constant with which a withheld correction fades, in seconds.")]
-DespiteVerdict = Annotated[
-    bool, typer.Option("--despite-verdict", help="Compensate in full, also where the verdict of learn is against it.")
-]
 CutoffOfGp = Annotated[
     float | None, typer.Option("--cutoff", metavar="HZ", help="Low-pass in Hz; default: the one of the GP.")
 ]
@@ -71,12 +66,12 @@ def replay(
     export: Exported = None,
     output: o.LogOut = None,
     source: Source = None,
-    no_filter: NoFilter = False,
-    sigma_threshold: Threshold = None,
-    kappa: Slope = None,
-    decay_time: DecayTime = 0.15,
+    no_filter: o.NoFilter = False,
+    sigma_threshold: o.Threshold = None,
+    kappa: o.Slope = None,
+    decay_time: o.DecayTime = 0.15,
     lead: o.Lead = None,
-    despite_verdict: DespiteVerdict = False,
+    despite_verdict: o.DespiteVerdict = False,
     csv: o.Csv = None,
     parquet: Parquet = None,
     figure: o.Figure = None,
@@ -100,7 +95,6 @@ def replay(
         _prove(log, export, csv, reading.options.budget, run, idle=_said(locals()))
         return
     from wrenchgap.compensate import Settings
-    from wrenchgap.flight.errors import UsageError
     from wrenchgap.learn.process.predictors import cutoff_of
     from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import checked
@@ -108,7 +102,7 @@ def replay(
 
     if model is None or gp is None:
         missing = "--model MODEL" if model is None else "--gp GP"
-        raise UsageError(f"replay {log}: {missing} is missing; give --model and --gp, or --export for a flown export")
+        raise usage_error(f"replay {log}: {missing} is missing; give --model and --gp, or --export for a flown export")
     run.claim({"--output": output, "--csv": csv, "--parquet": parquet, "--figure": figure}, log, model, gp)
     settings = Settings(
         filter_uncertain=not no_filter,
@@ -120,14 +114,13 @@ def replay(
     base, process, wanted = run.model(model), run.gp(gp), checked(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
-    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else o.parse_cutoff(cutoff))
+    options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(options, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
     write_files(result, output, csv, parquet, figure, force=run.force)
-    run.write("replay", result.to_json())
     run.result(result)
-    run.wrote(log=output, table=csv, parquet=parquet, figure=figure)
+    run.write("replay", result.to_json(), log=output, table=csv, parquet=parquet, figure=figure)
 
 
 def _said(values: dict[str, Any]) -> list[str]:
@@ -141,21 +134,120 @@ def _said(values: dict[str, Any]) -> list[str]:
 
 def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run, idle: list[str]) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
-    from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay.onboard import prove_flown
     from wrenchgap.replay.present.documents import write_csv
 
     if idle:
-        raise UsageError(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
+        raise usage_error(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
     run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
         found = prove_flown(log, folder, budget=budget)
     if log.is_file():
         run.note_input(log, "log")
-    run.write("replay-export", {**found.to_json(), "folder": str(folder)})
     run.result(found)
     if csv is not None:
         write_csv(found.to_frame(), csv)
-    run.wrote(table=csv)
+    run.write("replay-export", {**found.to_json(), "folder": str(folder)}, table=csv)
     if not found.proved:
         raise typer.Exit(FOUND_OTHER)
+
+
+Compensate = Annotated[
+    Path | None, typer.Option("--gp", metavar="GP", help="Compensate with this GP of `wrenchgap learn`.")
+]
+Baselines = Annotated[
+    bool,
+    typer.Option("--baselines", help="Re-simulate with the baselines of a GP too: observer, effects, straight line."),
+]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        metavar="EFFECT",
+        help="Re-simulate the vehicle without this effect of MODEL.",
+        autocompletion=complete_effects,
+    ),
+]
+With = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with",
+        metavar="EFFECT=P:V,...",
+        help="Re-simulate it with this effect as well.",
+        autocompletion=complete_effects,
+    ),
+]
+Gains = Annotated[
+    list[str] | None,
+    typer.Option("--gains", metavar="NAME=VALUE", help="Other gains, e.g. integral=0 or omega_attitude=5,5,4."),
+]
+Believe = Annotated[
+    str | None,
+    typer.Option(
+        "--believe",
+        metavar="MODEL2",
+        help="Controller and allocation know mass, inertia and centre of mass of MODEL2.",
+        autocompletion=complete_models,
+    ),
+]
+Start = Annotated[float, typer.Option("--start", metavar="S", help="Start of the re-simulation, in seconds.")]
+Duration = Annotated[
+    float | None, typer.Option("--duration", metavar="S", help="Its length, in seconds; default: to the end.")
+]
+
+
+def counterfactual(
+    log: o.Log,
+    model: o.ModelOption,
+    output: o.LogOut = None,
+    gp: Compensate = None,
+    lead: o.Lead = None,
+    baselines: Baselines = False,
+    despite_verdict: o.DespiteVerdict = False,
+    without: Without = None,
+    with_: With = None,
+    gains: Gains = None,
+    believe: Believe = None,
+    start: Start = 0.0,
+    duration: Duration = None,
+    *,
+    reading: Annotated[Reading, Omit("cutoff")],
+    run: Run,
+) -> None:
+    """Re-simulate a recorded flight with something changed.
+
+    What MODEL does not explain of the recorded motion is inferred as a disturbance over time and acts in the
+    re-simulation too, from the recorded initial state, along the recorded reference. The null run, with nothing
+    changed, must reproduce the recorded flight; its error, printed first, bounds the accuracy of what follows.
+
+    Example: `wrenchgap counterfactual test.mcap -m tilt_hexarotor --gp torque.gp -o compensated.mcap`
+    """
+    # Long because typer reads the options from the signature, one a line.
+    from wrenchgap.replay import api
+    from wrenchgap.replay.present.counterfactual import write_log
+
+    run.claim({"--output": output}, log, gp)
+    base, other = run.model(model), None if believe is None else run.model(believe, "believed")
+    process = run.gp(gp)
+    with run.progress("counterfactual", "reading the log") as report:
+        ((flight,), _) = run.open(reading.options, [log], base)
+        result = api.counterfactual(
+            flight,
+            base,
+            gp=process,
+            gp_name="" if gp is None else gp.name,
+            lead=lead,
+            without=without or (),
+            having=with_ or (),
+            gains=gains or (),
+            believe=other,
+            baselines=baselines,
+            despite_verdict=despite_verdict,
+            start=start,
+            duration=duration,
+            progress=report,
+        )
+    if output is not None:
+        write_log(result, output, run.read, force=run.force)
+    run.result(result)
+    run.write("counterfactual", result.to_json(), log=output)

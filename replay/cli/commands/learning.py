@@ -1,4 +1,4 @@
-"""`wrenchgap learn`: a Gaussian process on what the model leaves."""
+"""`wrenchgap calibrate` and `learn`: a model trimmed on healthy flights, a Gaussian process of what it leaves."""
 
 from __future__ import annotations
 
@@ -10,8 +10,44 @@ import typer
 
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.values import parse_names, parse_outputs
 
-MANY = ("--validate",)
+
+def calibrate(
+    logs: o.Logs,
+    model: o.ModelOption,
+    output: o.ModelOut,
+    validate: o.Validate = None,
+    *,
+    reading: Reading,
+    run: Run,
+) -> None:
+    """Trim a model on healthy flights: thrust, centre of mass, torque ratio, IMU, timing; only what helps is changed.
+
+    An effect is kept where it lowers the error on blocks of time that its fit did not see, and, with several flights,
+    on flights that were left out whole. Values are written with their standard deviation, which has the scatter
+    between flights, and with logs, hashes, date and version.
+
+    Example: `wrenchgap calibrate monday.ulg tuesday.ulg -m vehicle.toml -o calibrated.toml`
+    """
+    from wrenchgap.replay import api, modelling
+
+    run.claim({"--output": output}, *logs, *(validate or ()))
+    base, command = run.model(model), run.command_line()
+    with run.progress("calibrating") as report:
+        flights, tests = run.open(reading.options, logs, base, validate)
+        found = modelling.calibrate(flights, base, validate=tests, progress=report)
+    kept = found.given if found.added is None else found.added
+    saved = api.save_model(kept, output, before=base, command=command, force=run.force)
+    run.result(found)
+    number = saved.history[-1].number
+    run.write(
+        "calibrate",
+        {**found.to_json(), "model": str(output), "model_version": number},
+        **{f"model (version {number})": output},
+    )
+
+
 Subsample = StrEnum("Subsample", ["fasterpam", "pyclustering"])
 Mean = StrEnum("Mean", ["physics", "zero", "linear", "constant"])
 Inference = StrEnum("Inference", ["exact", "sparse"])
@@ -95,8 +131,8 @@ def learn(
     from wrenchgap.replay import api
 
     run.claim({"--output": output}, *logs, *(validate or ()), model)
-    wanted, base = o.parse_outputs(outputs), run.model(model)
-    names = () if inputs == "auto" else o.parse_names(inputs)
+    wanted, base = parse_outputs(outputs), run.model(model)
+    names = () if inputs == "auto" else parse_names(inputs)
     kind = default_mean(base) if mean is None else mean.value
     how: dict[str, Any] = {"method": subsample.value, "scale": scale.value, "mean": kind, "inference": inference.value}
     how["search"] = search.value
@@ -117,5 +153,4 @@ def learn(
     api.save_gp(learnt, output, force=run.force)
     run.result(learnt)
     run.notes(base.notes)
-    run.write("learn", {**learnt.to_json(), "gp": str(output)})
-    run.wrote(GP=output)
+    run.write("learn", {**learnt.to_json(), "gp": str(output)}, GP=output)

@@ -1,4 +1,4 @@
-"""What the commands of `wrenchgap batch` share: options, the run with its progress, what is printed and written."""
+"""`wrenchgap batch`: one command over thousands of logs, here or on a Dask cluster (docs/batch.md)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wrenchgap.replay.cli import options as o
-from wrenchgap.replay.cli.requests import Run
+from wrenchgap.replay.cli.completion import complete_models
+from wrenchgap.replay.cli.requests import Reading, Run
+from wrenchgap.replay.cli.values import parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.replay.batch.plan import Plan
@@ -30,7 +32,7 @@ Models = Annotated[
         "-m",
         metavar="MODEL",
         help="Model file (.toml) or shipped model, of all vehicles, or VEHICLE=MODEL of one; repeat for more.",
-        autocompletion=o.complete_models,
+        autocompletion=complete_models,
         show_default=False,
     ),
 ]
@@ -49,10 +51,6 @@ Output = Annotated[
         help="Where rows are written, a folder or s3://...; the same command again goes on where it stopped.",
         show_default=False,
     ),
-]
-
-OneVehicle = Annotated[
-    str | None, typer.Option("--vehicle", metavar="NAME", help="Of rows of `batch compare`: whose flights.")
 ]
 
 
@@ -77,10 +75,10 @@ class Where:
 
     def __post_init__(self) -> None:
         if self.scheduler is not None and (self.workers is not None or self.memory != "auto"):
-            raise o.usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
+            raise usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
 
 
-def batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:
+def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:
     """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
     from wrenchgap.flight.errors import UsageError
     from wrenchgap.replay.batch import driver, ranking, sources, words
@@ -122,7 +120,6 @@ def batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pass
     for vehicle, text in plan.models.items():
         run.inputs.append({"role": "model", "file": text.name, "sha256": text.sha256, "vehicle": vehicle or None})
     run.write("batch", words.to_json(result))
-    run.wrote()
     if rows and len(result.failures) == len(rows):
         raise UsageError(f"all {len(rows)} logs failed; the first: {result.failures[0]['reason']}")
     return result
@@ -130,3 +127,110 @@ def batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pass
 
 def _without_bokeh() -> str:
     return "" if find_spec("bokeh") else " (its pages need bokeh: pip install bokeh)"
+
+
+def inspect(
+    logs: Sources, output: Output, model: SomeModels = None, *, reading: Reading, where: Where, run: Run
+) -> None:
+    """Check every log: a row with its worst check and all that `wrenchgap inspect --json` says.
+
+    Example: `wrenchgap batch inspect flights/ -o inspected`
+    """
+    from wrenchgap.replay.batch.plan import Plan, parsed_models
+
+    _batch(Plan("inspect", parsed_models(model or []), reading.options.to_json()), logs, output, where, run)
+
+
+def compare(
+    logs: Sources,
+    model: Models,
+    output: Output,
+    fit: Annotated[
+        str | None,
+        typer.Option(
+            "--fit",
+            metavar="A,B",
+            help="Effects to fit to each flight, for `trend`. Default: those of MODEL, else thrust_scale,com_offset.",
+        ),
+    ] = None,
+    *,
+    reading: Reading,
+    where: Where,
+    run: Run,
+) -> None:
+    """Errors of the model on every flight, and each flight's own parameters: `wrenchgap trend FOLDER` follows them.
+
+    Example: `wrenchgap batch compare 'flights/*/*.mcap' -m my_quadrotor -o compared`
+    """
+    from wrenchgap.replay.batch.plan import Plan, parsed_models
+
+    plan = Plan("compare", parsed_models(model), reading.options.to_json(), parse_effects(fit))
+    _batch(plan, logs, output, where, run)
+
+
+def explain(
+    logs: Sources,
+    model: Models,
+    output: Output,
+    effects_only: Annotated[
+        str | None, typer.Option("--effects-only", metavar="A,B", help="Try these effects only.")
+    ] = None,
+    passes: Annotated[
+        int,
+        typer.Option(
+            "--passes",
+            metavar="N",
+            min=1,
+            help="Most passes over the logs: each linearises candidates where the last found them.",
+        ),
+    ] = 2,
+    each: Annotated[
+        bool, typer.Option("--each", help="Search every log by itself as well, as `wrenchgap explain` does.")
+    ] = False,
+    *,
+    reading: Reading,
+    where: Where,
+    run: Run,
+) -> None:
+    """Rank the effects that the model is missing, vehicle by vehicle, on all flights together.
+
+    Every log is read once a pass; its evidence is kept with its row, merged, and cross-validated by flight without
+    reading a log again.
+
+    Example: `wrenchgap batch explain s3://flights/2026/ -m my_quadrotor -o s3://results/explained --scheduler
+    tcp://10.0.0.1:8786`
+    """
+    from wrenchgap.replay.batch.plan import Plan, parsed_models
+
+    names = parse_effects(effects_only)
+    plan = Plan("explain", parsed_models(model), reading.options.to_json(), names, each=each)
+    _batch(plan, logs, output, where, run, passes)
+
+
+def changed(
+    logs: Sources,
+    model: Models,
+    healthy: Annotated[
+        list[str],
+        typer.Option(
+            "--healthy", metavar="LOG...", help="Logs of the same vehicle when all was well.", show_default=False
+        ),
+    ],
+    output: Output,
+    effects_only: o.ChangesOnly = None,
+    *,
+    reading: Reading,
+    where: Where,
+    run: Run,
+) -> None:
+    """What changed on every flight, each by itself, against the same healthy flights of that vehicle.
+
+    Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
+    """
+    from wrenchgap.replay.batch.plan import Plan, parsed_models
+    from wrenchgap.replay.batch.sources import found
+
+    good = tuple(one.url for one in found(healthy))
+    names = parse_effects(effects_only)
+    plan = Plan("changed", parsed_models(model), reading.options.to_json(), names, good)
+    _batch(plan, [*logs], output, where, run)
