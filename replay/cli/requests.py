@@ -176,9 +176,9 @@ class Run:
     def draw(self, result: Any, path: Path | None) -> None:
         """Write a result's picture, where one is asked for."""
         if path is not None:
-            from wrenchgap.replay.present.figures import save
+            from wrenchgap.replay.present import save_figure
 
-            save(result, path, force=self.force)
+            save_figure(result, path, force=self.force)
 
     @property
     def read(self) -> list[Mapping[str, Any]]:

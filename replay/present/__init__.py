@@ -5,10 +5,11 @@
     notes        typed notes as sentences
     checks       what the checks of the flights said
     documents    JSON files with their schema, and files that are written whole or not at all
-    figures/     matplotlib
+    figures/     how pictures look
     report/      the HTML page
 
-and one module for each kind of result, with `parts` (what is printed), `to_json` and `to_frame`.
+and one module for each kind of result, with `parts` (what is printed), `to_json`, `frame` (of what `to_frame` makes its
+table) and `picture` (panels, size, what is drawn).
 """
 
 from __future__ import annotations
@@ -37,9 +38,7 @@ MODULES = {
     "Trend": "trend",
     "Where": "where",
 }
-"""Which module presents which result, by the name of its class; its figures are in the module of that name in
-figures/.
-"""
+"""Which module presents which result, by the name of its class: imported when one is printed, not before."""
 WIDTH = 132
 """Columns of printed text."""
 
@@ -77,12 +76,30 @@ def to_json(result: Any) -> dict[str, Any]:
 
 def to_frame(result: Any) -> Any:
     """A result as a table of pandas."""
-    return _module(result).to_frame(result)
+    import pandas as pd
+
+    return pd.DataFrame(_module(result).frame(result))
 
 
 def plot(result: Any, axes: Any = None) -> Any:
-    """A result drawn into axes (new ones where none are given), which are returned."""
-    return import_module(f"{__name__}.figures").plot(result, axes)
+    """A result drawn into axes (new ones of pyplot where none are given), which are returned."""
+    from wrenchgap.replay.present.figures import style
+
+    return style.plot(_module(result).picture(result), axes)
+
+
+def save_figure(result: Any, path: Path, *, force: bool = False) -> None:
+    """Write a result's picture as PNG, all of it or nothing, without a window.
+
+    Raises UsageError for a file that exists (unless `force`) or that cannot be written.
+    """
+    from wrenchgap.replay.present.documents import atomic, claim
+    from wrenchgap.replay.present.figures import style
+
+    claim({"--figure": path}, force=force)
+    figure = style.figure_of(_module(result).picture(result))
+    with atomic(path) as partial:
+        figure.savefig(partial, dpi=110, format="png")
 
 
 def save_page(result: Any, path: Path, *, force: bool) -> None:

@@ -13,7 +13,7 @@ from wrenchgap.learn.identify.course import course
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
 from wrenchgap.replay.present.report.trend import marked, page
-from wrenchgap.replay.present.trend import notes, sentence, summary, to_frame, to_json
+from wrenchgap.replay.present.trend import notes, sentence, summary, to_json
 
 HEXA = "tilt_hexarotor"
 SPIKY = "<b>M$3</b>"
@@ -91,7 +91,7 @@ def test_few_flights_say_so(season):
 
 
 def test_the_table_has_every_value(found):
-    frame = to_frame(found)
+    frame = found.to_frame()
     assert len(frame) == 5 * len(found.parameters)
     y = frame[(frame["effect"] == "com_offset") & (frame["parameter"] == "y")]
     assert y["segment"].tolist() == [0, 0, 0, 1, 1]

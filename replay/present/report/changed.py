@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from wrenchgap.learn.changed.changed import Changed, Verdict
 from wrenchgap.replay.present import changed as words
-from wrenchgap.replay.present import settle, what_to_inspect
-from wrenchgap.replay.present.explanation import MOST_CLASSES
-from wrenchgap.replay.present.figures import changed as charts
+from wrenchgap.replay.present import what_to_inspect
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, unit
+from wrenchgap.replay.present.posterior import classes_in_words
 from wrenchgap.replay.present.report.elements import Image, Table
 from wrenchgap.replay.present.report.flights import rendered
 
@@ -18,14 +17,13 @@ BOXES = {Verdict.CHANGED: "effect", Verdict.NOTHING: "nothing", Verdict.UNKNOWN:
 
 def page(found: Changed, command: str = "") -> str:
     """The whole page."""
-    figure = style.figure_of(charts.picture(found))
+    figure = style.figure_of(words.picture(found))
     caption = (
         "Left: what the given model leaves on average of each flight, in what healthy flights differ by. Middle: each "
         "change by itself. Right: where it is."
     )
     odd = [f"{o.flight} was given as healthy and is not: {o.effect} ({words.odds(o.odds)})." for o in found.odd]
     lacking = [f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared]
-    classes = [settle.in_words(c) for c in found.classes[:MOST_CLASSES] if c.weight >= settle.LIGHT]
     changes = [_sizes(found)] if found.parameters and found.verdict is not Verdict.NOTHING else []
     return rendered(
         "changed",
@@ -33,7 +31,7 @@ def page(found: Changed, command: str = "") -> str:
         title=f"{found.model.name}: what changed on {', '.join(found.suspect)}",
         vehicle=found.model.vehicle.name,
         verdict=BOXES[found.verdict],
-        summary=[words.summary(found), *odd, *classes],
+        summary=[words.summary(found), *odd, *classes_in_words(found.classes)],
         caveat=" ".join(s[0].upper() + s[1:] for s in (words.baseline(found), *words.feedback(found))),
         chart=Image.of(figure, "Flights, changes, and the vehicle from above.", caption, "svg"),
         view=None,

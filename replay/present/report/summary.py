@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wrenchgap.flight.flight import AXES
 from wrenchgap.plant import trajectory_file
@@ -15,9 +15,6 @@ from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.words import rest, where_on, why_not
 from wrenchgap.replay.present.tables import Line, Part
 from wrenchgap.replay.report.contents import NextFlight, Report
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def parts(report: Report) -> list[Part]:
@@ -65,13 +62,11 @@ def _next_flight_json(flight: NextFlight) -> dict[str, Any]:
     }
 
 
-def to_frame(report: Report) -> pd.DataFrame:
+def frame(report: Report) -> list[dict[str, Any]]:
     """One row for each step of each staircase: time, step, error in all and by axis."""
-    import pandas as pd  # here: others need not wait for it
-
     rows = []
     for case in report.staircases:
         for stair in (*case.stairs, case.noise):
             axes = {f"rms.{axis}": float(v) for axis, v in zip(AXES, stair.rms, strict=True)}
             rows.append({"on": str(case.basis), "step": staircase.label(stair), "in_all": stair.in_all, **axes})
-    return pd.DataFrame(rows)
+    return rows

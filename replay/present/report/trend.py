@@ -9,7 +9,6 @@ from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import trend as words
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.figures import trend as charts
 from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.numbers import label, number, quantity, unit
 from wrenchgap.replay.present.report.elements import Image, Table
@@ -18,9 +17,9 @@ from wrenchgap.replay.present.report.flights import rendered
 
 def page(found: Trend, command: str = "") -> str:
     """The whole page."""
-    figure = style.figure_of(charts.picture(found))
+    figure = style.figure_of(words.picture(found))
     caption = (
-        f"Every flight fitted by itself. Band: {charts.SIGMAS:g} times the scatter of the flights about their level; "
+        f"Every flight fitted by itself. Band: {words.SIGMAS:g} times the scatter of the flights about their level; "
         "dashed: a step."
     )
     return rendered(
