@@ -40,6 +40,7 @@ from wrenchgap.learn.process.predictors import predictors
 from wrenchgap.plant import model_file
 from wrenchgap.plant.flight_plan import Plan, fly
 from wrenchgap.plant.model import Model
+from wrenchgap.replay import report as reporting
 from wrenchgap.replay.compensation import compensators
 from wrenchgap.replay.compensation import replay as replaying
 from wrenchgap.replay.compensation.replay import Replay
@@ -47,8 +48,7 @@ from wrenchgap.replay.compensation.source import checked
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
 from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
-from wrenchgap.replay.report import contents as reporting
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 Progress = Callable[[float, str], None]
 

@@ -15,8 +15,8 @@ import psutil
 from benchmarks.scale.fleet import VEHICLES, make
 from wrenchgap.learn.posterior.evidence import unpacked
 from wrenchgap.replay.batch import driver
+from wrenchgap.replay.batch.fleet import FleetRanking, rankings
 from wrenchgap.replay.batch.plan import Plan, model_text
-from wrenchgap.replay.batch.ranking import FleetRanking, rankings
 from wrenchgap.replay.batch.sources import Source, found, identity
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Task, work

@@ -12,8 +12,8 @@ from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.posterior.fleet import RankedSet, Ranking
 from wrenchgap.plant.effects import find
 from wrenchgap.replay.batch.driver import Outcome
+from wrenchgap.replay.batch.fleet import FleetRanking
 from wrenchgap.replay.batch.plan import Plan, model_of
-from wrenchgap.replay.batch.ranking import FleetRanking
 from wrenchgap.replay.present.numbers import number
 from wrenchgap.replay.present.tables import Line, Part, table
 

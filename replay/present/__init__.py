@@ -2,8 +2,8 @@
 
     numbers      how a number is printed: digits, signs, units, per cent
     tables       lines and tables, the parts of which printed results are made
-    notes        typed notes as sentences
-    checks       what the checks of the flights said
+    notes        typed notes as sentences, and what the checks of the flights said
+    posterior    what a search over sets of effects found
     documents    JSON files with their schema, and files that are written whole or not at all
     figures/     how pictures look
     report/      the HTML page
@@ -60,15 +60,15 @@ def text(result: Any) -> str:
 
 def parts(result: Any) -> Any:
     """The lines and tables of a printed result; what its checks say stands above."""
-    from wrenchgap.replay.present.checks import banner
+    from wrenchgap.replay.present.notes import banner
 
     return [*banner(result), *_module(result).parts(result)]
 
 
 def to_json(result: Any) -> dict[str, Any]:
     """The body of a result's JSON document, in plain types."""
-    from wrenchgap.replay.present.checks import checks_json
     from wrenchgap.replay.present.documents import plain
+    from wrenchgap.replay.present.notes import checks_json
 
     body: dict[str, Any] = plain({**checks_json(result), **_module(result).to_json(result)})
     return body

@@ -16,11 +16,10 @@ from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import timing, what_to_inspect
 from wrenchgap.replay.present.figures import changed as panels
 from wrenchgap.replay.present.figures import style, vehicle
-from wrenchgap.replay.present.notes import sentences
+from wrenchgap.replay.present.notes import not_tried, reason, sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, quantity, row, share, unit, unmeasured
 from wrenchgap.replay.present.posterior import LIGHT, class_json, classes_in_words, settle_json, settle_lines
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, plain, table
-from wrenchgap.replay.present.untried import not_tried, reason
 
 WORTH_A_WORD = 1.0
 """Standard deviations from which on the nearest change is named although nothing changed."""
@@ -32,6 +31,8 @@ SIZES_LEGEND = (
     "scatter: what healthy flights differ by in this parameter; +-: of the change, from within the flights; "
     "significance: change over both together"
 )
+SIZE_HEADS = ("effect", "parameter", "where", "healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
+ALONE_HEADS = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
 ALONE_LEGEND = (
     "log odds: of this change alone against none, its prior included; above about 2 it is worth a name, in brackets "
     "where it is smaller than a fifth of what is typical of such changes, and no news"
@@ -49,12 +50,14 @@ def parts(found: Changed) -> list[Part]:
     out += note_lines(other_recordings(found), "warning")
     out += note_lines([baseline(found), *feedback(found)])
     if found.parameters and found.verdict is not Verdict.NOTHING:
-        out += [sizes(found), Line(SIZES_LEGEND, "dim"), Line()]
+        out += [plain("changes", SIZE_HEADS, sizes(found), left=3), Line(SIZES_LEGEND, "dim"), Line()]
     out += [Line(said.replace(": nothing", ": nothing changed")) for said in classes_in_words(found.classes)]
     out += [*settle_lines(found.settle), Line()]
-    out += [alone(found), Line(ALONE_LEGEND, "dim"), Line(), flights(found)]
+    out += [plain("each change by itself", ALONE_HEADS, alone(found), left=3), Line(ALONE_LEGEND, "dim"), Line()]
+    out.append(flights(found))
     if any(r.values for r in found.rows):
-        out.append(values(found))
+        heads, rows, left = by_flight(found)
+        out.append(plain("what changed, on each flight by itself", heads, rows, left))
     out += note_lines(f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared)
     lacking = not_tried(found.untried).items()
     out += [Line(f"not tried: {', '.join(names)}: {why}", "dim") for why, names in lacking]
@@ -183,25 +186,24 @@ def in_words(found: Changed, size: Size) -> str:
     return f"{size.effect}{of} by {sign}{quantity(size.change, size.unit)}"
 
 
-def sizes(found: Changed) -> Table:
-    """Parameters of the likeliest set."""
-    numbers = ("healthy", "scatter", "suspect", "change", "+-", "unit", "significance")
-    out = table("changes", "effect", "parameter", "where", *numbers, left=3)
-    for p in found.parameters:
-        values = (number(v) for v in (p.healthy, p.scatter, p.suspect, p.change))
-        texts = (p.effect, p.name, p.where)
-        out.add_row(*texts, *values, number(p.std, 2), unit(p.unit), f"{p.significance:.1f}")
-    return out
+def sizes(found: Changed) -> list[tuple[str, ...]]:
+    """Rows under `SIZE_HEADS`: parameters of the likeliest set."""
+    return [
+        (
+            *(p.effect, p.name, p.where),
+            *(number(v) for v in (p.healthy, p.scatter, p.suspect, p.change)),
+            *(number(p.std, 2), unit(p.unit), f"{p.significance:.1f}"),
+        )
+        for p in found.parameters
+    ]
 
 
-def alone(found: Changed) -> Table:
-    """Each change by itself, likeliest first."""
-    rows = [
+def alone(found: Changed) -> list[tuple[str, ...]]:
+    """Rows under `ALONE_HEADS`: each change by itself, likeliest first."""
+    return [
         (a.effect, s.name, s.where, number(s.change), unit(s.unit), f"{s.significance:.1f}", _said(a))
         for a, s in ((a, a.largest) for a in found.alone[:MOST])
     ]
-    heads = ("effect", "parameter", "where", "change", "unit", "significance", "log odds")
-    return plain("each change by itself", heads, rows, left=3)
 
 
 def _said(change: Alone) -> str:
@@ -234,12 +236,6 @@ def by_flight(found: Changed) -> tuple[list[str], list[list[str]], int]:
     columns = zip(found.parameters, names, units, *cells, strict=True)
     rows = [[p.effect, *cells] for p, *cells in columns]
     return ["effect", "parameter", "unit", *(f"{r.flight} ({r.role})" for r in flown)], rows, 3
-
-
-def values(found: Changed) -> Table:
-    """Values of what changed, on each flight alone."""
-    heads, rows, left = by_flight(found)
-    return plain("what changed, on each flight by itself", heads, rows, left)
 
 
 def to_json(found: Changed) -> dict[str, Any]:

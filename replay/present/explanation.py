@@ -14,7 +14,7 @@ from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.replay.present import comparison, timing
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.notes import sentences, too_short
+from wrenchgap.replay.present.notes import not_tried, reason, sentences, too_short
 from wrenchgap.replay.present.numbers import (
     AXIS_HEADS,
     entries,
@@ -48,7 +48,6 @@ from wrenchgap.replay.present.tables import (
     styled,
     table,
 )
-from wrenchgap.replay.present.untried import not_tried, reason
 
 MOST = 10
 """Candidates shown."""

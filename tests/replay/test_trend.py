@@ -12,7 +12,8 @@ import wrenchgap as wg
 from wrenchgap.learn.identify.course import course
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.report.trend import marked, page
+from wrenchgap.replay.present.report.flights import marked
+from wrenchgap.replay.present.report.flights import trend_page as page
 from wrenchgap.replay.present.trend import notes, sentence, summary, to_json
 
 HEXA = "tilt_hexarotor"

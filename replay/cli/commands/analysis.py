@@ -83,9 +83,9 @@ def compare(
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.present.checks import banner
     from wrenchgap.replay.present.comparison import parts
     from wrenchgap.replay.present.documents import write_csv
+    from wrenchgap.replay.present.notes import banner
 
     run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]

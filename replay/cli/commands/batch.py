@@ -81,7 +81,7 @@ class Where:
 def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:
     """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.replay.batch import driver, ranking, sources, words
+    from wrenchgap.replay.batch import driver, fleet, sources, words
     from wrenchgap.replay.batch.store import Store
 
     if run.own:
@@ -91,7 +91,7 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
     store = Store(output)
     found = sources.found(logs, where.vehicle)
     store.claim(plan.identity)
-    ranked: list[ranking.FleetRanking] = []
+    ranked: list[fleet.FleetRanking] = []
     settled = True
     with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
         report(0.0, "starting workers")
@@ -107,10 +107,10 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
                 outcome = driver.run(client, found, plan, store, tell, again=where.again)
                 if plan.command == "explain":
                     report(1.0, "ranking")
-                    ranked = ranking.rankings(store, outcome.keys, plan.number)
-                    settled = not ranking.moved(ranked)
+                    ranked = fleet.rankings(store, outcome.keys, plan.number)
+                    settled = not fleet.moved(ranked)
                     if not settled and plan.number < passes:
-                        plan = plan.next_pass(ranking.points_of(ranked))
+                        plan = plan.next_pass(fleet.points_of(ranked))
                         continue
                 break
     keys = set(outcome.keys)

@@ -52,11 +52,10 @@ def changed(
     """
     from wrenchgap.learn.parallel import cores, get_ready
     from wrenchgap.replay import between_flights
-    from wrenchgap.replay.present.report import changed as pages
-    from wrenchgap.replay.present.report import flights as page_file
+    from wrenchgap.replay.present.report import flights as pages
 
     run.claim({"--figure": figure, "--page": page}, *suspects, *healthy, model)
-    page_file.check(page)
+    pages.check(page)
     base, names = run.model(model), parse_effects(effects_only)
     with run.progress("comparing") as report:
         good, bad = run.open(reading.options, healthy, base, suspects, ("healthy", "suspect"), unseen_first=True)
@@ -66,7 +65,7 @@ def changed(
     run.notes(base.notes)
     run.draw(found, figure)
     if page is not None:
-        page_file.save(pages.page(found, run.command_line()), page)
+        pages.save(pages.changed_page(found, run.command_line()), page)
     run.write("changed", found.to_json(), figure=figure, page=page)
 
 
@@ -103,17 +102,16 @@ def trend(
     """
     from wrenchgap.replay import between_flights
     from wrenchgap.replay.present import trend as words
-    from wrenchgap.replay.present.report import flights as page_file
-    from wrenchgap.replay.present.report import trend as pages
+    from wrenchgap.replay.present.report import flights as pages
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
     words.check_table(table)
-    page_file.check(page)
+    pages.check(page)
     names = parse_effects(fit)
     base = run.model(model)
     with run.progress("following") as report:
         if len(logs) == 1 and (logs[0] / "run.json").is_file():
-            from wrenchgap.replay.batch.followed import trend_of_rows
+            from wrenchgap.replay.batch.fleet import trend_of_rows
             from wrenchgap.replay.batch.store import Store
 
             found = trend_of_rows(Store(str(logs[0])), base, names, vehicle)
@@ -126,5 +124,5 @@ def trend(
     if table is not None:
         words.save_table(found, table)
     if page is not None:
-        page_file.save(pages.page(found, run.command_line()), page)
+        pages.save(pages.trend_page(found, run.command_line()), page)
     run.write("trend", found.to_json(), figure=figure, table=table, page=page)

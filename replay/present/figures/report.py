@@ -16,7 +16,7 @@ from wrenchgap.learn.posterior.table import Candidate
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.numbers import AXIS_HEADS, unit_of
 from wrenchgap.replay.present.staircase import label, remains
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 COLOURS = {Basis.HELD_OUT: "#4c72b0", Basis.UNSEEN: "#dd8452"}
 TITLES = {Basis.HELD_OUT: "held-out time", Basis.UNSEEN: "unseen flights"}

@@ -12,11 +12,11 @@ from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
 from wrenchgap.replay.present import explanation, staircase
-from wrenchgap.replay.present.checks import raised, warnings
 from wrenchgap.replay.present.documents import atomic, claim
+from wrenchgap.replay.present.notes import raised, warnings
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
-from wrenchgap.replay.report.contents import Report
+from wrenchgap.replay.report import Report
 
 
 def save(report: Report, path: Path, *, force: bool = False, repetition: Repetition | None = None) -> None:
