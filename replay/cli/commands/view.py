@@ -51,8 +51,7 @@ def view(
     *,
     reading: Annotated[Reading, Omit("cutoff")],
     cutoff: OwnCutoff = None,
-    own: o.OwnEffects = None,
-    quiet: o.Quiet = False,
+    run: Annotated[Run, Omit("json", "force")],
 ) -> None:
     """Show flights on a page: the vehicle in 3D, plots over one time, where the model fails and which effects it lacks.
 
@@ -78,7 +77,7 @@ def view(
     if force and save_to is None:
         raise usage_error("--force: the page writes no files; name a folder for them, --save-to FOLDER")
     folder = None if save_to is None else SaveFolder(save_to, force=force)
-    run, opening = Run(quiet=quiet), None if saved is None else read(saved)
+    opening = None if saved is None else read(saved)
     base, others, process = run.model(model), list(map(run.model, against or ())), run.gp(gp)
     options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))
     with run.progress("opening") as report:

@@ -108,7 +108,7 @@ def of_ranking(report: Report, _: Repetition) -> Content:
     alt = f"Effects ranked by the share of the error energy that each removes; first {shown[0].name}."
     caption = "Each effect fitted alone, on top of the given model; judged on held-out time."
     return {
-        "chart": Image.of(style.figure_of(charts.ranking(shown, found.effects)), alt, caption, "svg"),
+        "chart": Image.of(style.figure_of(explanation.picture(found)), alt, caption, "svg"),
         "first": _candidates("Each effect alone", shown, found.model.vehicle),
         "classes": explanation.open_in_words(found),
         "members": _members(found),
