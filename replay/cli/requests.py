@@ -154,11 +154,11 @@ class Run:
             for part in parts:
                 show(self._console, part)
 
-    def result(self, result: Any) -> None:
-        """Print a result."""
+    def result(self, result: Any, **how: Any) -> None:
+        """Print a result; `how` as `parts` of its module in `replay.present` has it."""
         from wrenchgap.replay.present import parts
 
-        self.show(*parts(result))
+        self.show(*parts(result, **how))
 
     def line(self, text: str = "", style: str = "") -> None:
         """Print one text as it is, without markup."""

@@ -58,11 +58,11 @@ def text(result: Any) -> str:
     return printed.rstrip()
 
 
-def parts(result: Any) -> Any:
-    """The lines and tables of a printed result; what its checks say stands above."""
+def parts(result: Any, **how: Any) -> Any:
+    """The lines and tables of a printed result, with options of its module; what its checks say stands above."""
     from wrenchgap.replay.present.notes import banner
 
-    return [*banner(result), *_module(result).parts(result)]
+    return [*banner(result), *_module(result).parts(result, **how)]
 
 
 def to_json(result: Any) -> dict[str, Any]:

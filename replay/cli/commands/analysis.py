@@ -83,9 +83,7 @@ def compare(
     Example: `wrenchgap compare test.mcap -m tilt_hexarotor --against fitted.toml --figure compare.png`
     """
     from wrenchgap.replay import api
-    from wrenchgap.replay.present.comparison import parts
     from wrenchgap.replay.present.documents import write_csv
-    from wrenchgap.replay.present.notes import banner
 
     run.claim({"--json": run.json, "--figure": figure, "--csv": csv}, *logs, model, *(against or ()), gp)
     base, others = run.model(model), [run.model(name, "against") for name in against or ()]
@@ -94,7 +92,7 @@ def compare(
         flights, _ = run.open(reading.options, logs, base)
         report(0.7, "comparing")
         result = api.compare(flights, base, *others, gp=process)
-    run.show(*banner(result), *parts(result, signed=by_flight))
+    run.result(result, signed=by_flight)
     look = shlex.join(["wrenchgap", "where", *map(str, logs), "-m", model])
     run.line(f"why there: {look}{run.common_options()}", style="dim")
     run.draw(result, figure)
