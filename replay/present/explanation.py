@@ -178,11 +178,6 @@ def members(found: Explanation) -> Table:
     return out
 
 
-def _together(candidate: Candidate) -> str:
-    """Its name, with those of its companions."""
-    return " + ".join(candidate.names)
-
-
 def ranking(found: Explanation) -> Table:
     """Candidates, each by itself, best first; those that are named or indistinguishable from a named one are marked."""
     out = table("each effect by itself", "", "effect", "score", *AXIS_HEADS, "t", "parameters", left=2)
@@ -195,7 +190,7 @@ def ranking(found: Explanation) -> Table:
         limit = styled(" (implausible: at its limit)" if candidate.implausible else "", "red")
         numbers = (f"{candidate.score:.3f}", *reductions(candidate.reduction), f"{candidate.significance:.1f}")
         words = styled(parameters_in_words(candidate.values, found.model.vehicle)) + limit
-        out.add_row(mark, _together(candidate), *numbers, words, style="bold" if mark == "*" else "")
+        out.add_row(mark, " + ".join(candidate.names), *numbers, words, style="bold" if mark == "*" else "")
     return out
 
 
@@ -203,6 +198,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
     """The body of the `explain` schema."""
     fitted = {s.effect: s.values for s in found.fit.snapshot}
     ranked = [_candidate_json(c) for c in found.ranking]
+    first = next((c.name for c in found.ranking if c.name in found.effects), None)
     return {
         "verdict": str(found.verdict),
         "effects": list(found.effects),
@@ -213,7 +209,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "axes": list(AXES),
         "summary": summary(found),
         "fitted": [{"effect": name, "parameters": values_json(fitted.get(name, ()))} for name in found.effects],
-        "steps": [{"on": [], "chosen": _first(found), "alike": [], "candidates": ranked}],
+        "steps": [{"on": [], "chosen": first, "alike": [], "candidates": ranked}],
         "classes": [class_json(c, found.model.vehicle) for c in found.classes],
         "settle": settle_json(found.posterior.settle),
         "firm": list(found.firm),
@@ -229,11 +225,6 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
         "notes": sentences(note for f in found.flights for note in f.notes),
     }
-
-
-def _first(found: Explanation) -> str | None:
-    """The best candidate by itself that is named."""
-    return next((c.name for c in found.ranking if c.name in found.effects), None)
 
 
 def _member_json(found: Explanation, member: Member) -> dict[str, Any]:
