@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, wraps
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -199,29 +200,30 @@ class Run:
 
     def command_line(self) -> str:
         """The command that is running, as a user would type it; without options that do not change its result."""
-        words = self._typed(lambda name: name not in ("json", "force", "quiet"))
-        return shlex.join(["wrenchgap", *self.ctx.command_path.split()[1:], *words])
+        words = self.given(lambda name: name not in ("json", "force", "quiet")).values()
+        return shlex.join(["wrenchgap", *self.ctx.command_path.split()[1:], *chain(*words)])
 
     def common_options(self, *without: str) -> str:
         """Options of the running command that others need to read the same flights, with a space before them."""
-        words = shlex.join(self._typed(lambda name: name in COMMON and name not in without))
+        words = shlex.join(chain(*self.given(lambda name: name in COMMON and name not in without).values()))
         return f" {words}" if words else ""
 
-    def _typed(self, wanted: Callable[[str], bool]) -> list[str]:
-        words: list[str] = []
-        for parameter in sorted(self.ctx.command.params, key=lambda p: p.param_type_name != "argument"):
+    def given(self, wanted: Callable[[str], bool]) -> dict[str, list[str]]:
+        """Options that were typed with another value than their own, and the words of each; arguments are under ""."""
+        found: dict[str, list[str]] = {"": []}
+        for parameter in self.ctx.command.params:
             value = self.ctx.params.get(parameter.name or "")
-            if not wanted(parameter.name or "") or value is None or value == parameter.default:
+            if not wanted(parameter.name or "") or value in (None, [], (), parameter.default):
                 continue
             listed = value if isinstance(value, list | tuple) else [value]
             name = max(parameter.opts, key=len)
             if parameter.param_type_name == "argument":
-                words += [str(v) for v in listed]
+                found[""] += [str(v) for v in listed]
             elif isinstance(value, bool):
-                words.append(name if value else max(parameter.secondary_opts or [name], key=len))
+                found[name] = [name if value else max(parameter.secondary_opts or [name], key=len)]
             else:
-                words += [word for v in listed for word in (name, str(v))]
-        return words
+                found[name] = [word for v in listed for word in (name, str(v))]
+        return found
 
 
 def grouped(function: Callable[..., None]) -> Callable[..., None]:

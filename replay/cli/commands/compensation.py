@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -92,7 +90,7 @@ def replay(
     """
     # Long because every option is one line of the signature.
     if export is not None:
-        _prove(log, export, csv, reading.options.budget, run, idle=_said(locals()))
+        _prove(log, export, csv, reading.options.budget, run)
         return
     from wrenchgap.compensate import Settings
     from wrenchgap.learn.process.predictors import cutoff_of
@@ -123,21 +121,13 @@ def replay(
     run.write("replay", result.to_json(), log=output, table=csv, parquet=parquet, figure=figure)
 
 
-def _said(values: dict[str, Any]) -> list[str]:
-    """Options of `replay` that were given and that --export has no use for."""
-    usual = {one.name: one.default for one in fields(Reading)}
-    usual |= {name: one.default for name, one in inspect.signature(replay).parameters.items()}
-    given = {**values, **asdict(values["reading"]), "cutoff": values["cutoff"]}
-    idle = set(usual) - {"log", "export", "csv", "budget", "reading", "run"}
-    return sorted(f"--{name.replace('_', '-')}" for name in idle if given[name] not in (usual[name], None, []))
-
-
-def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run, idle: list[str]) -> None:
+def _prove(log: Path, folder: Path, csv: Path | None, budget: Budget | str | None, run: Run) -> None:
     """Whether the records in a log are what an exported folder makes of them."""
     from wrenchgap.replay.onboard import prove_flown
     from wrenchgap.replay.present.documents import write_csv
 
-    if idle:
+    used = ("log", "export", "csv", "budget", "own", "json", "force", "quiet")
+    if idle := sorted(filter(None, run.given(lambda name: name not in used))):
         raise usage_error(f"replay --export: {', '.join(idle)} says nothing about a flown export; leave it out")
     run.claim({"--csv": csv}, log, *(folder.iterdir() if folder.is_dir() else ()))
     with run.progress("proving", "reading the log"):
