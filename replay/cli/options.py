@@ -61,17 +61,15 @@ Log = Annotated[
         callback=existing,
     ),
 ]
-ModelOption = Annotated[
-    str,
-    typer.Option(
-        "--model",
-        "-m",
-        metavar="MODEL",
-        help="Model file (.toml), or the name of a shipped model.",
-        autocompletion=complete_models,
-        show_default=False,
-    ),
-]
+_MODEL = {
+    "metavar": "MODEL",
+    "help": "Model file (.toml), or the name of a shipped model.",
+    "autocompletion": complete_models,
+    "show_default": False,
+}
+ModelOption = Annotated[str, typer.Option("--model", "-m", **_MODEL)]
+OptionalModel = Annotated[str | None, typer.Option("--model", "-m", **_MODEL)]
+ModelFile = Annotated[str, typer.Argument(**_MODEL)]
 Topics = Annotated[
     list[str] | None,
     typer.Option(
@@ -180,15 +178,6 @@ ChangesOnly = Annotated[
     str | None, typer.Option("--effects-only", metavar="A,B", help="Try changes of these effects only.")
 ]
 Page = Annotated[Path | None, typer.Option("--page", metavar="FILE", help="All of it as a web page (.html).")]
-ModelFile = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL",
-        help="Model file (.toml), or the name of a shipped model.",
-        autocompletion=complete_models,
-        show_default=False,
-    ),
-]
 
 
 def _load_own_effects(paths: list[Path] | None) -> list[Path] | None:

@@ -18,17 +18,6 @@ if TYPE_CHECKING:
 
 FOUND_OTHER = 3
 """Exit code where the command did its work and the records are not what the export makes."""
-Model = Annotated[
-    str | None,
-    typer.Option(
-        "--model",
-        "-m",
-        metavar="MODEL",
-        help="Model file (.toml), or the name of a shipped model.",
-        autocompletion=complete_models,
-        show_default=False,
-    ),
-]
 Process = Annotated[
     Path | None, typer.Option("--gp", metavar="GP", help="A GP of `wrenchgap learn`.", show_default=False)
 ]
@@ -59,7 +48,7 @@ Parquet = Annotated[Path | None, typer.Option("--parquet", metavar="FILE", help=
 
 def replay(
     log: o.Log,
-    model: Model = None,
+    model: o.OptionalModel = None,
     gp: Process = None,
     export: Exported = None,
     output: o.LogOut = None,
