@@ -228,16 +228,22 @@ class Run:
 
 def grouped(function: Callable[..., None]) -> Callable[..., None]:
     """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
-    hints = get_type_hints(function, include_extras=True)
-    groups = {name: found for name, kind in hints.items() if (found := _group(kind)) is not None}
+    groups: dict[str, tuple[Any, list[str]]] = {}
     options: list[inspect.Parameter] = []
+    hints = get_type_hints(function, include_extras=True)
     for one in inspect.signature(function).parameters.values():
-        rows = [(one.name, hints[one.name], one.default)]
-        if one.name in groups:
-            group, names = groups[one.name]
-            own = get_type_hints(group, include_extras=True)
-            rows = [(f.name, own[f.name], f.default) for f in fields(group) if f.name in names]
-        options += [inspect.Parameter(n, one.KEYWORD_ONLY, default=d, annotation=kind) for n, kind, d in rows]
+        annotation = hints[one.name]
+        kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
+        if not is_dataclass(kind):
+            options.append(one.replace(kind=one.KEYWORD_ONLY, annotation=annotation))
+            continue
+        own = get_type_hints(kind, include_extras=True)
+        without = {name for mark in marks if isinstance(mark, Omit) for name in mark.names}
+        wanted = [f for f in fields(kind) if f.name not in without]
+        groups[one.name] = kind, [f.name for f in wanted]
+        options += [
+            inspect.Parameter(f.name, one.KEYWORD_ONLY, default=f.default, annotation=own[f.name]) for f in wanted
+        ]
 
     @wraps(function)
     def called(**values: Any) -> None:
@@ -247,12 +253,3 @@ def grouped(function: Callable[..., None]) -> Callable[..., None]:
     called.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     called.__annotations__ = {option.name: option.annotation for option in options}
     return called
-
-
-def _group(annotation: Any) -> tuple[Any, list[str]] | None:
-    """The dataclass of a group of options, and the names of those that the command has; None for a single option."""
-    kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
-    if not is_dataclass(kind):
-        return None
-    without = {name for mark in marks if isinstance(mark, Omit) for name in mark.names}
-    return kind, [one.name for one in fields(kind) if one.name not in without]
