@@ -17,7 +17,7 @@ from wrenchgap.replay.cli.completion import (
 )
 
 
-def existing(paths: list[Path] | Path | None) -> list[Path] | Path | None:
+def existing_paths(paths: list[Path] | Path | None) -> list[Path] | Path | None:
     """The same paths, once all are there: asked before anything heavy is imported."""
     for path in [paths] if isinstance(paths, Path) else paths or ():
         if not path.exists():
@@ -25,9 +25,9 @@ def existing(paths: list[Path] | Path | None) -> list[Path] | Path | None:
     return paths
 
 
-def flights(paths: list[Path] | None) -> list[Path] | None:
+def logs_in(paths: list[Path] | None) -> list[Path] | None:
     """The same logs, with each folder that is no bag replaced by the logs in it."""
-    existing(paths)
+    existing_paths(paths)
     if not paths or not any(path.is_dir() for path in paths):
         return paths
     from wrenchgap.flight.formats.folders import flights_in
@@ -41,16 +41,16 @@ Logs = Annotated[
         metavar="LOG...",
         help="Logs: .mcap, .bag, ROS 2 bag, .ulg, .bin, .csv, .parquet, or folders of them.",
         show_default=False,
-        callback=flights,
+        callback=logs_in,
     ),
 ]
 FromLogs = Annotated[
     list[Path] | None,
-    typer.Option("--from", metavar="LOG...", help="Logs to fit to.", show_default=False, callback=flights),
+    typer.Option("--from", metavar="LOG...", help="Logs to fit to.", show_default=False, callback=logs_in),
 ]
 Validate = Annotated[
     list[Path] | None,
-    typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted.", callback=flights),
+    typer.Option("--validate", metavar="LOG...", help="Flights to test the result on; never fitted.", callback=logs_in),
 ]
 Log = Annotated[
     Path,
@@ -58,7 +58,7 @@ Log = Annotated[
         metavar="LOG",
         help="Log: .mcap, .bag, ROS 2 bag folder, .ulg, .bin, .csv, .parquet.",
         show_default=False,
-        callback=existing,
+        callback=existing_paths,
     ),
 ]
 _MODEL = {

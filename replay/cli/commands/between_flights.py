@@ -17,7 +17,7 @@ Suspects = Annotated[
         metavar="SUSPECT...",
         help="Logs of flights with something wrong.",
         show_default=False,
-        callback=o.existing,
+        callback=o.existing_paths,
     ),
 ]
 Healthy = Annotated[
@@ -27,7 +27,7 @@ Healthy = Annotated[
         metavar="LOG...",
         help="Logs of the same vehicle when all was well; several say what is usual.",
         show_default=False,
-        callback=o.existing,
+        callback=o.existing_paths,
     ),
 ]
 
