@@ -168,6 +168,16 @@ def _tracking_json(one: Tracking) -> dict[str, Any]:
     return {"attitude_error": attitude, "position_error_m": position, "duration_s": one.duration}
 
 
+def frame(result: Counterfactual) -> list[dict[str, Any]]:
+    """One row for each run, baselines too: |e_R| by axis, a sine, and the distance from the reference [m]."""
+    rows = []
+    for name, one in {**result.tracking, **result.baselines}.items():
+        sines = {"mean": one.attitude_mean, "rms": one.attitude_rms}
+        axes = {f"attitude_{k}.{axis}": float(v[n]) for k, v in sines.items() for n, axis in enumerate("xyz")}
+        rows.append({"run": name, **axes, **entries(one, "position_mean", "position_rms", "position_max", "duration")})
+    return rows
+
+
 COLOURS = {"recorded": "0.6", "null run": style.MEASURED, "changed": "tab:blue", "not compensated": "tab:orange"}
 
 

@@ -192,6 +192,9 @@ def test_starting_later_knows_the_integral_and_the_lag_of_before(hidden):
     result = counterfactual(record(hidden, KNOWN, start=3.0, duration=2.0), KNOWN)
     assert result.null_run.duration_s == pytest.approx(2.0)
     assert to_json(result)["start_s"] == pytest.approx(3.0, abs=0.01)
+    frame = result.to_frame().set_index("run")
+    assert list(frame.index) == list(result.tracking)
+    assert frame.loc["null_run", "position_rms"] == result.tracking["null_run"].position_rms
     assert result.null_run.attitude_deg_max < 0.12
     # Were the integral forgotten, the residual torque would be off by k_i w^2 J q, here up to 0.02 Nm.
     assert np.abs(result.inference.pilot.offset[:, 3:].mean(axis=0)).max() < 2e-3
