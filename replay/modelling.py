@@ -24,11 +24,6 @@ from wrenchgap.plant.drafts.text import text_of
 from wrenchgap.plant.model import Model
 
 
-def sheet(model: Model) -> Sheet:
-    """A model to look at: prints what was understood, draws the top view."""
-    return Sheet(model)
-
-
 def draft_model(
     source: str | Path | None,
     *,

@@ -112,10 +112,10 @@ def show(
 
     Example: `wrenchgap model show vehicle.toml --figure vehicle.png`
     """
-    from wrenchgap.replay import modelling
+    from wrenchgap.plant.drafts.sheet import Sheet
 
     run.claim({"--figure": figure}, model)
-    sheet = modelling.sheet(run.model(model))
+    sheet = Sheet(run.model(model))
     run.result(sheet)
     run.draw(sheet, figure)
     run.write("model", sheet.to_json(), figure=figure)
