@@ -21,6 +21,7 @@ from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn import work_files
 from wrenchgap.learn.parallel import cores
 from wrenchgap.plant.model_file import tool_version
+from wrenchgap.replay.batch.fleet import FleetRanking, moved, points_of, rankings
 from wrenchgap.replay.batch.plan import Plan
 from wrenchgap.replay.batch.sources import Source, identities
 from wrenchgap.replay.batch.store import Store
@@ -50,6 +51,23 @@ class Outcome:
     before: int
     same: Mapping[str, str]
     keys: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch that is done: what was asked, where rows are, what became of the last pass, all rows, the rankings."""
+
+    plan: Plan
+    output: str
+    outcome: Outcome
+    rows: Sequence[Mapping[str, Any]]
+    rankings: Sequence[FleetRanking] = ()
+    settled: bool = True
+
+    @property
+    def failures(self) -> list[Mapping[str, Any]]:
+        """Rows of logs that failed."""
+        return [r for r in self.rows if r["status"] == "failed"]
 
 
 def needed() -> Any:
@@ -144,6 +162,37 @@ def _about(output: str) -> tuple[str, bool]:
     except UsageError:
         return tool_version(), False
     return tool_version(), True
+
+
+def passes(
+    found: Any,
+    sources: Sequence[Source],
+    plan: Plan,
+    store: Store,
+    progress: Callable[[float, str], None],
+    most: int = 1,
+    *,
+    again: bool = False,
+) -> Batch:
+    """Do a plan, `explain` until values move no more from pass to pass, but no more than `most` times."""
+    while True:
+        first = f"pass {plan.number}, " if most > 1 else ""
+
+        def tell(done: int, total: int, failed: int, name: str, first: str = first) -> None:
+            progress(done / max(total, 1), f"{first}{done}/{total} logs, {failed} failed")
+
+        outcome = run(found, sources, plan, store, tell, again=again)
+        ranked: list[FleetRanking] = []
+        if plan.command == "explain":
+            progress(1.0, "ranking")
+            ranked = rankings(store, outcome.keys, plan.number)
+        settled = not moved(ranked)
+        if settled or plan.number >= most:
+            break
+        plan = plan.next_pass(points_of(ranked))
+    keys = set(outcome.keys)
+    rows = [row for row in store.rows(plan.number) if row["key"] in keys]
+    return Batch(plan, store.url, outcome, rows, ranked, settled)
 
 
 def run(found: Any, sources: Sequence[Source], plan: Plan, store: Store, tell: Tell, *, again: bool = False) -> Outcome:

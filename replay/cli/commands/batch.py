@@ -15,7 +15,6 @@ from wrenchgap.replay.cli.values import parse_effects, usage_error
 
 if TYPE_CHECKING:
     from wrenchgap.replay.batch.plan import Plan
-    from wrenchgap.replay.batch.words import Batch
 
 Sources = Annotated[
     list[str],
@@ -78,10 +77,10 @@ class Where:
             raise usage_error("--scheduler: the workers are those of the cluster; leave out --workers and --memory")
 
 
-def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> Batch:
+def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, passes: int = 1) -> None:
     """Do a plan on logs, print and write what came of it; raises UsageError where every log failed."""
     from wrenchgap.flight.errors import UsageError
-    from wrenchgap.replay.batch import driver, fleet, sources, words
+    from wrenchgap.replay.batch import driver, sources, words
     from wrenchgap.replay.batch.store import Store
 
     if run.own:
@@ -91,38 +90,18 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
     store = Store(output)
     found = sources.found(logs, where.vehicle)
     store.claim(plan.identity)
-    ranked: list[fleet.FleetRanking] = []
-    settled = True
     with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
         report(0.0, "starting workers")
         with driver.client(where.scheduler, where.workers, where.memory) as client:
             driver.agree(client, store)
             run.line(f"Dask's dashboard: {client.dashboard_link}{_without_bokeh()}", style="dim")
-            for _ in range(passes):
-                first = f"pass {plan.number}, " if passes > 1 else ""
-
-                def tell(done: int, total: int, failed: int, name: str, first: str = first) -> None:
-                    report(done / max(total, 1), f"{first}{done}/{total} logs, {failed} failed")
-
-                outcome = driver.run(client, found, plan, store, tell, again=where.again)
-                if plan.command == "explain":
-                    report(1.0, "ranking")
-                    ranked = fleet.rankings(store, outcome.keys, plan.number)
-                    settled = not fleet.moved(ranked)
-                    if not settled and plan.number < passes:
-                        plan = plan.next_pass(fleet.points_of(ranked))
-                        continue
-                break
-    keys = set(outcome.keys)
-    rows = [row for row in store.rows(plan.number) if row["key"] in keys]
-    result = words.Batch(plan, output, outcome, rows, ranked, settled)
+            result = driver.passes(client, found, plan, store, report, passes, again=where.again)
     run.show(*words.parts(result))
     for vehicle, text in plan.models.items():
         run.inputs.append({"role": "model", "file": text.name, "sha256": text.sha256, "vehicle": vehicle or None})
     run.write("batch", words.to_json(result))
-    if rows and len(result.failures) == len(rows):
-        raise UsageError(f"all {len(rows)} logs failed; the first: {result.failures[0]['reason']}")
-    return result
+    if result.rows and len(result.failures) == len(result.rows):
+        raise UsageError(f"all {len(result.rows)} logs failed; the first: {result.failures[0]['reason']}")
 
 
 def _without_bokeh() -> str:
