@@ -44,7 +44,7 @@ from wrenchgap.replay import report as reporting
 from wrenchgap.replay.compensation import compensators
 from wrenchgap.replay.compensation import replay as replaying
 from wrenchgap.replay.compensation.replay import Replay
-from wrenchgap.replay.compensation.source import checked
+from wrenchgap.replay.compensation.source import source_by_name
 from wrenchgap.replay.counterfactual import counterfactual as resimulating
 from wrenchgap.replay.counterfactual.change import change
 from wrenchgap.replay.counterfactual.counterfactual import Counterfactual
@@ -263,7 +263,7 @@ def replay_compensation(
     `source` is the logged wrench that goes in, "desired" (where it is logged) or "commanded".
     """
     return replaying.replay(
-        flight, model_of(model), gp_of(gp), settings, source=checked(source), lead=lead, progress=progress
+        flight, model_of(model), gp_of(gp), settings, source=source_by_name(source), lead=lead, progress=progress
     )
 
 

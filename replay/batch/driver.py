@@ -70,7 +70,7 @@ class Batch:
         return [r for r in self.rows if r["status"] == "failed"]
 
 
-def needed() -> Any:
+def dask_distributed() -> Any:
     """dask.distributed; raises UsageError where it is not installed."""
     try:
         import cryptography  # noqa: F401 - of TLS
@@ -85,7 +85,7 @@ def client(scheduler: str | None = None, workers: int | None = None, memory: str
     """A client of a Dask cluster: that at `scheduler`, else one of `workers` processes on this machine (default: one
     for each core). Raises UsageError where there is none at that address.
     """  # noqa: D205
-    distributed = needed()
+    distributed = dask_distributed()
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if scheduler is None:
         with _local_cluster(workers or cores(), memory) as cluster, distributed.Client(cluster) as found:
@@ -113,7 +113,7 @@ def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
     """
     import dask
 
-    distributed = needed()
+    distributed = dask_distributed()
     local = {"host": LOOPBACK, "security": distributed.Security.temporary(), "dashboard_address": f"{LOOPBACK}:0"}
     size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": memory, "silence_logs": logging.CRITICAL}
     with (
@@ -200,7 +200,7 @@ def run(found: Any, sources: Sequence[Source], plan: Plan, store: Store, tell: T
 
     Raises UsageError where the scheduler is lost; what is done by then is kept.
     """
-    distributed = needed()
+    distributed = dask_distributed()
     try:
         tasks, same = _tasks(found, sources, plan)
         done = store.done(plan.number)
@@ -243,7 +243,7 @@ def _tasks(found: Any, sources: Sequence[Source], plan: Plan) -> tuple[list[Task
 
 def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Iterator[Mapping[str, Any]]:
     """Rows as logs are done, with so many handed over at a time."""
-    distributed = needed()
+    distributed = dask_distributed()
     waiting = iter(todo)
     by_key = {task.key: task for task in todo}
     [shared] = found.scatter([plan], broadcast=True)

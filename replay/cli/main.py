@@ -32,7 +32,7 @@ from wrenchgap.replay.cli.commands import (
     model,
     view,
 )
-from wrenchgap.replay.cli.requests import grouped
+from wrenchgap.replay.cli.requests import flat_command
 
 NAME = "wrenchgap"
 COMMANDS = (
@@ -204,7 +204,7 @@ def _repeated(args: Sequence[str], options: Collection[str]) -> Iterator[str]:
 
 def _add_commands(group: typer.Typer, commands: Sequence[Callable[..., None]]) -> None:
     for command in commands:
-        group.command(command.__name__, cls=Command, help=_unwrapped(command.__doc__ or ""))(grouped(command))
+        group.command(command.__name__, cls=Command, help=_unwrapped(command.__doc__ or ""))(flat_command(command))
 
 
 _add_commands(app, COMMANDS)

@@ -226,7 +226,7 @@ class Run:
         return found
 
 
-def grouped(function: Callable[..., None]) -> Callable[..., None]:
+def flat_command(function: Callable[..., None]) -> Callable[..., None]:
     """A command with its options one by one, as typer wants them: a dataclass of options becomes its fields."""
     groups: dict[str, tuple[Any, list[str]]] = {}
     options: list[inspect.Parameter] = []

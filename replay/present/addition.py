@@ -13,7 +13,7 @@ from wrenchgap.plant.history import Outcome, Snapshot, Trial
 from wrenchgap.plant.model import Model
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import called, change, entries, unmeasured
+from wrenchgap.replay.present.numbers import change, entries, unmeasured, user_name
 from wrenchgap.replay.present.tables import INTERVAL_LEGEND, Line, Part, before_after, note_lines, parameters
 
 
@@ -66,7 +66,7 @@ def mixed(added: Addition) -> list[str]:
 def limits(added: Addition) -> list[str]:
     """Parameters that ended where no physical value is plausible any more."""
     return [
-        f"{'.'.join(called(part, added.model.vehicle) for part in name.split('.'))} ended at the limit of what is "
+        f"{'.'.join(user_name(part, added.model.vehicle) for part in name.split('.'))} ended at the limit of what is "
         "plausible; see docs/effects"
         for name in added.fit.at_bound
     ]

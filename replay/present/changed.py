@@ -309,5 +309,5 @@ def picture(found: Changed) -> style.Picture:
 def _draw(found: Changed, axes: Any) -> None:
     panels.means(found, axes[0])
     panels.changes(found, axes[1])
-    marks, moved_B = panels.marked(found)
+    marks, moved_B = panels.vehicle_marks(found)
     vehicle.draw(axes[2], found.model.vehicle, marks, moved_B=moved_B)

@@ -69,18 +69,18 @@ SEVERAL = 3
 """Flights of which one check is said by itself; of more, once for all."""
 
 
-def raised(result: Any, depth: int = 0) -> Iterator[Finding | TimeLeftOut]:
+def findings(result: Any, depth: int = 0) -> Iterator[Finding | TimeLeftOut]:
     """What was found of the flights of a result, and the times that were left out."""
     if isinstance(result, list | tuple):
         for item in result:
-            yield from raised(item, depth)
+            yield from findings(item, depth)
         return
     for note in getattr(result, "notes", ()):
         if isinstance(note, Finding | TimeLeftOut):
             yield note
     for place in PLACES if depth < DEEPEST else ():
         if (inside := getattr(result, place, None)) is not None and not isinstance(inside, str):
-            yield from raised(inside, depth + 1)
+            yield from findings(inside, depth + 1)
 
 
 def warnings(found: Iterable[object]) -> list[str]:
@@ -107,12 +107,12 @@ def _words(check: Check) -> str:
 
 def banner(result: Any) -> list[Line]:
     """The warnings of a result, to stand above it."""
-    return [Line(f"check: {text}", "yellow") for text in warnings(raised(result))]
+    return [Line(f"check: {text}", "yellow") for text in warnings(findings(result))]
 
 
 def checks_json(result: Any) -> dict[str, Any]:
     """The keys `checks` and `left_out` of every result."""
-    notes = list(dict.fromkeys(raised(result)))
+    notes = list(dict.fromkeys(findings(result)))
     keys = ("name", "level", "words", "mend", "accepted")
     return {
         "checks": [

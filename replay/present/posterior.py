@@ -20,7 +20,7 @@ from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import where
-from wrenchgap.replay.present.numbers import called, quantity, share, unit_of
+from wrenchgap.replay.present.numbers import quantity, share, unit_of, user_name
 from wrenchgap.replay.present.tables import Line
 
 MOST_CLASSES = 3
@@ -146,7 +146,7 @@ def with_values(fit: Fit, model: Model, name: str) -> str:
         shown = [v for v in by_size[:3] if abs(v.value) / typical[v.name] > PROMINENT * largest]
     if not shown:
         return name
-    return f"{name} ({', '.join(f'{called(v.name, model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
+    return f"{name} ({', '.join(f'{user_name(v.name, model.vehicle)} {quantity(v.value, v.unit)}' for v in shown)})"
 
 
 CONCENTRATED = 0.7

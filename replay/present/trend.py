@@ -17,7 +17,7 @@ from wrenchgap.plant.vehicle import PART, Vehicle
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
-from wrenchgap.replay.present.numbers import called, entries, label, number, quantity, unit, unmeasured
+from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
 from wrenchgap.replay.present.tables import Line, Part, Table, note_lines, table
 
 MANY_STEPS = 3
@@ -69,7 +69,7 @@ def summary(found: Trend) -> list[str]:
 
 def sentence(p: ParameterTrend, found: Trend) -> str:
     """What one parameter did."""
-    name = f"{p.effect} {called(p.name, found.model.vehicle)}"
+    name = f"{p.effect} {user_name(p.name, found.model.vehicle)}"
     if p.course.verdict is Verdict.DRIFT and p.course.drift is not None:
         return f"{name} drifts by {_slope(p.course.drift, p.unit)}."
     steps, line = p.course.steps, p.course.drift
@@ -162,7 +162,7 @@ def notes(found: Trend) -> list[str]:
     for p in found.parameters:
         if p.at_limit and p.course.verdict is not Verdict.OPEN:
             flights = ", ".join(found.names[k] for k in p.at_limit)
-            name = f"{p.effect}.{called(p.name, found.model.vehicle)}"
+            name = f"{p.effect}.{user_name(p.name, found.model.vehicle)}"
             out.append(f"{name} ended at the limit of what is plausible on {flights}")
     return [*out, *sentences(found.model.notes), *_of_flights(found)]
 

@@ -20,7 +20,7 @@ from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation.replay import replay
-from wrenchgap.replay.compensation.source import checked
+from wrenchgap.replay.compensation.source import source_by_name
 from wrenchgap.replay.compensation.summary import summarise
 from wrenchgap.replay.present.documents import write_csv
 from wrenchgap.replay.present.replay import notes, to_json, warnings, write_log
@@ -181,7 +181,7 @@ def test_refusals(flown, gp):
     with pytest.raises(LogError, match="no topic plays the role 'commanded' or 'actuators'"):
         replayed_on(replace(flown, desired=None, commanded=None, actuators=None), gp)
     with pytest.raises(UsageError, match="expected desired or commanded"):
-        checked("wanted")
+        source_by_name("wanted")
 
 
 def test_command_writes_everything(flown, gp, result, run, tmp_path):

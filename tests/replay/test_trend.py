@@ -12,8 +12,8 @@ import wrenchgap as wg
 from wrenchgap.learn.identify.course import course
 from wrenchgap.plant.model import make_effect
 from wrenchgap.replay.present.documents import VERSIONS
-from wrenchgap.replay.present.report.flights import marked
 from wrenchgap.replay.present.report.flights import trend_page as page
+from wrenchgap.replay.present.report.flights import vehicle_marks
 from wrenchgap.replay.present.trend import notes, sentence, summary, to_json
 
 HEXA = "tilt_hexarotor"
@@ -65,7 +65,7 @@ def test_a_rotor_is_called_as_the_user_calls_it(weak):
     assert summary(weak)[-1] == f"Look at: {SPIKY}."
     (told,) = to_json(weak)["parameters"]
     assert (told["name"], told["where"]) == ("rotor_2", SPIKY)
-    marks, moved = marked(weak)
+    marks, moved = vehicle_marks(weak)
     assert marks == {"rotor_2": "rotor_thrust -0.050"}
     assert moved is None
 

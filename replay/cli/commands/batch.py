@@ -86,9 +86,9 @@ def _batch(plan: Plan, logs: list[str], output: str, where: Where, run: Run, pas
     if run.own:
         raise UsageError("--effects: workers have the effects of the catalogue only; leave the option out")
     run.claim({})
-    driver.needed()
+    driver.dask_distributed()
     store = Store(output)
-    found = sources.found(logs, where.vehicle)
+    found = sources.logs_named(logs, where.vehicle)
     store.claim(plan.identity)
     with run.progress(f"batch {plan.command}", f"{len(found)} logs") as report:
         report(0.0, "starting workers")
@@ -115,9 +115,9 @@ def inspect(
 
     Example: `wrenchgap batch inspect flights/ -o inspected`
     """
-    from wrenchgap.replay.batch.plan import Plan, parsed_models
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
 
-    _batch(Plan("inspect", parsed_models(model or []), reading.options.to_json()), logs, output, where, run)
+    _batch(Plan("inspect", models_by_vehicle(model or []), reading.options.to_json()), logs, output, where, run)
 
 
 def compare(
@@ -141,9 +141,9 @@ def compare(
 
     Example: `wrenchgap batch compare 'flights/*/*.mcap' -m my_quadrotor -o compared`
     """
-    from wrenchgap.replay.batch.plan import Plan, parsed_models
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
 
-    plan = Plan("compare", parsed_models(model), reading.options.to_json(), parse_effects(fit))
+    plan = Plan("compare", models_by_vehicle(model), reading.options.to_json(), parse_effects(fit))
     _batch(plan, logs, output, where, run)
 
 
@@ -179,10 +179,10 @@ def explain(
     Example: `wrenchgap batch explain s3://flights/2026/ -m my_quadrotor -o s3://results/explained --scheduler
     tcp://10.0.0.1:8786`
     """
-    from wrenchgap.replay.batch.plan import Plan, parsed_models
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
 
     names = parse_effects(effects_only)
-    plan = Plan("explain", parsed_models(model), reading.options.to_json(), names, each=each)
+    plan = Plan("explain", models_by_vehicle(model), reading.options.to_json(), names, each=each)
     _batch(plan, logs, output, where, run, passes)
 
 
@@ -206,10 +206,10 @@ def changed(
 
     Example: `wrenchgap batch changed flights/ --healthy first/*.mcap -m my_quadrotor -o changed`
     """
-    from wrenchgap.replay.batch.plan import Plan, parsed_models
-    from wrenchgap.replay.batch.sources import found
+    from wrenchgap.replay.batch.plan import Plan, models_by_vehicle
+    from wrenchgap.replay.batch.sources import logs_named
 
-    good = tuple(one.url for one in found(healthy))
+    good = tuple(one.url for one in logs_named(healthy))
     names = parse_effects(effects_only)
-    plan = Plan("changed", parsed_models(model), reading.options.to_json(), names, good)
+    plan = Plan("changed", models_by_vehicle(model), reading.options.to_json(), names, good)
     _batch(plan, [*logs], output, where, run)

@@ -84,7 +84,7 @@ def replay(
     from wrenchgap.compensate import Settings
     from wrenchgap.learn.process.predictors import cutoff_of
     from wrenchgap.replay import api
-    from wrenchgap.replay.compensation.source import checked
+    from wrenchgap.replay.compensation.source import source_by_name
     from wrenchgap.replay.present.replay import write_files
 
     if model is None or gp is None:
@@ -98,7 +98,7 @@ def replay(
         decay_time=decay_time,
         despite_verdict=despite_verdict,
     )
-    base, process, wanted = run.model(model), run.gp(gp), checked(source)
+    base, process, wanted = run.model(model), run.gp(gp), source_by_name(source)
     assert process is not None
     process.check_vehicle(base.vehicle.name)
     options = reading.options.changed(cutoff_hz=cutoff_of(process) if cutoff is None else parse_cutoff(cutoff))

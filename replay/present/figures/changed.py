@@ -20,7 +20,7 @@ BAND = 2.0
 """Half the width of the band, in standard deviations between healthy flights."""
 
 
-def marked(found: Changed) -> tuple[dict[str, str], Array | None]:
+def vehicle_marks(found: Changed) -> tuple[dict[str, str], Array | None]:
     """Parts of the vehicle to mark, with a few words on each, and where the centre of mass moved (3,) [m], if it did.
 
     Of nothing that changed nothing is marked.

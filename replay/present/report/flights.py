@@ -19,7 +19,7 @@ from wrenchgap.replay.present import changed, trend, what_to_inspect
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
-from wrenchgap.replay.present.notes import raised, warnings
+from wrenchgap.replay.present.notes import findings, warnings
 from wrenchgap.replay.present.numbers import UNIT_HEADS, label, number, quantity, row, unit
 from wrenchgap.replay.present.posterior import classes_in_words
 from wrenchgap.replay.present.report.elements import Image, Table
@@ -46,9 +46,9 @@ class LogFlight(Protocol):
         """The log."""
 
 
-def rendered(tool: str, flights: Sequence[LogFlight], **parts: Any) -> str:
+def flights_page(tool: str, flights: Sequence[LogFlight], **parts: Any) -> str:
     """The page of a command, with today's date, the logs, and at the top what the checks of the logs warn of."""
-    said = [f"check: {text}" for text in warnings(raised(list(flights)))]
+    said = [f"check: {text}" for text in warnings(findings(list(flights)))]
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return (
         environment()
@@ -76,7 +76,7 @@ def changed_page(found: Changed, command: str = "") -> str:
     )
     odd = [f"{o.flight} was given as healthy and is not: {o.effect} ({changed.odds(o.odds)})." for o in found.odd]
     lacking = [f"not compared, {n.quantity}: {n.reason}." for n in found.not_compared]
-    return rendered(
+    return flights_page(
         "changed",
         found.flights,
         title=f"{found.model.name}: what changed on {', '.join(found.suspect)}",
@@ -114,7 +114,7 @@ def trend_page(found: Trend, command: str = "") -> str:
         f"Every flight fitted by itself. Band: {trend.SIGMAS:g} times the scatter of the flights about their level; "
         "dashed: a step."
     )
-    return rendered(
+    return flights_page(
         "trend",
         found.flights,
         title=f"{found.model.name}: {', '.join(found.effects)} over {len(found.flights)} flights",
@@ -132,7 +132,7 @@ def trend_page(found: Trend, command: str = "") -> str:
 
 def _view(found: Trend) -> Image | None:
     """The vehicle from above with the rotors and arms whose parameters changed; None where none did."""
-    marks, moved = marked(found)
+    marks, moved = vehicle_marks(found)
     if not marks:
         return None
     figure = style.figure_of(top_view.picture(found.model.vehicle, marks, moved_B=moved))
@@ -141,7 +141,7 @@ def _view(found: Trend) -> Image | None:
     return Image.of(figure, alt, caption, "svg")
 
 
-def marked(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
+def vehicle_marks(found: Trend) -> tuple[dict[str, str], np.ndarray | None]:
     """Parts of the vehicle to mark, with their change in words; by how much the centre of mass moved (3,) [m]."""
     marks, moved = {}, np.zeros(3)
     for p in found.changed:

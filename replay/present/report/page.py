@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader
 from wrenchgap._escaping import html_templates
 from wrenchgap.replay.present import explanation, staircase
 from wrenchgap.replay.present.documents import atomic, claim
-from wrenchgap.replay.present.notes import raised, warnings
+from wrenchgap.replay.present.notes import findings, warnings
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
 from wrenchgap.replay.report import Report
@@ -42,7 +42,10 @@ def page(report: Report, repetition: Repetition) -> str:
             verdict=str(found.verdict),
             summary=explanation.summary(found),
             errors=" ".join(map(staircase.sentence, report.staircases)),
-            warnings=[*warnings(raised(report)), *([] if tested is None else explanation.validation_warnings(tested))],
+            warnings=[
+                *warnings(findings(report)),
+                *([] if tested is None else explanation.validation_warnings(tested)),
+            ],
             sections=[(anchor, title, content(report, repetition)) for anchor, title, content in SECTIONS],
         )
     )
