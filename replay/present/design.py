@@ -19,7 +19,6 @@ from wrenchgap.plant import trajectory_file
 from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory_file import TrajectoryFile
-from wrenchgap.replay.present import save_figure
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
@@ -80,16 +79,14 @@ def parts(design: Design) -> list[Part]:
     ]
 
 
-def write(design: Design, output: Path, csv: Path | None, figure: Path | None, *, force: bool = False) -> None:
-    """The trajectory file, the sampled reference and the figure, where they are asked for."""
+def write(design: Design, output: Path, csv: Path | None) -> None:
+    """The trajectory file, and the sampled reference where it is asked for."""
     file = finished(design, output.stem)
     with atomic(output) as partial:
         partial.write_text(trajectory_file.dumps(file), encoding="utf-8")
     if csv is not None:
         with atomic(csv) as partial:
             trajectory_file.write_csv(file, partial, design.model.controller.rate_hz)
-    if figure is not None:
-        save_figure(design, figure, force=force)
 
 
 def sentence(design: Design) -> str:

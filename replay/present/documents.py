@@ -135,6 +135,12 @@ def plain(value: Any) -> Any:
     return value
 
 
+def write_parquet(frame: pd.DataFrame, path: Path) -> None:
+    """A table as Parquet, all of it or nothing."""
+    with atomic(path) as partial:
+        frame.to_parquet(partial, index=False)
+
+
 def write_csv(frame: pd.DataFrame, path: Path, digits: str | None = "%.9g") -> None:
     """A table as CSV, all of it or nothing."""
     texts = frame.select_dtypes(exclude="number").columns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,96 @@ from wrenchgap.learn.identify.learning import NEARLY_SINGULAR
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.replay.compensation.replay import Replay
-from wrenchgap.replay.compensation.summary import Summary, summarise
-from wrenchgap.replay.present import save_figure
-from wrenchgap.replay.present.documents import atomic, write_csv
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.learning import of_process
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import UNIT_HEADS, number, row, share, unit_of
 from wrenchgap.replay.present.tables import Part, note_lines, table
+
+HELD_BACK = 0.5
+"""beta above which the uncertainty filter counts as holding the correction back."""
+PERCENTILES = (5, 50, 95, 100)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A replay in numbers. Arrays are (6,) over `AXES` or (L,) over the outputs of the GP, in N and Nm.
+
+    `sigma` and `beta` are the `PERCENTILES`; `held_back`, `accepted` and `near_singular` are shares of the steps.
+    `measured_minus_logged` and `measured_minus_predicted` are mean absolute errors behind the
+    filter on both sides, nan where nothing was measured.
+    """
+
+    source: str
+    steps: int
+    duration: float
+    restarts: int
+    correction_mean_abs: Array
+    correction_max_abs: Array
+    accepted: float
+    iterations_mean: float
+    sigma: Array
+    sigma_threshold: float
+    beta: Array
+    held_back: float
+    outputs: tuple[str, ...]
+    error_before_mean_abs: Array
+    error_after_mean_abs: Array
+    error_before_max_abs: Array
+    error_after_max_abs: Array
+    measured_minus_logged: Array
+    measured_minus_predicted: Array
+    eigenvalue_min: float
+    near_singular: float
+    saturation: dict[str, int] | None
+    saturation_logged: dict[str, int] | None
+    solve_mean_ms: float
+    solve_p99_ms: float
+    solve_max_ms: float
+    trouble: dict[str, int]
+
+
+def summarise(replay: Replay) -> Summary:
+    """The numbers of a replay."""
+    steps = replay.steps
+    size = np.abs(steps.correction)
+    before, after = np.abs(steps.mismatch_before), np.abs(steps.mismatch_after)
+    solve = 1e3 * steps.solve_time
+    return Summary(
+        source=replay.source,
+        steps=len(replay),
+        duration=float(replay.time[-1] - replay.time[0]),
+        restarts=replay.restarts,
+        correction_mean_abs=size.mean(axis=0),
+        correction_max_abs=size.max(axis=0),
+        accepted=float(steps.accepted.mean()),
+        iterations_mean=float(steps.iterations.mean()),
+        sigma=np.percentile(steps.sigma, PERCENTILES),
+        sigma_threshold=replay.sigma_threshold,
+        beta=np.percentile(steps.beta, PERCENTILES),
+        held_back=float((steps.beta > HELD_BACK).mean()),
+        outputs=replay.outputs,
+        error_before_mean_abs=before.mean(axis=0),
+        error_after_mean_abs=after.mean(axis=0),
+        error_before_max_abs=before.max(axis=0),
+        error_after_max_abs=after.max(axis=0),
+        measured_minus_logged=_mean_abs(replay.measured - replay.logged_filtered),
+        measured_minus_predicted=_mean_abs(replay.measured - replay.predicted),
+        eigenvalue_min=float(replay.conditioning.real_min.min()),
+        near_singular=float((replay.conditioning.real_min < NEARLY_SINGULAR).mean()),
+        saturation=None if replay.saturation is None else asdict(replay.saturation),
+        saturation_logged=None if replay.saturation_logged is None else asdict(replay.saturation_logged),
+        solve_mean_ms=float(solve.mean()),
+        solve_p99_ms=float(np.percentile(solve, 99)),
+        solve_max_ms=float(solve.max()),
+        trouble=steps.trouble,
+    )
+
+
+def _mean_abs(residual: Array) -> Array:
+    """Mean absolute value (6,) of what is known; nan where nothing is, and on axes that were not measured."""
+    known = np.isfinite(residual).any(axis=1)
+    return np.abs(residual[known]).mean(axis=0) if known.any() else np.full(residual.shape[1], np.nan)
 
 
 def parts(replay: Replay) -> list[Part]:
@@ -143,21 +225,6 @@ def frame(replay: Replay) -> dict[str, Any]:
     for name, values in _wrenches(replay).items():
         columns |= {f"{name}.{axis}": values[:, k] for k, axis in enumerate(AXES)}
     return columns | _scalars(replay)
-
-
-def write_files(
-    replay: Replay, log: Path | None, csv: Path | None, parquet: Path | None, figure: Path | None, *, force: bool
-) -> None:
-    """Log, tables and figure, where they are asked for."""
-    if log is not None:
-        write_log(replay, log, force=force)
-    if csv is not None:
-        write_csv(replay.to_frame(), csv, digits=None)
-    if parquet is not None:
-        with atomic(parquet) as partial:
-            replay.to_frame().to_parquet(partial, index=False)
-    if figure is not None:
-        save_figure(replay, figure, force=force)
 
 
 def write_log(replay: Replay, path: Path, *, force: bool) -> Path:

@@ -14,7 +14,6 @@ from wrenchgap.flight.flight import AXES, Flight
 from wrenchgap.learn.identify.course import FEWEST, SIGNIFICANT, Drift, Step, Verdict
 from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART, Vehicle
-from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, label, number, quantity, unit, unmeasured, user_name
@@ -241,12 +240,6 @@ def check_table(path: Path | None) -> None:
     """Raise UsageError where the name of the table is not that of a Parquet file."""
     if path is not None and path.suffix.lower() != ".parquet":
         raise UsageError(f"--table {path}: the table is a Parquet file; expected a name that ends in .parquet")
-
-
-def save_table(found: Trend, path: Path) -> None:
-    """Write `to_frame` as Parquet, all of it or nothing."""
-    with atomic(path) as partial:
-        found.to_frame().to_parquet(partial, index=False)
 
 
 def fit_json(found: FlightValues, one: FollowedFlight) -> dict[str, Any]:

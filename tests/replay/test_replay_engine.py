@@ -21,9 +21,8 @@ from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
 from wrenchgap.replay.compensation.replay import replay
 from wrenchgap.replay.compensation.source import source_by_name
-from wrenchgap.replay.compensation.summary import summarise
 from wrenchgap.replay.present.documents import write_csv
-from wrenchgap.replay.present.replay import notes, to_json, warnings, write_log
+from wrenchgap.replay.present.replay import notes, summarise, to_json, warnings, write_log
 
 MODEL = model_file.load("tilt_hexarotor")
 TORQUES = ("torque_x", "torque_y", "torque_z")

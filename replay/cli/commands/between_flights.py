@@ -102,6 +102,7 @@ def trend(
     """
     from wrenchgap.replay import between_flights
     from wrenchgap.replay.present import trend as words
+    from wrenchgap.replay.present.documents import write_parquet
     from wrenchgap.replay.present.report import flights as pages
 
     run.claim({"--figure": figure, "--table": table, "--page": page}, *logs, model)
@@ -122,7 +123,7 @@ def trend(
     run.result(found)
     run.draw(found, figure)
     if table is not None:
-        words.save_table(found, table)
+        write_parquet(found.to_frame(), table)
     if page is not None:
         pages.save(pages.trend_page(found, run.command_line()), page)
     run.write("trend", found.to_json(), figure=figure, table=table, page=page)

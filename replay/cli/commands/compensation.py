@@ -85,7 +85,8 @@ def replay(
     from wrenchgap.learn.process.predictors import cutoff_of
     from wrenchgap.replay import api
     from wrenchgap.replay.compensation.source import source_by_name
-    from wrenchgap.replay.present.replay import write_files
+    from wrenchgap.replay.present.documents import write_csv, write_parquet
+    from wrenchgap.replay.present.replay import write_log
 
     if model is None or gp is None:
         missing = "--model MODEL" if model is None else "--gp GP"
@@ -105,7 +106,13 @@ def replay(
     with run.progress("replaying", "reading the log") as report:
         ((opened,), _) = run.open(options, [log], base, rate_hz=math.inf, incomplete=True)
         result = api.replay_compensation(opened, base, process, settings, source=wanted, lead=lead, progress=report)
-    write_files(result, output, csv, parquet, figure, force=run.force)
+    if output is not None:
+        write_log(result, output, force=run.force)
+    if csv is not None:
+        write_csv(result.to_frame(), csv, digits=None)
+    if parquet is not None:
+        write_parquet(result.to_frame(), parquet)
+    run.draw(result, figure)
     run.result(result)
     run.write("replay", result.to_json(), log=output, table=csv, parquet=parquet, figure=figure)
 

@@ -236,7 +236,8 @@ def design(
         )
     written = found.separable or anyway
     if written:
-        present.write(found, output, csv, figure, force=run.force)
+        present.write(found, output, csv)
+        run.draw(found, figure)
     run.result(found)
     run.write(
         "design",
