@@ -12,6 +12,7 @@ from wrenchgap.flight import so3
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.write import provenance
 from wrenchgap.learn.data.opening import opened
+from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.identify.disturbance import infer
 from wrenchgap.plant import model_file
 from wrenchgap.plant.controller import ControllerGains
@@ -19,15 +20,13 @@ from wrenchgap.plant.mismatch import LinearMismatch
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.simulate import simulate
 from wrenchgap.plant.trajectory import named
-from wrenchgap.replay.counterfactual.change import believed_vehicle, changed_gains
+from wrenchgap.replay.counterfactual.change import Change, believed_vehicle, changed_gains
 from wrenchgap.replay.counterfactual.change import change as asked_change
 from wrenchgap.replay.counterfactual.counterfactual import (
     CHANGED,
-    Change,
     Counterfactual,
     WeakLaw,
     counterfactual,
-    read_recording,
 )
 from wrenchgap.replay.counterfactual.reflight import refly
 from wrenchgap.replay.present.counterfactual import _sentence, notes, to_json
