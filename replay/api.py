@@ -20,7 +20,7 @@ from wrenchgap.learn.data import comparison
 from wrenchgap.learn.data.comparison import Comparison
 from wrenchgap.learn.data.opening import Flights, OpenFlight, listed
 from wrenchgap.learn.data.opening import open_flights as open_every
-from wrenchgap.learn.data.read_options import ReadOptions as ReadOptions
+from wrenchgap.learn.data.read_options import ReadOptions
 from wrenchgap.learn.data.recording import read_recording
 from wrenchgap.learn.design import designer as designing
 from wrenchgap.learn.design.designed import Design

@@ -93,7 +93,8 @@ def save_figure(result: Any, path: Path, *, force: bool = False) -> None:
 
     Raises UsageError for a file that exists (unless `force`) or that cannot be written.
     """
-    from wrenchgap.replay.present.documents import atomic, claim
+    from wrenchgap.flight.atomic import atomic
+    from wrenchgap.replay.present.documents import claim
     from wrenchgap.replay.present.figures import style
 
     claim({"--figure": path}, force=force)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wrenchgap.flight import so3
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.flight import AXES
 from wrenchgap.learn.data.blocks import INDISTINCT
 from wrenchgap.learn.design.designed import Design
@@ -20,7 +21,6 @@ from wrenchgap.plant.history import Snapshot, Value
 from wrenchgap.plant.model_file import content_hash, tool_version
 from wrenchgap.plant.trajectory_file import TrajectoryFile
 from wrenchgap.replay.present.addition import effects_json
-from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import sentences
 from wrenchgap.replay.present.numbers import entries, separation

@@ -16,8 +16,7 @@ import numpy as np
 
 from wrenchgap._escaping import csv_cell, json_text
 from wrenchgap.flight import Flight, UsageError
-from wrenchgap.flight.atomic import atomic as atomic
-from wrenchgap.flight.atomic import check_writable
+from wrenchgap.flight.atomic import atomic, check_writable
 from wrenchgap.plant.model_file import tool_version
 
 if TYPE_CHECKING:

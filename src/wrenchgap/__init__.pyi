@@ -3,7 +3,8 @@ from .flight.errors import LogError as LogError
 from .flight.errors import ModelError as ModelError
 from .flight.errors import UsageError as UsageError
 from .flight.errors import WrenchgapError as WrenchgapError
-from .replay.api import ReadOptions as ReadOptions
+from .learn.data.read_options import ReadOptions as ReadOptions
+from .plant.drafts.sources import Given as Given
 from .replay.api import add as add
 from .replay.api import compare as compare
 from .replay.api import compensator as compensator
@@ -24,7 +25,6 @@ from .replay.api import simulate as simulate
 from .replay.api import where as where
 from .replay.between_flights import changed as changed
 from .replay.between_flights import trend as trend
-from .replay.modelling import Given as Given
 from .replay.modelling import calibrate as calibrate
 from .replay.modelling import draft_model as draft_model
 from .replay.modelling import save_draft as save_draft

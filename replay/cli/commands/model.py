@@ -58,12 +58,13 @@ def new(
 
     Example: `wrenchgap model new --from flight.ulg --mass 1.52 --mass-tolerance 0.005 -o vehicle.toml`
     """
+    from wrenchgap.plant.drafts.sources import Given
     from wrenchgap.replay import modelling
 
     run.claim({"--output": output, "--figure": figure}, source)
     if source is None and not interactive:
         raise usage_error("model new: nothing to start from; say --from SOURCE, or --interactive to be asked")
-    given = modelling.Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
+    given = Given(name, mass, mass_tolerance, frame, arm, radius, thrust_max)
     ask = questions if interactive else None
     allowed = parse_budget(budget)
     sheet = modelling.draft_model(source, given=given, command=run.command_line(), ask=ask, budget=allowed)

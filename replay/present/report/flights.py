@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Flight
 from wrenchgap.learn.changed.changed import Changed, Verdict
@@ -16,7 +17,6 @@ from wrenchgap.learn.identify.course import Verdict as Course
 from wrenchgap.learn.identify.trend import ParameterTrend, Trend
 from wrenchgap.plant.vehicle import PART
 from wrenchgap.replay.present import changed, trend, what_to_inspect
-from wrenchgap.replay.present.documents import atomic
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.figures import vehicle as top_view
 from wrenchgap.replay.present.notes import findings, warnings

@@ -11,8 +11,9 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader
 
 from wrenchgap._escaping import html_templates
+from wrenchgap.flight.atomic import atomic
 from wrenchgap.replay.present import explanation, staircase
-from wrenchgap.replay.present.documents import atomic, claim
+from wrenchgap.replay.present.documents import claim
 from wrenchgap.replay.present.notes import findings, warnings
 from wrenchgap.replay.present.report.repetition import Repetition, Request
 from wrenchgap.replay.present.report.sections import SECTIONS
